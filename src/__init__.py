@@ -1,0 +1,1 @@
+"""SkyShield: occupancy as a safety interface for low-altitude UAV autonomy."""
