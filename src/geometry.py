@@ -50,7 +50,7 @@ def rotation_from_euler(
 def euler_from_rotation(
     rotation: Float[Tensor, "*batch 3 3"],
 ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
-    """Roll, pitch and yaw in radians of a rotation; pitch within +-pi/2, the inverse of the above."""
+    """Roll, pitch and yaw in radians of a rotation; pitch within +-pi/2, inverting the above."""
     roll_rad = torch.atan2(rotation[..., 2, 1], rotation[..., 2, 2])
     pitch_rad = torch.atan2(-rotation[..., 2, 0], rotation[..., :2, 0].norm(dim=-1))
     yaw_rad = torch.atan2(rotation[..., 1, 0], rotation[..., 0, 0])
@@ -142,7 +142,7 @@ def camera_from_occ(
     """The paper's T^{C<-G}_t (App. A.2): ``camera_from_body @ body_from_world @ world_from_occ``.
 
     Roll and pitch enter the chain here, once, through ``world_from_body``. Since the occ frame is a
-    world whose origin and yaw are the UAV's own, the chain also takes ``occ_from_body`` in the place
+    world whose origin and yaw are the UAV's, the chain also takes ``occ_from_body`` in the place
     of ``world_from_body``, and the result is the same; with the identity there it is the chain of a
     level UAV.
     """
@@ -212,7 +212,7 @@ def pixel_centres(width: int, height: int) -> Float[Tensor, "h w 2"]:
 def front_mount(
     position_m: tuple[float, float, float], pitch_rad: float = 0.0
 ) -> Float[Tensor, "4 4"]:
-    """``body_from_camera`` (float64) of a camera that looks along body x, pitched down by an angle."""
+    """``body_from_camera`` (float64) of a camera along body x, pitched down by an angle."""
     body_from_level_camera = torch.tensor(
         [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], dtype=torch.float64
     )
@@ -226,7 +226,7 @@ def front_mount(
 
 @dataclass(frozen=True)
 class VoxelGrid:
-    """A box of cubic voxels in the occ frame; index ``i`` covers ``[lower + i*s, lower + (i+1)*s)``.
+    """Cubic voxels in the occ frame; index ``i`` covers ``[lower + i*s, lower + (i+1)*s)``.
 
     The default is the paper's grid. Raises `UserError` for a shape that does not divide the range
     into cubes.
@@ -245,8 +245,8 @@ class VoxelGrid:
         if max(sides_m) - min(sides_m) > 1e-6 * max(sides_m):
             extent_m = [u - l for l, u in zip(self.lower_m, self.upper_m)]
             raise UserError(
-                f"grid.shape: {list(self.shape)} does not divide the range {extent_m} m into cubes: "
-                f"the voxels would be {[round(s, 4) for s in sides_m]} m; give them equal sides"
+                f"grid.shape: {list(self.shape)} does not divide the range {extent_m} m into "
+                f"cubes: voxels of {[round(s, 4) for s in sides_m]} m; give them equal sides"
             )
 
     @property
