@@ -1,0 +1,57 @@
+"""What the loader hands to the model."""
+
+from typing import TypedDict
+
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+
+
+class Batch(TypedDict):
+    """B windows of L frames, oldest first, the current one last. A single sample has no B.
+
+    Frame directions are in the names; velocities and labels are in the current occ frame.
+    ``clip`` and ``frame`` say where the current frame comes from.
+    """
+
+    image: UInt8[Tensor, "B L 3 H W"]
+    pix_from_camera: Float[Tensor, "B L 3 3"]
+    body_from_camera: Float[Tensor, "B 4 4"]
+    occ_from_body: Float[Tensor, "B L 4 4"]
+    """Rotation by roll and pitch only."""
+    occ_from_past_occ: Float[Tensor, "B L 4 4"]
+    """The identity for the current frame."""
+    history_valid: Bool[Tensor, "B L"]
+    """False where the clip had no such past frame; what is in its place means nothing."""
+    velocity_mps: Float[Tensor, "B 3"]
+    attitude_rad: Float[Tensor, "B 2"]
+    """Roll and pitch."""
+    semantics: UInt8[Tensor, "B X Y Z"]
+    visible: Bool[Tensor, "B X Y Z"]
+    clip: list[str]
+    frame: list[int]
+
+
+def mirrored(sample: Batch) -> Batch:
+    """The same sample of the world seen in a mirror: left and right swapped, exactly.
+
+    With M = diag(1, -1, 1) in the occ and body frames and diag(-1, 1, 1) in the camera's, every
+    transform b_from_a becomes M_b b_from_a M_a; rotations stay proper, and u becomes W - u.
+    """
+    swap_y = sample["body_from_camera"].new_tensor([1, -1, 1, 1])
+    swap_x = swap_y.new_tensor([-1, 1, 1, 1])
+    pix_from_camera = sample["pix_from_camera"].clone()
+    pix_from_camera[..., 0, 1] *= -1
+    pix_from_camera[..., 0, 2] = sample["image"].shape[-1] - pix_from_camera[..., 0, 2]
+    sides = swap_y[:, None] * swap_y
+    return {
+        **sample,
+        "image": sample["image"].flip(-1),
+        "pix_from_camera": pix_from_camera,
+        "body_from_camera": swap_y[:, None] * sample["body_from_camera"] * swap_x,
+        "occ_from_body": sample["occ_from_body"] * sides,
+        "occ_from_past_occ": sample["occ_from_past_occ"] * sides,
+        "velocity_mps": sample["velocity_mps"] * swap_y[:3],
+        "attitude_rad": sample["attitude_rad"] * swap_y.new_tensor([-1, 1]),
+        "semantics": sample["semantics"].flip(-2),
+        "visible": sample["visible"].flip(-2),
+    }

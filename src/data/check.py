@@ -1,0 +1,107 @@
+"""task=check: are the bytes those written, do poses agree, do labels lie where the image says?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ..geometry import (
+    camera_from_occ,
+    euler_from_rotation,
+    in_image,
+    inverse,
+    occ_from_body,
+    pixel_centres,
+    project,
+    transform,
+    unproject,
+)
+from ..ontology import FREE, SKY, UNKNOWN
+from .clip import Clip, damaged_files
+
+
+@dataclass
+class Agreement:
+    """Depth pixels against labels, in counts; shares are of the pixels that can be judged.
+
+    A pixel can be judged when its point lies in the grid and its voxel's centre in the image.
+    """
+
+    pixels: int = 0
+    occupied: int = 0
+    own_class: int = 0
+    free_voxels: int = 0
+    free_with_point: int = 0
+
+    def shares(self) -> dict[str, float]:
+        return {
+            "pixels in an occupied voxel": self.occupied / max(1, self.pixels),
+            "pixels in a voxel of their class": self.own_class / max(1, self.pixels),
+            "free voxels that hold a pixel's point": self.free_with_point
+            / max(1, self.free_voxels),
+        }
+
+
+def problems_of(clip_folder: Path) -> Iterator[str]:
+    """What is wrong with a clip, a line each; nothing where it is sound."""
+    damaged = damaged_files(clip_folder)
+    for name in damaged:
+        yield f"{clip_folder / name}: its bytes are not the ones written; delete {clip_folder}"
+    if damaged:
+        return
+    clip = Clip(clip_folder)
+    yield from _pose_problems(clip)
+    for frame in range(len(clip)):
+        yield from _frustum_problems(clip, frame)
+
+
+def _pose_problems(clip: Clip) -> Iterator[str]:
+    """The angles in the table are those of the quaternion, which alone is the pose."""
+    angles = torch.stack(euler_from_rotation(clip.world_from_body[:, :3, :3]), dim=-1)
+    table = torch.tensor(clip.frames[["roll_rad", "pitch_rad", "yaw_rad"]].to_numpy())
+    turn = torch.remainder(angles - table + torch.pi, 2 * torch.pi) - torch.pi
+    for frame in (turn.abs().amax(dim=-1) > 1e-6).nonzero().flatten().tolist():
+        yield f"{clip.folder}: frame {frame}: roll, pitch, yaw are not those of the quaternion"
+
+
+def _frustum_problems(clip: Clip, frame: int) -> Iterator[str]:
+    """Labels stand exactly where the projection chain puts the image: a wrong attitude shows."""
+    meta = clip.meta
+    chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
+    centres = meta.grid.centers(torch.float64).reshape(-1, 3)
+    pix, depth_m = project(centres, chain, meta.pix_from_camera)
+    inside = in_image(pix, depth_m, meta.width, meta.height).numpy().reshape(meta.grid.shape)
+    outside = int(((clip.semantics(frame) != UNKNOWN) & ~inside).sum())
+    if outside:
+        yield f"{clip.folder}: frame {frame}: {outside} voxels outside the image carry labels"
+
+
+def agreement_of(clip: Clip, frame: int, total: Agreement) -> None:
+    """Adds one frame's depth pixels to the counts; the clip must have been made with aux images."""
+    meta = clip.meta
+    depth_m = torch.from_numpy(clip.aux("depth", frame).astype(np.float64)).reshape(-1)
+    class_id = clip.aux("class", frame).reshape(-1)
+    hit = torch.from_numpy(class_id != SKY)
+    pix = pixel_centres(meta.width, meta.height).reshape(-1, 2)[hit]
+    points_camera = unproject(pix, depth_m[hit], meta.pix_from_camera)
+    tilt = occ_from_body(clip.world_from_body[frame])
+    points_occ = transform(tilt @ meta.body_from_camera, points_camera)
+    index, inside = meta.grid.index_of(points_occ)
+    index, own = index[inside], class_id[hit.numpy()][inside.numpy()]
+
+    centres = meta.grid.centers(torch.float64)[tuple(index.T)]
+    chain = inverse(meta.body_from_camera) @ inverse(tilt)
+    in_view = in_image(*project(centres, chain, meta.pix_from_camera), meta.width, meta.height)
+    index, own = index[in_view], own[in_view.numpy()]
+    semantics = clip.semantics(frame)
+    label = semantics[tuple(index.T.numpy())]
+    holds_point = np.zeros(meta.grid.shape, dtype=bool)
+    holds_point[tuple(index.T.numpy())] = True
+
+    total.pixels += len(label)
+    total.occupied += int((label < FREE).sum())
+    total.own_class += int((label == own).sum())
+    total.free_voxels += int((semantics == FREE).sum())
+    total.free_with_point += int(((semantics == FREE) & holds_point).sum())

@@ -1,0 +1,97 @@
+"""The data set as a whole: where it lies, what it was made from, and whether it is all there.
+
+Every clip stands for itself; ``manifest.json`` is derived from them and from the configuration.
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import UserError
+from ..provenance import SOURCE, code_digest, digest_of, package_versions
+from .clip import SUMS, recorded_sums, sha256_of
+from .split import Split
+
+MANIFEST = "manifest.json"
+GENERATOR_CODE = ("sim", "geometry.py", "ontology.py", "data/clip.py")
+NOT_SHAPING = ("workers", "dry_run")
+"""Settings of ``sim`` that change no byte of a clip."""
+
+
+@dataclass(frozen=True)
+class DatasetSpec:
+    """What shapes a data set: the generator's settings and its code."""
+
+    scale: str
+    sim: dict
+    generator: str
+
+    @classmethod
+    def of(cls, scale: str, sim: Mapping) -> "DatasetSpec":
+        """The specification of what the code at hand would generate."""
+        shaping = {key: value for key, value in sim.items() if key not in NOT_SHAPING}
+        return cls(scale, shaping, code_digest(SOURCE / part for part in GENERATOR_CODE))
+
+    @property
+    def digest(self) -> str:
+        return digest_of([self.sim, self.generator])
+
+    def root(self, data_folder: Path) -> Path:
+        """``<data folder>/<scale>-<hash of everything that shapes the data>``."""
+        return data_folder / f"{self.scale}-{self.digest}"
+
+
+def missing_clips(root: Path, clip_ids: Sequence[str]) -> list[str]:
+    """Clips that are not on disk yet. A clip folder that exists is complete."""
+    return [clip for clip in clip_ids if not (root / clip).is_dir()]
+
+
+def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split: Split) -> Path:
+    """Writes ``manifest.json`` under a temporary name and renames it."""
+    manifest = {
+        "scale": spec.scale,
+        "sim": spec.sim,
+        "generator": spec.generator,
+        "packages": package_versions(),
+        "split": {part: len(frames) for part, frames in split.items()},
+        "clips": {
+            clip: {"sha256": sha256_of(root / clip / SUMS), "files": recorded_sums(root / clip)}
+            for clip in clip_ids
+        },
+    }
+    part = root / f".{MANIFEST}.part"
+    part.write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n")
+    os.replace(part, root / MANIFEST)
+    return root / MANIFEST
+
+
+def read_manifest(root: Path) -> dict:
+    """The manifest of a data set; `UserError` where there is none or it cannot be read."""
+    path = root / MANIFEST
+    try:
+        return json.loads(path.read_text())
+    except FileNotFoundError:
+        raise UserError(
+            f"{path}: not found, so {root} is no finished data set; run task=generate"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: cannot be read ({error}); run task=generate again") from error
+
+
+def require_same_data(root: Path, spec: DatasetSpec) -> None:
+    """Refuses a data set that was made under other settings than the ones asked for."""
+    made = read_manifest(root)["sim"]
+    for key in sorted(made.keys() | spec.sim.keys()):
+        if made.get(key) != spec.sim.get(key):
+            raise UserError(
+                f"{root}: was made with sim.{key}={_short(made.get(key))}, and this run asks for "
+                f"{_short(spec.sim.get(key))}; set sim.{key} to match, or drop paths.dataset to "
+                "generate the data asked for"
+            )
+
+
+def _short(value: object) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,53 @@
+"""The temporal split of App. A.1: no frame in two parts, and no random near-duplicates."""
+
+from collections.abc import Sequence
+
+from ..errors import UserError
+
+TRAIN_UNTIL_S = 10.0
+VAL_UNTIL_S = 11.0
+
+Split = dict[str, list[tuple[str, int]]]
+"""``train``, ``val`` and ``test``: lists of (clip id, frame)."""
+
+
+def make_split(
+    clip_ids: Sequence[str],
+    frames_per_clip: int,
+    capture_hz: float,
+    val_clips: Sequence[str],
+    test_clips: Sequence[str],
+) -> Split:
+    """The frames of every part.
+
+    Of a clip, [0, 10) s are for training, [10, 11) s for validation and [11, 12) s for test; a
+    held-out clip belongs whole to validation or test. Raises `UserError` for a held-out clip that
+    does not exist or is named twice.
+    """
+    held_out = [*val_clips, *test_clips]
+    unknown = [clip for clip in held_out if clip not in set(clip_ids)]
+    if unknown:
+        raise UserError(
+            f"data.val_clips/data.test_clips: no clip {unknown[0]!r}; there are "
+            f"{clip_ids[0]} to {clip_ids[-1]} ({len(clip_ids)} clips)"
+        )
+    if len(set(held_out)) < len(held_out):
+        raise UserError("data.val_clips/data.test_clips: a clip is held out twice; name it once")
+    split: Split = {"train": [], "val": [], "test": []}
+    for clip in clip_ids:
+        for frame in range(frames_per_clip):
+            if clip in val_clips:
+                part = "val"
+            elif clip in test_clips:
+                part = "test"
+            else:
+                part = part_of_time(frame / capture_hz)
+            split[part].append((clip, frame))
+    return split
+
+
+def part_of_time(time_s: float) -> str:
+    """The part of a frame of a clip that is not held out."""
+    if time_s < TRAIN_UNTIL_S:
+        return "train"
+    return "val" if time_s < VAL_UNTIL_S else "test"

@@ -1,0 +1,133 @@
+"""ResNet image encoder (the paper's Phi_img), whose parameter names are torchvision's."""
+
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor, nn
+
+from ..errors import UserError
+from .weights import load_weights
+
+STRIDES = (4, 8, 16, 32)
+"""Pixels of the image per pixel of each feature level, finest first."""
+
+IMAGE_MULTIPLE = STRIDES[-1]
+IMAGENET_MEAN = (0.485, 0.456, 0.406)
+IMAGENET_STD = (0.229, 0.224, 0.225)
+
+
+class BasicBlock(nn.Module):
+    """Two 3x3 convolutions and a shortcut (ResNet-18)."""
+
+    expansion = 1
+
+    def __init__(self, in_channels: int, channels: int, stride: int) -> None:
+        super().__init__()
+        self.conv1 = nn.Conv2d(in_channels, channels, 3, stride, 1, bias=False)
+        self.bn1 = nn.BatchNorm2d(channels)
+        self.conv2 = nn.Conv2d(channels, channels, 3, 1, 1, bias=False)
+        self.bn2 = nn.BatchNorm2d(channels)
+        self.relu = nn.ReLU(inplace=True)
+        self.downsample = shortcut(in_channels, channels, stride)
+
+    def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b d h2 w2"]:
+        y = self.relu(self.bn1(self.conv1(x)))
+        y = self.bn2(self.conv2(y))
+        return self.relu(y + self.downsample(x))
+
+
+class Bottleneck(nn.Module):
+    """1x1, 3x3 and 1x1 convolutions and a shortcut (ResNet-50); the 3x3 carries the stride."""
+
+    expansion = 4
+
+    def __init__(self, in_channels: int, channels: int, stride: int) -> None:
+        super().__init__()
+        out_channels = channels * self.expansion
+        self.conv1 = nn.Conv2d(in_channels, channels, 1, bias=False)
+        self.bn1 = nn.BatchNorm2d(channels)
+        self.conv2 = nn.Conv2d(channels, channels, 3, stride, 1, bias=False)
+        self.bn2 = nn.BatchNorm2d(channels)
+        self.conv3 = nn.Conv2d(channels, out_channels, 1, bias=False)
+        self.bn3 = nn.BatchNorm2d(out_channels)
+        self.relu = nn.ReLU(inplace=True)
+        self.downsample = shortcut(in_channels, out_channels, stride)
+
+    def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b d h2 w2"]:
+        y = self.relu(self.bn1(self.conv1(x)))
+        y = self.relu(self.bn2(self.conv2(y)))
+        y = self.bn3(self.conv3(y))
+        return self.relu(y + self.downsample(x))
+
+
+def shortcut(in_channels: int, out_channels: int, stride: int) -> nn.Module:
+    """The identity, or a 1x1 projection where a block changes the shape."""
+    if stride == 1 and in_channels == out_channels:
+        return nn.Identity()
+    return nn.Sequential(
+        nn.Conv2d(in_channels, out_channels, 1, stride, bias=False), nn.BatchNorm2d(out_channels)
+    )
+
+
+LAYOUTS = {18: (BasicBlock, (2, 2, 2, 2)), 50: (Bottleneck, (3, 4, 6, 3))}
+
+
+class ResNet(nn.Module):
+    """ResNet-18 or -50 that returns its four stages, at strides 4, 8, 16 and 32.
+
+    ``depth`` is 18 or 50; ``width`` is the channels of the first stage (64 is the standard one).
+    ``weights`` and ``weights_sha256`` go to `load_weights`; with ``None`` it starts at random.
+    ``channels`` holds the channels of the four outputs. Raises `UserError` for another depth.
+    """
+
+    def __init__(
+        self,
+        depth: int = 50,
+        width: int = 64,
+        weights: str | None = None,
+        weights_sha256: str | None = None,
+    ) -> None:
+        super().__init__()
+        if depth not in LAYOUTS:
+            raise UserError(f"backbone.depth: {depth} is not one of {sorted(LAYOUTS)}")
+        block, repeats = LAYOUTS[depth]
+        self.channels = tuple(width * 2**stage * block.expansion for stage in range(4))
+        self.conv1 = nn.Conv2d(3, width, 7, 2, 3, bias=False)
+        self.bn1 = nn.BatchNorm2d(width)
+        self.relu = nn.ReLU(inplace=True)
+        self.maxpool = nn.MaxPool2d(3, 2, 1)
+        in_channels = width
+        for stage, repeat in enumerate(repeats):
+            blocks = []
+            for index in range(repeat):
+                stride = 2 if stage > 0 and index == 0 else 1
+                blocks.append(block(in_channels, width * 2**stage, stride))
+                in_channels = self.channels[stage]
+            self.add_module(f"layer{stage + 1}", nn.Sequential(*blocks))
+        self._initialise()
+        self.register_buffer("mean", 255 * torch.tensor(IMAGENET_MEAN), persistent=False)
+        self.register_buffer("std", 255 * torch.tensor(IMAGENET_STD), persistent=False)
+        load_weights(self, depth, weights, weights_sha256)
+
+    def _initialise(self) -> None:
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
+
+    def forward(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b _ _ _"]]:
+        """Four feature maps, finest first; the image is normalised here, on its device.
+
+        Raises `UserError` where a side is no multiple of 32.
+        """
+        height, width = image.shape[-2:]
+        if height % IMAGE_MULTIPLE or width % IMAGE_MULTIPLE:
+            raise UserError(
+                f"image: {width}x{height} pixels; make both sides multiples of {IMAGE_MULTIPLE}"
+            )
+        x = (image.to(self.mean.dtype) - self.mean[:, None, None]) / self.std[:, None, None]
+        x = x.contiguous(memory_format=torch.channels_last)
+        x = self.maxpool(self.relu(self.bn1(self.conv1(x))))
+        features = []
+        for stage in (self.layer1, self.layer2, self.layer3, self.layer4):
+            x = stage(x)
+            features.append(x)
+        return features

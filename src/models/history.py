@@ -1,0 +1,115 @@
+"""Pillars of past frames: aligned to the current frame (ego-motion), and attended to (Eq. 6)."""
+
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from ..errors import UserError
+from ..geometry import VoxelGrid, inverse, transform
+
+DZ_SCALE_M = 5.0
+"""Vertical shifts between frames are divided by this before they are embedded."""
+
+
+class History(NamedTuple):
+    """Pillars of the n frames before the current one, oldest first, the last one step old.
+
+    ``pillars`` [B, n, P, D] as `SkyOcc.encode` gave them for each frame alone,
+    ``occ_from_past_occ`` [B, n, 4, 4] (current occ <- past occ), ``valid`` [B, n]: where it is
+    False, the frame does not exist and whatever stands in its place is never read.
+    """
+
+    pillars: Float[Tensor, "b n p dim"]
+    occ_from_past_occ: Float[Tensor, "b n 4 4"]
+    valid: Bool[Tensor, "b n"]
+
+
+class AlignedHistory(NamedTuple):
+    """Past pillars at the current pillars' places; zero where ``valid`` [B, n, P] is False.
+
+    ``dz_m`` [B, n] is how much higher than the current frame the UAV was in the past one.
+    """
+
+    pillars: Float[Tensor, "b n p dim"]
+    valid: Bool[Tensor, "b n p"]
+    dz_m: Float[Tensor, "b n"]
+
+
+def align_history(history: History, grid: VoxelGrid) -> AlignedHistory:
+    """Resample past pillars bilinearly at the current pillars' centres.
+
+    The occ frames are gravity-stabilised, so they differ by a yaw and a translation; the part of it
+    in the plane moves pillars, the rest is ``dz_m``. A pillar whose centre falls outside the past
+    grid is not valid for that frame.
+    """
+    frames, size = history.valid.shape, grid.shape[:2]
+    eye = torch.eye(4, device=history.valid.device)
+    occ_from_past_occ = history.occ_from_past_occ.float()
+    occ_from_past_occ = torch.where(history.valid[..., None, None], occ_from_past_occ, eye)
+    pillars = torch.where(history.valid[..., None, None], history.pillars, 0).float()
+    centres = grid.centers(device=eye.device)[:, :, 0].flatten(0, 1)
+    centres = torch.cat([centres[:, :2], torch.zeros_like(centres[:, :1])], dim=-1)
+    with torch.autocast(eye.device.type, enabled=False):
+        past = transform(inverse(occ_from_past_occ), centres)[..., :2]
+    lower = past.new_tensor(grid.lower_m[:2])
+    extent = past.new_tensor(grid.upper_m[:2]) - lower
+    place = (past - lower) / extent * 2 - 1
+    valid = (place.abs() <= 1).all(dim=-1) & history.valid[..., None]
+    sampled = F.grid_sample(
+        pillars.flatten(0, 1).transpose(1, 2).unflatten(2, size),
+        place.flip(-1).flatten(0, 1).unflatten(1, size),
+        padding_mode="border",
+        align_corners=False,
+    )
+    aligned = sampled.flatten(2).transpose(1, 2).unflatten(0, frames)
+    return AlignedHistory(
+        torch.where(valid[..., None], aligned, 0), valid, occ_from_past_occ[..., 2, 3]
+    )
+
+
+class TemporalAttention(nn.Module):
+    """The paper's TAttn (Eq. 6): a pillar attends to itself and to its own aligned past.
+
+    Each past frame carries embeddings of its age in steps and of its vertical shift. The pillar
+    itself is always valid, so without history this is a projection of the pillar alone.
+    ``num_frames`` is the paper's L, the current frame included.
+    """
+
+    def __init__(self, dim: int, num_heads: int, num_frames: int) -> None:
+        super().__init__()
+        if dim % num_heads:
+            raise UserError(f"num_heads: {num_heads} does not divide dim {dim}")
+        self.num_heads = num_heads
+        self.age = nn.Parameter(0.02 * torch.randn(num_frames, dim))
+        self.dz = nn.Sequential(nn.Linear(1, dim), nn.ReLU(), nn.Linear(dim, dim))
+        self.query = nn.Linear(dim, dim)
+        self.key_value = nn.Linear(dim, 2 * dim)
+        self.output = nn.Linear(dim, dim)
+
+    def forward(
+        self, pillars: Float[Tensor, "#b p dim"], history: AlignedHistory | None
+    ) -> Float[Tensor, "b p dim"]:
+        tokens = (pillars + self.age[0])[:, None]
+        if history is not None:
+            past = history.pillars + self._frame_embedding(history.dz_m)[:, :, None]
+            tokens = torch.cat([past, tokens.expand(len(past), -1, -1, -1)], dim=1)
+        key, value = self.key_value(tokens).unflatten(-1, (2, self.num_heads, -1)).unbind(-3)
+        query = self.query(pillars).unflatten(-1, (self.num_heads, -1))[:, None]
+        score = (query * key).sum(dim=-1, keepdim=True) * key.shape[-1] ** -0.5
+        if history is not None:
+            valid = F.pad(history.valid, (0, 0, 0, 1), value=True)
+            score = score.masked_fill(~valid[..., None, None], -torch.inf)
+        mean = (score.softmax(dim=1) * value).sum(dim=1)
+        return self.output(mean.flatten(-2))
+
+    def _frame_embedding(self, dz_m: Float[Tensor, "b n"]) -> Float[Tensor, "b n dim"]:
+        frames = dz_m.shape[1]
+        if frames >= len(self.age):
+            raise UserError(
+                f"data.frames: {frames + 1} frames, but the model was built for {len(self.age)}; "
+                "make model num_frames and data.frames equal"
+            )
+        return self.age[1 : frames + 1].flip(0) + self.dz(dz_m[..., None] / DZ_SCALE_M)

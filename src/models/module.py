@@ -1,0 +1,104 @@
+"""Steps and logging of the training; the network, the loss and the scores come from outside."""
+
+from collections.abc import Callable, Mapping
+
+import torch
+from lightning import LightningModule
+from torch import Tensor, nn
+from torch.optim import AdamW
+from torch.optim.lr_scheduler import LRScheduler, OneCycleLR
+from torchmetrics import Metric
+
+from ..errors import UserError
+
+
+class OccupancyModule(LightningModule):
+    """Trains a network that maps a batch to occupancy logits, and scores it.
+
+    ``test_parts`` names the parts of the test split and says which clips belong to each; the test
+    scores are kept for the whole split and for each part. Raises `UserError` when the loss is not
+    finite, before the weights are touched.
+    """
+
+    def __init__(
+        self,
+        network: nn.Module,
+        loss: nn.Module,
+        make_scores: Callable[[], Metric],
+        optimizer: Mapping[str, float],
+        test_parts: Mapping[str, Callable[[str], bool]],
+    ) -> None:
+        super().__init__()
+        self.network = network
+        self.loss = loss
+        self.val_scores = make_scores()
+        self.test_scores = nn.ModuleDict({part: make_scores() for part in test_parts})
+        self.optimizer_config = dict(optimizer)
+        self.test_parts = dict(test_parts)
+
+    def forward(self, batch: Mapping[str, Tensor]) -> Tensor:
+        return self.network(batch)
+
+    def training_step(self, batch: Mapping[str, Tensor], batch_index: int) -> Tensor:
+        parts = self.loss(self(batch), batch["semantics"])
+        if not torch.isfinite(parts["total"]):
+            raise UserError(self._divergence(batch, parts))
+        self.log_dict({f"train/{name}": value.detach() for name, value in parts.items()})
+        self.log("train/loss", parts["total"].detach(), prog_bar=True, logger=False)
+        return parts["total"]
+
+    def validation_step(self, batch: Mapping[str, Tensor], batch_index: int) -> None:
+        logits = self(batch)
+        self.log("val/loss", self.loss(logits, batch["semantics"])["total"], len(batch["frame"]))
+        self.val_scores.update(logits, batch["semantics"], batch["velocity_mps"])
+
+    def on_validation_epoch_end(self) -> None:
+        scores = self.val_scores.compute()
+        self.val_scores.reset()
+        self.log_dict({f"val/{name}": value for name, value in scores.items()})
+        self.log("val/kar", scores["kar_miou"], prog_bar=True, logger=False)
+
+    def test_step(self, batch: Mapping[str, Tensor], batch_index: int) -> None:
+        prediction = self(batch).argmax(dim=1)
+        for part, belongs in self.test_parts.items():
+            mine = [index for index, clip in enumerate(batch["clip"]) if belongs(clip)]
+            if mine:
+                self.test_scores[part].update(
+                    prediction[mine], batch["semantics"][mine], batch["velocity_mps"][mine]
+                )
+
+    def configure_optimizers(self) -> dict:
+        """AdamW, a short linear warm-up, then the cosine to zero (App. A.5)."""
+        config = self.optimizer_config
+        decayed = [p for p in self.network.parameters() if p.ndim > 1]
+        others = [p for p in self.network.parameters() if p.ndim <= 1]
+        optimizer = AdamW(
+            [
+                {"params": decayed, "weight_decay": config["weight_decay"]},
+                {"params": others, "weight_decay": 0.0},
+            ],
+            lr=config["lr"],
+        )
+        return {
+            "optimizer": optimizer,
+            "lr_scheduler": {"scheduler": self._schedule(optimizer), "interval": "step"},
+        }
+
+    def _schedule(self, optimizer: AdamW) -> LRScheduler:
+        config = self.optimizer_config
+        return OneCycleLR(
+            optimizer,
+            max_lr=config["lr"],
+            total_steps=max(2, int(self.trainer.estimated_stepping_batches)),
+            pct_start=config["warmup"],
+            cycle_momentum=False,
+        )
+
+    def _divergence(self, batch: Mapping[str, Tensor], parts: Mapping[str, Tensor]) -> str:
+        frames = ", ".join(f"{c}:{int(f)}" for c, f in zip(batch["clip"], batch["frame"]))
+        values = ", ".join(f"{name}={float(value):g}" for name, value in parts.items())
+        return (
+            f"the loss is not finite ({values}) at epoch {self.current_epoch}, step "
+            f"{self.global_step}, in the batch {frames}; the checkpoint of the last finished epoch "
+            "is kept: look at these frames, or lower optimizer.lr"
+        )

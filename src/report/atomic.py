@@ -1,0 +1,32 @@
+"""Writing a result file whole or not at all."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import UserError
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """A temporary path beside ``path`` to write to; it takes its place when the block succeeds.
+
+    Makes missing folders. After any failure the old file stands and no temporary one is left.
+    Raises `UserError` where the disk is read-only or full.
+    """
+    path = Path(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        raise UserError(
+            f"{path}: cannot be written ({error.strerror or error}); free some space or choose "
+            "another folder"
+        ) from error
+    finally:
+        # A read-only or vanished folder holds no temporary file, and must not hide the error.
+        if temporary.exists():
+            temporary.unlink()

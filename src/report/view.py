@@ -1,0 +1,73 @@
+"""Cameras of the figures: the observer's behind the UAV, and the UAV's own."""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..geometry import front_mount, inverse, pinhole, project, transform, unproject
+
+PITCH_RAD, HFOV_RAD = math.radians(32), math.radians(36)
+MARGIN = 0.02
+"""Room around what `View.behind` shows, as a share of the picture."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Observer in the occ frame: where, how far pitched down, how wide the lens. Never rolled."""
+
+    position_m: tuple[float, float, float]
+    pitch_rad: float
+    hfov_rad: float
+
+    @classmethod
+    def behind(cls, points_occ: Float[Tensor, "n 3"], aspect: float) -> "View":
+        """From behind and above the UAV, as near as lets all the points into the picture.
+
+        ``aspect`` is the picture's width over its height. The points bound the observer's position
+        along each side of the lens; where left meets right, and top meets bottom, is the nearest.
+        """
+        occ_from_view = front_mount((0.0, 0.0, 0.0), PITCH_RAD)
+        x, y, z = transform(inverse(occ_from_view), points_occ.double()).unbind(-1)
+        slope_x = math.tan(HFOV_RAD / 2) * (1 - 2 * MARGIN)
+        slope_y = slope_x / aspect
+        right, left = (x - slope_x * z).max(), (x + slope_x * z).min()
+        bottom, top = (y - slope_y * z).max(), (y + slope_y * z).min()
+        depth = torch.minimum((left - right) / (2 * slope_x), (top - bottom) / (2 * slope_y))
+        position = torch.stack([(left + right) / 2, (top + bottom) / 2, depth])
+        position_m = tuple((occ_from_view[:3, :3] @ position).tolist())
+        return cls(position_m, PITCH_RAD, HFOV_RAD)
+
+    @property
+    def occ_from_view(self) -> Float[Tensor, "4 4"]:
+        """The observer's pose (x right, y down, z forward) in the occ frame, float64."""
+        return front_mount(self.position_m, self.pitch_rad)
+
+    def pix_from_view(self, size_pix: tuple[int, int]) -> Float[Tensor, "3 3"]:
+        """Intrinsics for a picture of some width and height, float64."""
+        return pinhole(*size_pix, self.hfov_rad)
+
+    def project(
+        self, points_occ: Float[Tensor, "n 3"], size_pix: tuple[int, int]
+    ) -> tuple[Float[Tensor, "n 2"], Float[Tensor, "n"]]:
+        """Location in the picture and z-depth in metres of points in the occ frame."""
+        return project(points_occ, inverse(self.occ_from_view), self.pix_from_view(size_pix))
+
+
+@dataclass(frozen=True)
+class Frustum:
+    """The UAV's own camera: its transform, its intrinsics, and its image's width and height."""
+
+    camera_from_occ: Float[Tensor, "4 4"]
+    pix_from_camera: Float[Tensor, "3 3"]
+    size_pix: tuple[int, int]
+
+    def corners(self, depth_m: float) -> Float[Tensor, "4 3"]:
+        """The image's corners at a z-depth, in the occ frame, clockwise from the top left."""
+        width, height = self.size_pix
+        pix = torch.tensor([[0, 0], [width, 0], [width, height], [0, height]], dtype=torch.float64)
+        depths_m = torch.full((4,), depth_m, dtype=torch.float64)
+        corners_camera = unproject(pix, depths_m, self.pix_from_camera.double())
+        return transform(inverse(self.camera_from_occ.double()), corners_camera)

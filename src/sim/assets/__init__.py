@@ -1,0 +1,22 @@
+"""The shapes of things, from a passed-in generator: plain solids in their own frame."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..solid import Solid
+from .parts import bounds_m, extent_m, placed, pose
+from .people import bicycle, motorcycle, pedestrian
+from .vehicles import bus, car, truck
+
+__all__ = ["ACTORS", "bounds_m", "extent_m", "placed", "pose"]
+
+ACTORS: dict[str, Callable[[np.random.Generator], tuple[Solid, ...]]] = {
+    "car": car,
+    "truck": truck,
+    "bus": bus,
+    "pedestrian": pedestrian,
+    "bicycle": bicycle,
+    "motorcycle": motorcycle,
+}
+"""What moves, by the types of `ontology.ACTOR_TYPES`, in the actor frame."""

@@ -1,0 +1,289 @@
+"""Makes one clip: flies it, senses it, labels it, writes it. Everything comes from the seed."""
+
+import math
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from jaxtyping import Float
+
+from ..data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses_of
+from ..geometry import VoxelGrid, front_mount, pinhole, pixel_centres, unproject
+from ..ontology import ACTOR_TYPES
+from .annotation import ActorMap, StaticMap, View, label_frame, visible_pixels
+from .assets import ACTORS
+from .flight import Flight, FlightConfig, fly
+from .layout import Town
+from .pilot import STEP_S
+from .scene import Body, Piece, Scene, parts_of, pieces_of, static_parts
+from .sensors import Scan, scan
+from .towns import build_town
+from .traffic import TrafficConfig, simulate_traffic
+from .weather import apply_weather, weather_named
+from .world import Rendering, World
+
+STEP_HZ = round(1 / STEP_S)
+
+DRAWN_RADIUS_M = 90.0
+"""Of the town, what lies within this distance of the route is drawn."""
+
+
+@dataclass(frozen=True)
+class ClipPlan:
+    """Which clip: its place in the data set and its conditions."""
+
+    clip_id: str
+    town: str
+    weather: str
+    index: int
+
+
+@dataclass(frozen=True)
+class Place:
+    """A town, its meshes, and the whole of it for rays."""
+
+    town: Town
+    pieces: tuple[Piece, ...]
+    whole: Scene
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What was sensed at one captured frame, besides the image."""
+
+    view: View
+    lidar_returns: dict[int, int]
+
+
+def generator_for(seed: int, *names: str | int) -> np.random.Generator:
+    """A random generator that depends on the seed and on what it is for, and on nothing else."""
+    words = [name if isinstance(name, int) else zlib.crc32(name.encode()) for name in names]
+    return np.random.default_rng(np.random.SeedSequence([seed, *words]))
+
+
+@lru_cache(maxsize=2)
+def place_of(name: str, seed: int) -> Place:
+    """A town, kept for the next clip that is flown there."""
+    town = build_town(name, generator_for(seed, "town", name))
+    pieces = pieces_of(town)
+    return Place(town, pieces, Scene(static_parts(pieces), ()))
+
+
+class ClipMaker:
+    """Makes the clips of one data set; ``sim`` is the composed ``sim`` configuration."""
+
+    def __init__(self, sim: dict, root: Path) -> None:
+        self.sim = sim
+        self.root = root
+        self.grid = VoxelGrid(**sim["grid"])
+        self.range_m = float(sim["range_m"])
+        width, height = sim["image"]["width"], sim["image"]["height"]
+        self.size = (width, height)
+        self.pix_from_camera = pinhole(width, height, math.radians(sim["image"]["hfov_deg"]))
+        mount = sim["camera"]
+        self.body_from_camera = front_mount(
+            tuple(mount["position_m"]), math.radians(mount["pitch_deg"])
+        )
+
+    def make(self, plan: ClipPlan, on_frame: Callable[[], None]) -> None:
+        """Writes the clip's folder; ``on_frame`` is called as frames are finished."""
+        flight, scene = self._fly(plan)
+        meta = ClipMeta(
+            plan.town,
+            plan.weather,
+            self.sim["seed"],
+            self.sim["capture_hz"],
+            *self.size,
+            self.pix_from_camera,
+            self.body_from_camera,
+            self.grid,
+        )
+        with ClipWriter(self.root / plan.clip_id, meta) as writer:
+            frames = frame_table(flight, self.sim["capture_hz"])
+            static, actors = self._maps(flight)
+            returns = self._scan(flight, scene, static, actors)
+            signals = []
+            for frame, rendering in self._film(plan, scene, frames, writer):
+                view = self._view(frames, frame, rendering)
+                self._fuse_view(view, frame, scene, static, actors)
+                signals.append(Signals(view, returns[self._scan_index(frame)]))
+            static.freeze()
+            actors.freeze()
+            for frame, signal in enumerate(signals):
+                step = self._step(frame)
+                labels = label_frame(
+                    signal.view, self.grid, static, actors, scene.bodies, step, signal.lidar_returns
+                )
+                writer.add_labels(frame, labels.semantics, labels.visible)
+                on_frame()
+            writer.add_tables(frames, self._actor_table(scene, signals))
+
+    # ------------------------------------------------------------------------ flight and scene
+
+    def _fly(self, plan: ClipPlan) -> tuple[Flight, Scene]:
+        seed = self.sim["seed"]
+        place = place_of(plan.town, seed)
+        flight = fly(
+            place.town,
+            generator_for(seed, "flight", plan.town, plan.index),
+            place.whole.cast_static,
+            FlightConfig(**self.sim["flight"]),
+            CLIP_SECONDS,
+        )
+        traffic = simulate_traffic(
+            place.town,
+            generator_for(seed, "traffic", plan.town, plan.index),
+            TrafficConfig(**self.sim["traffic"]),
+            flight.position_m,
+        )
+        parts = static_parts(place.pieces, flight.position_m[::STEP_HZ, :2], DRAWN_RADIUS_M)
+        return flight, Scene(parts, tuple(bodies_of(traffic)))
+
+    def _step(self, frame: int) -> int:
+        return round(frame * STEP_HZ / self.sim["capture_hz"])
+
+    def _scan_index(self, frame: int) -> int:
+        last = int(CLIP_SECONDS * self.sim["lidar_hz"]) - 1
+        return min(last, round(frame * self.sim["lidar_hz"] / self.sim["capture_hz"]))
+
+    # ----------------------------------------------------------------------------- annotation
+
+    def _maps(self, flight: Flight) -> tuple[StaticMap, ActorMap]:
+        """Empty maps over all that the grids of this clip can reach."""
+        corners = np.array([self.grid.lower_m, self.grid.upper_m])
+        reach_m = float(np.hypot(*np.abs(corners[:, :2]).max(axis=0)))
+        low, high = flight.position_m.min(axis=0), flight.position_m.max(axis=0)
+        lower_m = [low[0] - reach_m, low[1] - reach_m, low[2] + corners[0, 2]]
+        upper_m = [high[0] + reach_m, high[1] + reach_m, high[2] + corners[1, 2]]
+        return StaticMap(lower_m, upper_m, self.grid.voxel_m / 2), ActorMap()
+
+    def _scan(
+        self, flight: Flight, scene: Scene, static: StaticMap, actors: ActorMap
+    ) -> list[dict[int, int]]:
+        """Runs both LiDARs over the clip; returns how often each scan met each actor."""
+        returns = []
+        for index in range(int(CLIP_SECONDS * self.sim["lidar_hz"])):
+            step = round(index * STEP_HZ / self.sim["lidar_hz"])
+            pose = flight.world_from_body[step]
+            scans = scan(scene, step, pose, self.sim["lidar_rays"], index, self.range_m)
+            for each in scans:
+                self._fuse(each, step, scene, static, actors)
+            met = np.concatenate([each.hits.actor_id for each in scans])
+            ids, counts = np.unique(met[met > 0], return_counts=True)
+            returns.append(dict(zip(ids.tolist(), counts.tolist())))
+        return returns
+
+    def _fuse_view(
+        self, view: View, frame: int, scene: Scene, static: StaticMap, actors: ActorMap
+    ) -> None:
+        """Fuses the camera at no more than the LiDARs' rate."""
+        if frame % max(1, round(self.sim["capture_hz"] / self.sim["lidar_hz"])) == 0:
+            rays = view.rays(self.sim["camera_stride"], self.range_m)
+            self._fuse(rays, self._step(frame), scene, static, actors)
+
+    def _fuse(
+        self, rays: Scan, step: int, scene: Scene, static: StaticMap, actors: ActorMap
+    ) -> None:
+        static.add(rays, self.range_m)
+        actors.add(rays, scene.bodies, step)
+
+    # -------------------------------------------------------------------------- images, tables
+
+    def _film(self, plan: ClipPlan, scene: Scene, frames: pd.DataFrame, writer: ClipWriter):
+        """Renders every frame, writes its image, and yields its number and rendering."""
+        weather = weather_named(plan.weather)
+        poses = poses_of(frames) @ self.body_from_camera
+        pix = pixel_centres(*self.size).reshape(-1, 2)
+        through = unproject(pix, torch.ones(len(pix), dtype=torch.float64), self.pix_from_camera)
+        through = through / through.norm(dim=-1, keepdim=True)
+        with World(scene, self.pix_from_camera, *self.size) as world:
+            for frame, world_from_camera in enumerate(poses):
+                rendering = world.render(self._step(frame), world_from_camera, weather)
+                upwards = (through @ world_from_camera[2, :3]).numpy().reshape(self.size[::-1])
+                rng = generator_for(self.sim["seed"], "air", plan.town, plan.index, frame)
+                image = apply_weather(rendering.rgb, rendering.depth_m, upwards, weather, rng)
+                writer.add_image(frame, image)
+                if self.sim["save_aux"]:
+                    writer.add_aux(
+                        frame,
+                        depth=rendering.depth_m,
+                        **{"class": rendering.class_id, "instance": rendering.actor_id},
+                    )
+                yield frame, rendering
+
+    def _view(self, frames: pd.DataFrame, frame: int, rendering: Rendering) -> View:
+        return View(
+            poses_of(frames.iloc[[frame]])[0],
+            self.body_from_camera,
+            self.pix_from_camera,
+            rendering.depth_m,
+            rendering.class_id,
+            rendering.actor_id,
+        )
+
+    def _actor_table(self, scene: Scene, signals: list[Signals]) -> pd.DataFrame:
+        rows = []
+        for frame, signal in enumerate(signals):
+            step = self._step(frame)
+            for body in scene.bodies:
+                pose = body.world_from_actor[step]
+                yaw_rad = math.atan2(pose[1, 0], pose[0, 0])
+                pixels = visible_pixels(signal.view, body.actor_id)
+                what = (frame, body.actor_id, body.type, body.class_id)
+                where = (*pose[:3, 3].tolist(), *body.velocity_mps[step].tolist())
+                rows.append((*what, *where, *body.size_m, yaw_rad, pixels))
+        return pd.DataFrame(rows, columns=ACTOR_COLUMNS)
+
+
+def frame_table(flight: Flight, capture_hz: float) -> pd.DataFrame:
+    """The captured steps of a flight as the rows of ``frames.csv``."""
+    count = round(CLIP_SECONDS * capture_hz)
+    steps = np.round(np.arange(count) * STEP_HZ / capture_hz).astype(int)
+    table = pd.DataFrame({"frame": np.arange(count), "time_s": flight.time_s[steps]})
+    vectors = {
+        ("x_m", "y_m", "z_m"): flight.position_m,
+        ("qx", "qy", "qz", "qw"): flight.quat_xyzw,
+        ("vx_mps", "vy_mps", "vz_mps"): flight.velocity_mps,
+        ("wx_radps", "wy_radps", "wz_radps"): flight.body_rates_radps,
+    }
+    for names, values in vectors.items():
+        table[list(names)] = values[steps]
+    for name in ("roll_rad", "pitch_rad", "yaw_rad", "altitude_m"):
+        table[name] = getattr(flight, name)[steps]
+    return table
+
+
+def bodies_of(traffic) -> list[Body]:
+    """The moving actors with their shapes, drawn from each actor's own seed."""
+    bodies = []
+    for actor in traffic.actors:
+        solids = ACTORS[actor.type](np.random.default_rng(actor.seed))
+        bodies.append(
+            Body(
+                actor.actor_id,
+                actor.type,
+                ACTOR_TYPES[actor.type],
+                actor.size_m,
+                parts_of(solids),
+                upright_poses(actor.position_m, actor.yaw_rad),
+                actor.velocity_mps,
+            )
+        )
+    return bodies
+
+
+def upright_poses(
+    position_m: Float[np.ndarray, "t 3"], yaw_rad: Float[np.ndarray, "t"]
+) -> Float[np.ndarray, "t 4 4"]:
+    """``world_from_actor`` of something that stands upright on its place."""
+    poses = np.tile(np.eye(4), (len(yaw_rad), 1, 1))
+    poses[:, 0, 0] = poses[:, 1, 1] = np.cos(yaw_rad)
+    poses[:, 1, 0] = np.sin(yaw_rad)
+    poses[:, 0, 1] = -poses[:, 1, 0]
+    poses[:, :3, 3] = position_m
+    return poses

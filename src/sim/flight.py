@@ -1,0 +1,152 @@
+"""One flight of the UAV through a town: the paper's App. A.1, as plain data."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from ..errors import UserError
+from ..geometry import quat_from_euler, rigid, rotation_from_quat
+from .attitude import body_rates, manoeuvre_tilt, ornstein_uhlenbeck, soft_limit
+from .clearance import RayCast, obstacle_heights, stays_clear
+from .layout import HeightField, Town
+from .pilot import STEP_HZ, STEP_S, Command, FlightConfig, Pilot
+from .route import Route, chain, gaussian_window, slow_wave, smoothed
+
+__all__ = ["STEP_HZ", "STEP_S", "Flight", "FlightConfig", "fly"]
+
+SPACING_M = 0.5
+"""Between the samples of a route."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """States at every step, ``STEP_HZ`` of them a second, whatever the capture rate.
+
+    Position and velocity are in the world, rates in the body; ``altitude_m`` is above the terrain.
+    The angles are those of the quaternion, yaw within +-pi.
+    """
+
+    time_s: Float[np.ndarray, "t"]
+    position_m: Float[np.ndarray, "t 3"]
+    quat_xyzw: Float[np.ndarray, "t 4"]
+    velocity_mps: Float[np.ndarray, "t 3"]
+    body_rates_radps: Float[np.ndarray, "t 3"]
+    roll_rad: Float[np.ndarray, "t"]
+    pitch_rad: Float[np.ndarray, "t"]
+    yaw_rad: Float[np.ndarray, "t"]
+    altitude_m: Float[np.ndarray, "t"]
+
+    @cached_property
+    def world_from_body(self) -> Float[np.ndarray, "t 4 4"]:
+        """The pose at every step (float64)."""
+        rotation = rotation_from_quat(torch.from_numpy(self.quat_xyzw))
+        return rigid(rotation, torch.from_numpy(self.position_m)).numpy()
+
+
+def fly(
+    town: Town,
+    rng: np.random.Generator,
+    ray_cast: RayCast,
+    config: FlightConfig,
+    duration_s: float = 12.0,
+) -> Flight:
+    """A flight along the town's corridors that touches nothing.
+
+    Routes are drawn until one can be flown. Raises `UserError` when ``config.tries`` were in vain.
+    """
+    for _ in range(config.tries):
+        drawn = _draw_route(town, rng, config, duration_s)
+        if drawn is None:
+            continue
+        route, start_m, cruise_mps = drawn
+        obstacle_m = obstacle_heights(route, town.terrain, ray_cast, config.tube_m)
+        pilot = Pilot(route, obstacle_m, rng, config, cruise_mps, duration_s)
+        command = pilot.fly_from(start_m)
+        flight = _flown(route, command, town.terrain, rng, config)
+        speed_mps = np.linalg.norm(flight.velocity_mps, axis=1).mean()
+        if speed_mps >= config.slowest_mps and stays_clear(
+            flight.position_m, ray_cast, config.touch_m
+        ):
+            return flight
+    raise UserError(
+        f"town {town.name}: none of {config.tries} routes could be flown; it needs corridors of "
+        f"{config.cruise_mps[0] * duration_s:.0f} m and more that are free below "
+        f"{config.ceiling_m} m"
+    )
+
+
+# -------------------------------------------------------------------------------------- the route
+
+
+def _draw_route(
+    town: Town, rng: np.random.Generator, config: FlightConfig, duration_s: float
+) -> tuple[Route, float, float] | None:
+    """A curve along some corridors, where on it to start, and the cruise speed."""
+    cruise_mps = rng.uniform(*config.cruise_mps)
+    lengths_m = np.array([path.length_m for path in town.corridors])
+    first = int(rng.choice(len(lengths_m), p=lengths_m / lengths_m.sum()))
+    start_m = rng.uniform(0, lengths_m[first])
+    needed_m = 1.1 * cruise_mps * (duration_s + 2) + config.standoff_m
+    indices = chain(town.corridors, rng, first, start_m + needed_m)
+    middle = Route.through(town.corridors, indices, config.corner_m, SPACING_M)
+    room_m = np.maximum(middle.half_width_m - config.tube_m, 0)
+    route = middle.shifted(room_m * slow_wave(rng, middle.arc_m, (30.0, 120.0)))
+    start_m = min(start_m, route.length_m - needed_m)
+    return (route, start_m, cruise_mps) if start_m >= 0 else None
+
+
+# ------------------------------------------------------------------------------------- the flight
+
+
+def _flown(
+    route: Route,
+    command: Command,
+    terrain: HeightField,
+    rng: np.random.Generator,
+    config: FlightConfig,
+) -> Flight:
+    """The command as an airframe follows it: smooth, so that it has an attitude at every step.
+
+    A weighted mean over time keeps every bound on speed, climb and descent.
+    """
+    points_m, heading_rad = route.at(command.arc_m)
+    window = gaussian_window(config.response_s / STEP_S)
+    track = smoothed(np.c_[points_m, command.altitude_m, heading_rad], window)
+    position_m = track[:, :3].copy()
+    position_m[:, 2] += terrain(track[:, 0], track[:, 1])
+    velocity_mps = (position_m[2:] - position_m[:-2]) / (2 * STEP_S)
+    acceleration_mps2 = (position_m[2:] - 2 * position_m[1:-1] + position_m[:-2]) / STEP_S**2
+    yaw_rad = track[1:-1, 3]
+    tilt = manoeuvre_tilt(velocity_mps, acceleration_mps2, yaw_rad, config.drag_per_s)
+    # One attitude more than there are steps, for the last body rate.
+    roll_rad, pitch_rad = (
+        soft_limit(
+            np.append(angle, angle[-1]) + _gust(rng, len(angle) + 1, config), config.tilt_limit_rad
+        )
+        for angle in tilt
+    )
+    angles = (roll_rad, pitch_rad, np.append(yaw_rad, 2 * yaw_rad[-1] - yaw_rad[-2]))
+    quat_xyzw = quat_from_euler(*(torch.from_numpy(angle) for angle in angles)).numpy()
+    return Flight(
+        time_s=np.arange(len(yaw_rad)) * STEP_S,
+        position_m=position_m[1:-1],
+        quat_xyzw=quat_xyzw[:-1],
+        velocity_mps=velocity_mps,
+        body_rates_radps=body_rates(quat_xyzw, STEP_S),
+        roll_rad=roll_rad[:-1],
+        pitch_rad=pitch_rad[:-1],
+        yaw_rad=(yaw_rad + np.pi) % (2 * np.pi) - np.pi,
+        altitude_m=track[1:-1, 2],
+    )
+
+
+def _gust(rng: np.random.Generator, steps: int, config: FlightConfig) -> Float[np.ndarray, "t"]:
+    """The paper's Ornstein-Uhlenbeck tilt, with which the UAV holds its track against gusts."""
+    window = gaussian_window(config.gust_response_s / STEP_S)
+    eta_rad = ornstein_uhlenbeck(
+        rng, steps + len(window) - 1, STEP_S, config.gust_kappa_per_s, config.gust_sigma_rad
+    )
+    return smoothed(eta_rad[:, None], window)[:, 0]

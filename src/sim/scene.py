@@ -1,0 +1,192 @@
+"""What one clip contains: the town near the route and the actors that move through it."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+
+from ..ontology import GROUND, UNKNOWN
+from .layout import GroundPatch, Town
+from .mesh import Mesh, merge, mesh_of_patch, mesh_of_solid
+from .rays import RayScene
+from .solid import Solid
+
+PATCH_M = 40.0
+"""Longer ground patches are cut, so that only what is near a route is drawn."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Everything of one class and one material, as one mesh."""
+
+    class_id: int
+    material: str
+    mesh: Mesh
+
+
+@dataclass(frozen=True)
+class Body:
+    """A moving actor: its parts in its own frame, and where it is at every step."""
+
+    actor_id: int
+    type: str
+    class_id: int
+    size_m: tuple[float, float, float]
+    parts: tuple[Part, ...]
+    world_from_actor: Float[np.ndarray, "t 4 4"]
+    velocity_mps: Float[np.ndarray, "t 3"]
+
+    @cached_property
+    def triangles_m(self) -> Float[np.ndarray, "f 3 3"]:
+        return _triangles(self.parts)
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What rays met: distance (inf: nothing), class (255: nothing), actor (0 static, -1 nothing)."""
+
+    distance_m: Float[np.ndarray, "n"]
+    class_id: UInt8[np.ndarray, "n"]
+    actor_id: Int[np.ndarray, "n"]
+
+    def part(self, rays: slice) -> "Hits":
+        return Hits(self.distance_m[rays], self.class_id[rays], self.actor_id[rays])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The static parts and the actors of a clip, ready to be drawn and to be hit by rays."""
+
+    static: tuple[Part, ...]
+    bodies: tuple[Body, ...]
+
+    @cached_property
+    def _static_rays(self) -> RayScene:
+        return RayScene(_triangles(self.static))
+
+    @cached_property
+    def _static_classes(self) -> UInt8[np.ndarray, "f"]:
+        counts = [len(part.mesh.faces) for part in self.static]
+        return np.repeat(np.array([part.class_id for part in self.static], np.uint8), counts)
+
+    def cast_static(
+        self, origins_m: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, "n"]:
+        """Distances in metres to the static scene alone, inf where nothing is hit."""
+        return self._static_rays.cast(origins_m, directions)[0]
+
+    def cast(
+        self,
+        step: int,
+        origins_m: Float[np.ndarray, "n 3"],
+        directions: Float[np.ndarray, "n 3"],
+    ) -> Hits:
+        """The first hit of every ray with the scene as it is at a step."""
+        distance_m, face = self._static_rays.cast(origins_m, directions)
+        class_id = np.where(face >= 0, self._static_classes[face], UNKNOWN).astype(np.uint8)
+        actor_id = np.where(face >= 0, 0, -1)
+        if self.bodies:
+            moved = [_moved(body.triangles_m, body.world_from_actor[step]) for body in self.bodies]
+            near_m, face = RayScene(np.concatenate(moved)).cast(origins_m, directions)
+            first = near_m < distance_m
+            owner = np.repeat(np.arange(len(moved)), [len(triangles) for triangles in moved])
+            body_of = owner[face[first]]
+            distance_m = np.minimum(distance_m, near_m)
+            class_id[first] = np.array([body.class_id for body in self.bodies])[body_of]
+            actor_id[first] = np.array([body.actor_id for body in self.bodies])[body_of]
+        return Hits(distance_m, class_id, actor_id)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One solid or one piece of ground as a mesh, and the circle around it on the map."""
+
+    class_id: int
+    material: str
+    mesh: Mesh
+    centre_m: Float[np.ndarray, "2"]
+    reach_m: float
+
+
+def pieces_of(town: Town) -> tuple[Piece, ...]:
+    """All of a town, tessellated once for all its clips."""
+    solids = [
+        Piece(
+            solid.class_id,
+            solid.material,
+            mesh_of_solid(solid),
+            solid.scene_from_solid[:2, 3],
+            float(np.linalg.norm(solid.size_m)) / 2,
+        )
+        for solid in town.solids
+    ]
+    ground = [
+        Piece(
+            GROUND,
+            patch.material,
+            mesh_of_patch(patch, town.terrain),
+            np.array(patch.origin_m),
+            float(np.hypot(patch.length_m, patch.width_m)) / 2,
+        )
+        for whole in town.ground
+        for patch in _cut(whole)
+    ]
+    return (*solids, *ground)
+
+
+def static_parts(
+    pieces: Sequence[Piece], near_m: Float[np.ndarray, "n 2"] | None = None, radius_m: float = 0.0
+) -> tuple[Part, ...]:
+    """Pieces merged by class and material: all, or those within a radius of any of the places."""
+    meshes = defaultdict(list)
+    for piece in pieces:
+        if near_m is None or _distance_m(piece.centre_m, near_m) < radius_m + piece.reach_m:
+            meshes[piece.class_id, piece.material].append(piece.mesh)
+    return tuple(Part(*key, merge(meshes[key])) for key in sorted(meshes))
+
+
+def parts_of(solids: Iterable[Solid]) -> tuple[Part, ...]:
+    """An actor's solids, in its own frame, merged by material."""
+    meshes = defaultdict(list)
+    for solid in solids:
+        meshes[solid.class_id, solid.material].append(mesh_of_solid(solid))
+    return tuple(Part(*key, merge(meshes[key])) for key in sorted(meshes))
+
+
+def _distance_m(point_m: Float[np.ndarray, "2"], near_m: Float[np.ndarray, "n 2"]) -> float:
+    return float(np.sqrt(((near_m - point_m) ** 2).sum(axis=1).min()))
+
+
+def _cut(patch: GroundPatch) -> list[GroundPatch]:
+    """The patch in pieces of at most PATCH_M a side; its texture starts anew in every piece."""
+    nx = max(1, int(np.ceil(patch.length_m / PATCH_M)))
+    ny = max(1, int(np.ceil(patch.width_m / PATCH_M)))
+    cos, sin = np.cos(patch.yaw_rad), np.sin(patch.yaw_rad)
+    pieces = []
+    for i in range(nx):
+        for j in range(ny):
+            along = ((i + 0.5) / nx - 0.5) * patch.length_m
+            across = ((j + 0.5) / ny - 0.5) * patch.width_m
+            centre_m = (
+                patch.origin_m[0] + cos * along - sin * across,
+                patch.origin_m[1] + sin * along + cos * across,
+            )
+            size_m = (patch.length_m / nx, patch.width_m / ny)
+            pieces.append(
+                GroundPatch(centre_m, patch.yaw_rad, *size_m, patch.rise_m, patch.material)
+            )
+    return pieces
+
+
+def _triangles(parts: Iterable[Part]) -> Float[np.ndarray, "f 3 3"]:
+    triangles = [part.mesh.vertices_m[part.mesh.faces] for part in parts]
+    return np.concatenate(triangles) if triangles else np.zeros((0, 3, 3))
+
+
+def _moved(
+    triangles_m: Float[np.ndarray, "f 3 3"], b_from_a: Float[np.ndarray, "4 4"]
+) -> Float[np.ndarray, "f 3 3"]:
+    return triangles_m @ b_from_a[:3, :3].T + b_from_a[:3, 3]

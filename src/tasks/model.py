@@ -1,0 +1,70 @@
+"""The configured model: built, weighted by its training set, and filled from a checkpoint."""
+
+import pickle
+from pathlib import Path
+
+import torch
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+from torch import nn
+
+from ..data.datamodule import SkyShieldData
+from ..errors import UserError
+from ..models.module import OccupancyModule
+from ..models.prior import VoxelPrior
+from ..ontology import FREE, NUM_CLASSES
+
+
+def prior_of(cfg: DictConfig, data: SkyShieldData) -> VoxelPrior:
+    """The voxel prior of the training labels, its weight of free chosen on validation."""
+    prior = VoxelPrior(data.grid.shape, NUM_CLASSES, FREE)
+    for semantics, _ in data.labels("train"):
+        prior.count(semantics)
+    scores = instantiate(cfg.metric)
+    frames = ((labels[None], velocity[None]) for labels, velocity in data.labels("val"))
+    prior.fit(frames, lambda: scores(data.grid))
+    return prior
+
+
+def module_of(cfg: DictConfig, data: SkyShieldData, prior: VoxelPrior) -> OccupancyModule:
+    """The network, its loss and its scores. Class counts come from the training set."""
+    counts = prior.counts.sum(dim=(1, 2, 3), dtype=torch.int64)
+    network = instantiate(cfg.model, decoder={"class_prior": counts.tolist()})
+    loss = instantiate(cfg.loss)
+    rule = loss.keywords["class_weights"]
+    scores = instantiate(cfg.metric)
+    held_out = frozenset(cfg.data.test_clips)
+    return OccupancyModule(
+        network,
+        loss(class_weights=None if rule is None else rule(counts)),
+        lambda: scores(data.grid),
+        cfg.optimizer,
+        {
+            "test": lambda clip: True,
+            "test_unseen_clips": lambda clip: clip in held_out,
+            "test_seen_clips": lambda clip: clip not in held_out,
+        },
+    )
+
+
+def load_weights(module: nn.Module, path: Path) -> None:
+    """Fills a module from a checkpoint file; `UserError` if it is of another architecture."""
+    try:
+        state = torch.load(path, map_location="cpu", weights_only=True)["state_dict"]
+    except FileNotFoundError:
+        raise UserError(f"ckpt_path: no checkpoint {path}; give the file of a finished run") from None
+    except (KeyError, EOFError, OSError, RuntimeError, pickle.UnpicklingError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise UserError(f"ckpt_path: {path} is no readable checkpoint ({reason})") from error
+    own = module.state_dict()
+    strange = [
+        name
+        for name in sorted(own.keys() | state.keys())
+        if name not in own or name not in state or own[name].shape != state[name].shape
+    ]
+    if strange:
+        raise UserError(
+            f"ckpt_path: {path} is of another architecture ({len(strange)} parameters differ, "
+            f"{strange[0]} first); use the model and scale of the config.yaml beside it"
+        )
+    module.load_state_dict(state)

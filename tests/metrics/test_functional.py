@@ -1,0 +1,95 @@
+"""The penalty curve, the distance shells and the tables."""
+
+import math
+
+import pytest
+import torch
+
+from src.geometry import VoxelGrid
+from src.metrics import functional as F
+
+PAPER = {"horizon_s": 5.0, "decay_per_s": 0.5, "penalty_scale": 2.0, "min_speed_mps": 5.0}
+LINE = VoxelGrid(lower_m=(0, -1, -1), upper_m=(60, 1, 1), shape=(30, 1, 1))  # 1, 3, 5 ... m away
+
+
+def penalties(speed_mps, **parameters):
+    return F.ttc_penalty(LINE, torch.tensor([speed_mps]), **(PAPER | parameters))[0, :, 0, 0]
+
+
+def test_the_penalty_follows_appendix_a4():
+    curve = penalties(10.0)
+    assert float(curve[0]) == pytest.approx(1 + 2 * math.exp(-0.05))
+    assert float(curve[10]) == pytest.approx(1 + 2 * math.exp(-0.5 * 2.1))
+    assert (curve.diff()[:24] < 0).all()
+
+
+def test_the_bubble_ends_at_the_horizon_and_holds_its_edge():
+    assert int((penalties(5.0) > 1).sum()) == 13  # 25 m, the paper's effective radius
+    assert int((penalties(4.999) > 1).sum()) == 13
+    assert int((penalties(5.001) > 1).sum()) == 13
+    assert int((penalties(5.0, horizon_s=4.999) > 1).sum()) == 12
+    assert int((penalties(1e9) > 1).sum()) == 30
+
+
+def test_a_slow_uav_is_taken_to_fly_at_the_minimum_speed():
+    assert torch.equal(penalties(0.0), penalties(5.0))
+    assert not torch.equal(penalties(0.0), penalties(6.0))
+
+
+def test_every_axis_counts_for_the_distance():
+    grid = VoxelGrid(lower_m=(0, -6, -4), upper_m=(10, 6, 4), shape=(5, 6, 4))
+    penalty = F.ttc_penalty(grid, torch.tensor([[0.0, 7.0, 0.0]]), **PAPER)
+    distance_m = math.sqrt(9.0**2 + 5.0**2 + 3.0**2)
+    assert float(penalty[0, 4, 0, 3]) == pytest.approx(1 + 2 * math.exp(-0.5 * distance_m / 7))
+
+
+def test_shells_give_back_the_distance_of_every_voxel():
+    grid = VoxelGrid((0, -20, -16), (40, 20, 8), (25, 25, 15))
+    shell_m, shell = F.distance_shells(grid)
+    distance_m = grid.centers(torch.float64).norm(dim=-1).flatten()
+    torch.testing.assert_close(shell_m[shell], distance_m, atol=1e-9, rtol=0)
+    assert len(shell_m) < len(shell) / 10
+
+
+def test_the_fixed_point_table_is_the_penalty_to_its_last_unit():
+    grid = VoxelGrid((0, -5, -4), (10, 5, 2), (10, 10, 6))
+    velocity = torch.tensor([[3.0, 4.0, 0.5], [0.0, 0.0, 0.0], [20.0, 0.0, 1.0]])
+    shell_m, shell = F.distance_shells(grid)
+    table = F.excess_table(shell_m, F.speeds(velocity, batch=3), **PAPER)
+    exact = F.ttc_penalty(grid, velocity, **PAPER).flatten(1) - 1
+    error = (table[:, shell].double() / F.FIXED_POINT - exact).abs().max()
+    assert table.dtype == torch.int64
+    assert 0 < float(error) < 0.51 / F.FIXED_POINT
+
+
+def test_the_tables_are_indexed_by_target_then_prediction():
+    target = torch.tensor([2, 2, 7, 255], dtype=torch.uint8).view(1, 4, 1, 1)
+    preds = torch.tensor([2, 8, 8, 3], dtype=torch.uint8).view(1, 4, 1, 1)
+    codes = F.encode(preds, target, None, (4, 1, 1), num_classes=9, ignore_index=255)
+    shell = torch.tensor([0, 1, 2, 3], dtype=torch.int32)
+    assert codes.flatten().tolist() == [2 * 16 + 2, 2 * 16 + 8, 7 * 16 + 8, 255]
+    excess = torch.tensor([[10, 20, 30, 40]])
+    count, penalty = F.confusion_update(codes, shell, excess, num_classes=9)
+    expected_count, expected_penalty = torch.zeros(2, 9, 9, dtype=torch.int64)
+    expected_count[2, 2] = expected_count[2, 8] = expected_count[7, 8] = 1
+    expected_penalty[2, 8], expected_penalty[7, 8] = 20, 30
+    assert torch.equal(count, expected_count)
+    assert torch.equal(penalty, expected_penalty)
+
+
+def test_fifteen_classes_fit_in_a_byte():
+    every = torch.arange(15, dtype=torch.uint8)
+    target, preds = torch.meshgrid(every, every, indexing="ij")
+    batch = (1, 15, 15, 1)
+    codes = F.encode(preds.reshape(batch), target.reshape(batch), None, batch[1:], 15, 255)
+    shell = torch.zeros(225, dtype=torch.int32)
+    count, penalty = F.confusion_update(codes, shell, torch.tensor([[3]]), num_classes=15)
+    assert torch.equal(count, torch.ones(15, 15, dtype=torch.int64))
+    assert torch.equal(penalty, 3 * (1 - torch.eye(15, dtype=torch.int64)))
+
+
+def test_mean_iou_leaves_out_nan_and_the_class_asked_for():
+    iou = torch.tensor([0.2, torch.nan, 0.4, 0.9], dtype=torch.float64)
+    assert float(F.mean_iou(iou)) == pytest.approx(0.5)
+    assert float(F.mean_iou(iou, without=3)) == pytest.approx(0.3)
+    assert F.mean_iou(iou[1:2]).isnan()

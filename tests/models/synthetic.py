@@ -1,0 +1,67 @@
+"""A small network and a synthetic batch, with the shapes and dtypes of `src.data`."""
+
+import functools
+import math
+
+import torch
+
+from src.geometry import (
+    VoxelGrid,
+    camera_from_occ,
+    front_mount,
+    in_image,
+    pinhole,
+    project,
+    rigid,
+    rotation_from_euler,
+)
+from src.models import DeformableCrossAttention, PillarDecoder, PillarEncoder, ResNet, SkyOcc
+from src.ontology import UNKNOWN
+
+GRID = VoxelGrid(shape=(10, 10, 6))
+IMAGE_SIZE = (96, 64)
+
+
+def build_network(grid=GRID, dim=16, num_layers=2, metadata=True, history_grad=False, **encoder):
+    torch.manual_seed(0)
+    lift = functools.partial(DeformableCrossAttention, num_heads=2, num_points=2)
+    return SkyOcc(
+        ResNet(depth=18, width=8),
+        PillarEncoder(grid, lift, dim, num_layers, num_heights=4, num_heads=2, **encoder),
+        PillarDecoder(grid, dim, num_blocks=1),
+        metadata=metadata,
+        history_grad=history_grad,
+    )
+
+
+def build_batch(batch_size=2, frames=4, grid=GRID, image_size=IMAGE_SIZE, seed=0):
+    generator = torch.Generator().manual_seed(seed)
+    width, height = image_size
+    shape = (batch_size, frames)
+    roll, pitch, yaw = 0.15 * torch.randn(3, *shape, generator=generator)
+    zero = torch.zeros(shape)
+    occ_from_past_occ = rigid(
+        rotation_from_euler(zero, zero, yaw), torch.randn(*shape, 3, generator=generator)
+    )
+    occ_from_past_occ[:, -1] = torch.eye(4)
+    occ_from_body = rigid(rotation_from_euler(roll, pitch, zero), torch.zeros(*shape, 3))
+    body_from_camera = front_mount((0.2, 0.0, 0.0)).float().expand(batch_size, 4, 4)
+    pix_from_camera = pinhole(width, height, math.radians(90)).float()
+    chain = camera_from_occ(occ_from_body[:, -1], body_from_camera)
+    pix, depth_m = project(grid.centers().flatten(0, 2), chain, pix_from_camera)
+    visible = in_image(pix, depth_m, width, height).view(batch_size, *grid.shape)
+    labels = torch.randint(0, 9, visible.shape, generator=generator, dtype=torch.uint8)
+    return {
+        "image": torch.randint(
+            0, 256, (*shape, 3, height, width), generator=generator, dtype=torch.uint8
+        ),
+        "pix_from_camera": pix_from_camera.expand(*shape, 3, 3),
+        "body_from_camera": body_from_camera,
+        "occ_from_body": occ_from_body,
+        "occ_from_past_occ": occ_from_past_occ,
+        "history_valid": torch.ones(shape, dtype=torch.bool),
+        "velocity_mps": 5 * torch.randn(batch_size, 3, generator=generator),
+        "attitude_rad": torch.stack([roll, pitch], dim=-1)[:, -1],
+        "semantics": labels.masked_fill(~visible, UNKNOWN),
+        "visible": visible,
+    }

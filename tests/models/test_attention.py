@@ -1,0 +1,181 @@
+import math
+
+import pytest
+import torch
+
+from src.errors import UserError
+from src.models.attention import DeformableCrossAttention
+from src.models.backbone import STRIDES
+from src.models.references import References
+from src.models.sampling import SumOfRows
+
+DIM, HEIGHTS, HEADS, POINTS = 8, 3, 2, 2
+WIDTH, HEIGHT = 96, 64
+
+
+def random_attention(seed=0):
+    """Attention none of whose parameters is at its special initial value."""
+    generator = torch.Generator().manual_seed(seed)
+    attention = DeformableCrossAttention(DIM, HEIGHTS, HEADS, POINTS).double()
+    for parameter in attention.parameters():
+        parameter.data = 0.7 * torch.randn(parameter.shape, generator=generator).double()
+    return attention
+
+
+def random_input(seed=0, batch=2, pillars=5):
+    generator = torch.Generator().manual_seed(seed)
+    query = torch.randn(batch, pillars, DIM, generator=generator).double()
+    features = [
+        torch.randn(batch, DIM, HEIGHT // s, WIDTH // s, generator=generator).double()
+        for s in STRIDES
+    ]
+    # Some references lie on the image's edge, so that samples fall outside.
+    pix = torch.rand(batch, pillars, HEIGHTS, 2, generator=generator).double()
+    pix = (pix * 1.1 - 0.05).clamp(0, 0.9999) * torch.tensor([WIDTH, HEIGHT])
+    valid = torch.rand(batch, pillars, HEIGHTS, generator=generator) < 0.6
+    valid[0, 0] = False
+    return query, features, References(pix, torch.ones_like(pix[..., 0]), valid)
+
+
+def bilinear(feature, x, y):
+    """Value at (x, y), integers at pixel centres, zeros outside: four corners, one by one."""
+    total = torch.zeros(feature.shape[0], dtype=feature.dtype)
+    left, top = math.floor(x.detach()), math.floor(y.detach())
+    for column in (left, left + 1):
+        for row in (top, top + 1):
+            if 0 <= column < feature.shape[2] and 0 <= row < feature.shape[1]:
+                weight = (1 - (x - column).abs()) * (1 - (y - row).abs())
+                total = total + weight * feature[:, row, column]
+    return total
+
+
+def slow_attention(module, query, features, references):
+    """Eq. 7 written as loops, straight from its definition."""
+    out = []
+    for b in range(len(features[0])):
+        for p in range(references.valid.shape[1]):
+            update, count = torch.zeros(DIM).double(), 0
+            for j in range(HEIGHTS):
+                if not references.valid[b, p, j]:
+                    continue
+                q = query[min(b, len(query) - 1), p] + module.height_embedding[j]
+                update = (
+                    update
+                    + slow_sum(module, q, features, references.pix[b, p, j], b) @ (module.output[j])
+                )
+                count += 1
+            out.append(update / max(count, 1))
+    return torch.stack(out).view(len(features[0]), -1, DIM)
+
+
+def slow_sum(module, query, features, pix, b):
+    raw = module.sampling(query).view(3, HEADS, POINTS, len(STRIDES))
+    heads = []
+    for h in range(HEADS):
+        weights = raw[2, h].flatten().softmax(0).view(POINTS, len(STRIDES))
+        head = torch.zeros(DIM // HEADS).double()
+        for k in range(POINTS):
+            for level, stride in enumerate(STRIDES):
+                value = module.value(features[level][b].movedim(0, -1)).movedim(-1, 0)
+                channels = value[h * DIM // HEADS : (h + 1) * DIM // HEADS]
+                x = pix[0] / stride - 0.5 + raw[0, h, k, level]
+                y = pix[1] / stride - 0.5 + raw[1, h, k, level]
+                head = head + weights[k, level] * bilinear(channels, x, y)
+        heads.append(head)
+    return torch.cat(heads)
+
+
+@pytest.mark.parametrize("queries", [1, 2], ids=["shared_query", "query_per_frame"])
+def test_it_equals_the_loops_in_value_and_gradients(queries):
+    module = random_attention()
+    query, features, references = random_input()
+    inputs = [query[:queries].requires_grad_(), *(f.requires_grad_() for f in features)]
+    inputs += list(module.parameters())
+    upstream = torch.randn(2, 5, DIM, generator=torch.Generator().manual_seed(9)).double()
+    fast = module(inputs[0], features, references)
+    slow = slow_attention(module, inputs[0], features, references)
+    # Inside, the sampling locations are float32.
+    torch.testing.assert_close(fast, slow, atol=1e-4, rtol=1e-4)
+    for got, expected in zip(
+        torch.autograd.grad(fast, inputs, upstream), torch.autograd.grad(slow, inputs, upstream)
+    ):
+        torch.testing.assert_close(got, expected, atol=1e-3, rtol=1e-3)
+
+
+def test_a_pillar_without_valid_reference_gets_exactly_zero():
+    module = random_attention()
+    query, features, references = random_input()
+    update = module(query, features, references)
+    assert update[0, 0].eq(0).all()
+    assert update.ne(0).any(dim=-1).sum() == references.valid.any(dim=-1).sum()
+
+
+def test_no_valid_reference_at_all_is_zero_with_finite_gradients():
+    module = random_attention()
+    query, features, references = random_input()
+    nothing = references._replace(valid=torch.zeros_like(references.valid))
+    update = module(query, features, nothing)
+    assert update.eq(0).all()
+    update.sum().backward()
+    assert all(p.grad is None or p.grad.isfinite().all() for p in module.parameters())
+
+
+def test_an_invalid_reference_is_never_read():
+    module = random_attention()
+    query, features, references = random_input()
+    spoilt = torch.where(references.valid[..., None], references.pix, torch.nan)
+    torch.testing.assert_close(
+        module(query, features, references._replace(pix=spoilt)),
+        module(query, features, references),
+        atol=0,
+        rtol=0,
+    )
+
+
+def test_it_starts_by_reading_the_feature_at_the_reference():
+    """Untrained, one point a head: the mean over levels of the values under the reference."""
+    module = DeformableCrossAttention(DIM, 1, HEADS, num_points=1)
+    features = [torch.zeros(1, DIM, HEIGHT // s, WIDTH // s) for s in STRIDES]
+    features[0][0, 0, 5, 7] = 1.0
+    query = torch.zeros(1, 1, DIM)
+
+    def update_at(u, v):
+        references = References(
+            torch.tensor([u, v]).view(1, 1, 1, 2), torch.ones(1, 1, 1), torch.ones(1, 1, 1) > 0
+        )
+        return module(query, features, references)[0, 0]
+
+    expected = module.value.weight[:, 0] @ module.output[0] / len(STRIDES)
+    torch.testing.assert_close(update_at(7.5 * 4, 5.5 * 4), expected)
+    torch.testing.assert_close(update_at(8.0 * 4, 5.5 * 4), expected / 2)
+    assert update_at(9 * 4.0, 5.5 * 4).abs().max() < 1e-6
+
+
+def test_heights_can_be_told_apart():
+    """The same feature at another height gives another update, which a plain mean would not."""
+    module = random_attention()
+    query, features, references = random_input()
+    same_place = references._replace(pix=references.pix[:, :, :1].expand(-1, -1, HEIGHTS, -1))
+    low, high = (torch.arange(HEIGHTS) == j for j in (0, 2))
+    updates = [
+        module(query, features, same_place._replace(valid=h.expand(2, 5, HEIGHTS)))
+        for h in (low, high)
+    ]
+    assert not torch.allclose(*updates, atol=0.1)
+
+
+def test_sum_of_rows_passes_gradcheck_with_empty_and_repeated_rows():
+    generator = torch.Generator().manual_seed(0)
+    rows = torch.randn(4, 3, generator=generator).double().requires_grad_()
+    weights = torch.randn(6, generator=generator).double().requires_grad_()
+    index = torch.tensor([0, 2, 2, 0, 0, 1], dtype=torch.int32)
+    offsets = torch.tensor([0, 0, 3, 5, 6, 6], dtype=torch.int32)
+    assert torch.autograd.gradcheck(
+        lambda r, w: SumOfRows.apply(r, index, w, offsets), (rows, weights)
+    )
+    assert SumOfRows.apply(rows, index, weights, offsets)[[0, 4]].eq(0).all()
+
+
+def test_heads_must_divide_the_width():
+    with pytest.raises(UserError, match="num_heads"):
+        DeformableCrossAttention(10, HEIGHTS, 4, 1)

@@ -1,0 +1,138 @@
+import hashlib
+
+import pytest
+import torch
+
+from src.errors import UserError
+from src.models.backbone import IMAGENET_MEAN, IMAGENET_STD, ResNet
+from src.models.neck import FPN
+
+
+def random_image(width=96, height=64):
+    generator = torch.Generator().manual_seed(0)
+    return torch.randint(0, 256, (1, 3, height, width), generator=generator, dtype=torch.uint8)
+
+
+@pytest.mark.parametrize(("depth", "channels"), [(18, (8, 16, 32, 64)), (50, (32, 64, 128, 256))])
+def test_four_levels_at_strides_4_to_32(depth, channels):
+    features = ResNet(depth, width=8)(random_image())
+    assert [f.shape[1] for f in features] == list(channels)
+    assert [tuple(f.shape[2:]) for f in features] == [(16, 24), (8, 12), (4, 6), (2, 3)]
+
+
+@pytest.mark.parametrize(("depth", "parameters"), [(18, 11_176_512), (50, 23_508_032)])
+def test_the_standard_width_has_the_published_size(depth, parameters):
+    """Known sizes, 11,689,512 and 25,557,032, less the classifier's 513,000 and 2,049,000."""
+    assert sum(p.numel() for p in ResNet(depth).parameters()) == parameters
+
+
+def test_parameter_names_are_the_published_ones():
+    names = set(ResNet(50, width=8).state_dict())
+    assert {"conv1.weight", "bn1.running_mean", "layer1.0.conv3.weight"} <= names
+    assert {"layer1.0.downsample.0.weight", "layer4.0.downsample.1.bias"} <= names
+    assert {"layer2.3.bn3.weight", "layer3.5.conv1.weight", "layer4.2.conv2.weight"} <= names
+    assert len(names) == 318, "320 of the published file, less fc.weight and fc.bias"
+    assert len(ResNet(18, width=8).state_dict()) == 120
+
+
+def test_pixels_are_normalised_inside():
+    backbone = ResNet(18, width=8).eval()
+    seen = []
+    backbone.conv1.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0]))
+    image = random_image()
+    backbone(image)
+    mean, std = (torch.tensor(x).view(3, 1, 1) for x in (IMAGENET_MEAN, IMAGENET_STD))
+    torch.testing.assert_close(seen[0], (image / 255 - mean) / std)
+
+
+@pytest.mark.parametrize("size", [(100, 64), (96, 48)])
+def test_sides_that_are_no_multiples_of_32_are_refused(size):
+    with pytest.raises(UserError, match="multiples of 32"):
+        ResNet(18, width=8)(random_image(*size))
+
+
+def test_an_unknown_depth_is_refused():
+    with pytest.raises(UserError, match="depth: 34"):
+        ResNet(34)
+
+
+def save_weights(folder, depth=18, width=8, name="net-{}.pth", seed=1):
+    """A state dict with a classifier, saved under a name with its own hash."""
+    torch.manual_seed(seed)
+    state = ResNet(depth, width).state_dict()
+    state = {**state, "fc.weight": torch.zeros(1000, 64), "fc.bias": torch.zeros(1000)}
+    torch.save(state, folder / "raw")
+    digest = hashlib.sha256((folder / "raw").read_bytes()).hexdigest()
+    path = (folder / "raw").rename(folder / name.format(digest[:8]))
+    return path, digest, state
+
+
+def test_weights_load_by_path_and_drop_the_classifier(tmp_path):
+    path, _, state = save_weights(tmp_path)
+    loaded = ResNet(18, 8, weights=str(path)).state_dict()
+    assert all(value.equal(state[name]) for name, value in loaded.items())
+
+
+def test_weights_load_by_url(tmp_path, monkeypatch):
+    (tmp_path / "hub").mkdir()
+    monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path / "hub"))
+    path, digest, state = save_weights(tmp_path)
+    loaded = ResNet(18, 8, weights=path.as_uri(), weights_sha256=digest)
+    assert loaded.conv1.weight.equal(state["conv1.weight"])
+    path.unlink()
+    again = ResNet(18, 8, weights=path.as_uri())
+    assert again.conv1.weight.equal(state["conv1.weight"]), "kept after the download"
+
+
+def test_weights_with_another_hash_are_refused(tmp_path):
+    path, digest, _ = save_weights(tmp_path)
+    with pytest.raises(UserError, match=digest):
+        ResNet(18, 8, weights=str(path), weights_sha256="0" * 64)
+    with path.open("ab") as file:
+        file.write(b"x")
+    with pytest.raises(UserError, match="SHA-256"):
+        ResNet(18, 8, weights=str(path))
+
+
+def test_weights_without_any_hash_are_refused_with_the_hash_to_set(tmp_path):
+    path, digest, _ = save_weights(tmp_path, name="mine.pth")
+    with pytest.raises(UserError, match=f"weights_sha256.*{digest}"):
+        ResNet(18, 8, weights=str(path))
+    assert ResNet(18, 8, weights=str(path), weights_sha256=digest)
+
+
+@pytest.mark.parametrize(("depth", "width"), [(18, 16), (50, 8)])
+def test_weights_of_another_architecture_are_refused(tmp_path, depth, width):
+    path, _, _ = save_weights(tmp_path)
+    with pytest.raises(UserError, match=f"does not fit a ResNet-{depth}"):
+        ResNet(depth, width, weights=str(path))
+
+
+def test_weights_that_are_missing_or_out_of_reach_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path))
+    with pytest.raises(UserError, match="no file"):
+        ResNet(18, 8, weights=str(tmp_path / "none-00000000.pth"))
+    with pytest.raises(UserError, match="cannot download"):
+        ResNet(18, 8, weights=(tmp_path / "none-00000000.pth").as_uri())
+
+
+def test_a_file_that_is_no_state_dict_is_refused(tmp_path):
+    path = tmp_path / "text.pth"
+    path.write_text("no weights")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    with pytest.raises(UserError, match="does not fit"):
+        ResNet(18, 8, weights=str(path), weights_sha256=digest)
+
+
+def test_the_pyramid_brings_coarse_features_to_fine_levels():
+    neck = FPN((4, 8, 16, 32), dim=6)
+    features = [torch.zeros(1, 4 * 2**i, 16 // 2**i, 24 // 2**i) for i in range(4)]
+    quiet = neck(features)
+    features[3] = torch.ones_like(features[3])
+    loud = neck(features)
+    assert [tuple(f.shape[1:]) for f in loud] == [(6, 16, 24), (6, 8, 12), (6, 4, 6), (6, 2, 3)]
+    assert all(not torch.allclose(a, b) for a, b in zip(quiet, loud))
+    features[3] = torch.zeros_like(features[3])
+    features[0] = torch.ones_like(features[0])
+    fine = neck(features)
+    assert all(a.equal(b) for a, b in zip(quiet[1:], fine[1:])), "fine never reaches coarse"

@@ -1,0 +1,136 @@
+import math
+
+import pytest
+import torch
+
+from src.errors import UserError
+from src.geometry import VoxelGrid, rigid, rotation_from_euler
+from src.models.history import History, TemporalAttention, align_history
+
+GRID = VoxelGrid(shape=(20, 20, 12))
+
+
+def moved(dx_m=0.0, dy_m=0.0, dz_m=0.0, yaw_rad=0.0):
+    """occ_from_past_occ [1, 1, 4, 4]."""
+    zero = torch.zeros(1, 1)
+    rotation = rotation_from_euler(zero, zero, zero + yaw_rad)
+    return rigid(rotation, torch.tensor([dx_m, dy_m, dz_m]).view(1, 1, 3))
+
+
+def history_of(pillars, occ_from_past_occ):
+    return History(pillars, occ_from_past_occ, torch.ones(pillars.shape[:2], dtype=torch.bool))
+
+
+def ramp():
+    """Past pillars that hold their own centre: bilinear sampling keeps a linear map exact."""
+    return GRID.centers()[:, :, 0, :2].flatten(0, 1)[None, None]
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        {"dx_m": -5.0},
+        {"dx_m": -3.1, "dy_m": 1.7},
+        {"yaw_rad": 0.3},
+        {"dx_m": -4.0, "dy_m": 2.0, "yaw_rad": -0.2},
+    ],
+)
+def test_a_pillar_finds_its_own_place_in_the_past(motion):
+    """What stood at x_past is now at x_past turned and shifted, worked out by hand."""
+    aligned = align_history(history_of(ramp(), moved(**motion)), GRID)
+    yaw, dx, dy = (motion.get(k, 0.0) for k in ("yaw_rad", "dx_m", "dy_m"))
+    x, y = aligned.pillars[0, 0].unbind(-1)
+    now = torch.stack(
+        [
+            math.cos(yaw) * x - math.sin(yaw) * y + dx,
+            math.sin(yaw) * x + math.cos(yaw) * y + dy,
+        ],
+        dim=-1,
+    )
+    # Within half a cell of the border the resampled ramp is flat.
+    inner = aligned.valid[0, 0] & (x > 1.3) & (x < 48.7) & (y.abs() < 23.7)
+    assert inner.sum() > 200
+    torch.testing.assert_close(now[inner], ramp()[0, 0][inner], atol=1e-4, rtol=1e-5)
+
+
+def test_what_left_the_grid_is_masked_and_zero():
+    aligned = align_history(history_of(ramp(), moved(dx_m=-10.0)), GRID)
+    valid = aligned.valid.view(20, 20)
+    assert valid[:16].all(), "10 m at 2.5 m a pillar: four rows are new"
+    assert not valid[16:].any()
+    assert aligned.pillars.view(20, 20, 2)[16:].eq(0).all()
+
+
+def test_climbing_moves_no_pillar_and_shows_in_dz():
+    aligned = align_history(history_of(ramp(), moved(dz_m=-3.0)), GRID)
+    torch.testing.assert_close(aligned.pillars, ramp())
+    assert aligned.dz_m.item() == -3.0
+
+
+def aligned_batch(batch=2, frames=3, dim=8, seed=0):
+    generator = torch.Generator().manual_seed(seed)
+    pillars = torch.randn(batch, frames, 400, dim, generator=generator)
+    motion = torch.cat([moved(dx_m=-float(i)) for i in range(frames)], dim=1)
+    return History(
+        pillars, motion.repeat(batch, 1, 1, 1), torch.ones(batch, frames, dtype=torch.bool)
+    )
+
+
+def temporal_attention(seed=0):
+    torch.manual_seed(seed)
+    return TemporalAttention(8, num_heads=2, num_frames=4)
+
+
+@pytest.mark.parametrize("garbage", [1e6, float("nan"), float("inf")])
+def test_a_frame_that_does_not_exist_changes_nothing(garbage):
+    attention, history = temporal_attention(), aligned_batch()
+    query = torch.randn(1, 400, 8, generator=torch.Generator().manual_seed(1))
+    history.valid[0, 0] = False
+    expected = attention(query, align_history(history, GRID))
+    pillars, motion = history.pillars.clone(), history.occ_from_past_occ.clone()
+    pillars[0, 0], motion[0, 0] = garbage, garbage
+    pillars.requires_grad_()
+    got = attention(query, align_history(History(pillars, motion, history.valid), GRID))
+    assert got.equal(expected)
+    got.sum().backward()
+    assert pillars.grad.isfinite().all()
+    assert all(p.grad.isfinite().all() for p in attention.parameters())
+
+
+def test_no_valid_history_equals_no_history():
+    attention, history = temporal_attention(), aligned_batch()
+    query = torch.randn(2, 400, 8, generator=torch.Generator().manual_seed(1))
+    nothing = history._replace(valid=torch.zeros_like(history.valid))
+    torch.testing.assert_close(
+        attention(query, align_history(nothing, GRID)), attention(query, None)
+    )
+
+
+def test_a_short_queue_equals_a_padded_one():
+    """Ages count back from the current frame, wherever the queue begins."""
+    attention, history = temporal_attention(), aligned_batch()
+    query = torch.randn(2, 400, 8, generator=torch.Generator().manual_seed(1))
+    padded = history._replace(valid=torch.tensor([False, False, True]).expand(2, 3))
+    short = History(*(x[:, -1:] for x in history))
+    torch.testing.assert_close(
+        attention(query, align_history(padded, GRID)), attention(query, align_history(short, GRID))
+    )
+
+
+def test_age_vertical_shift_and_content_of_the_past_all_matter():
+    attention, history = temporal_attention(), aligned_batch()
+    query = torch.randn(2, 400, 8, generator=torch.Generator().manual_seed(1))
+    aligned = align_history(history, GRID)
+    before = attention(query, aligned)
+    for changed in (
+        aligned._replace(dz_m=aligned.dz_m + 2.0),
+        aligned._replace(pillars=aligned.pillars.flip(1)),
+        aligned._replace(pillars=aligned.pillars + 1.0),
+    ):
+        assert not torch.allclose(attention(query, changed), before, atol=1e-3)
+
+
+def test_more_frames_than_it_was_built_for_are_refused():
+    attention, history = temporal_attention(), aligned_batch(frames=4)
+    with pytest.raises(UserError, match="5 frames, but the model was built for 4"):
+        attention(torch.randn(1, 400, 8), align_history(history, GRID))

@@ -1,0 +1,173 @@
+import pytest
+import torch
+
+from src.errors import UserError
+from src.models.losses import (
+    OccupancyLoss,
+    _lovasz_slope,
+    lovasz_softmax,
+    safety_weights,
+    weighted_cross_entropy,
+)
+from src.ontology import BUILDING, FREE, GROUND, THIN_STRUCTURE, UNKNOWN, VRU
+
+
+def random_case(seed=0, shape=(2, 3, 4, 5), classes=range(9), unknown=0.3):
+    generator = torch.Generator().manual_seed(seed)
+    logits = 3 * torch.randn(shape[0], 9, *shape[1:], generator=generator)
+    picks = torch.randint(0, len(classes), shape, generator=generator)
+    target = torch.tensor(list(classes), dtype=torch.uint8)[picks]
+    target[torch.rand(shape, generator=generator) < unknown] = UNKNOWN
+    return logits, target
+
+
+def voxels(logits, target):
+    """Every supervised voxel's logits (float64) and label, one at a time."""
+    rows = logits.double().movedim(1, -1).flatten(0, -2)
+    return [(row, int(label)) for row, label in zip(rows, target.flatten()) if label != UNKNOWN]
+
+
+def slow_lovasz(logits, target):
+    """The Lovasz extension by its definition: the Jaccard loss of growing sets of errors."""
+    cases = voxels(logits, target)
+    losses = []
+    for class_id in sorted({label for _, label in cases}):
+        truth = {i for i, (_, label) in enumerate(cases) if label == class_id}
+        probability = [row.softmax(0)[class_id] for row, _ in cases]
+        errors = [1 - p if i in truth else p for i, p in enumerate(probability)]
+        wrong, loss, before = set(), 0.0, 0.0
+        for i in sorted(range(len(errors)), key=lambda i: -errors[i].item()):
+            wrong.add(i)
+            # Jaccard loss of a prediction that is wrong exactly on this set.
+            jaccard = 1 - len(truth - wrong) / len(truth | wrong)
+            loss = loss + errors[i] * (jaccard - before)
+            before = jaccard
+        losses.append(loss)
+    return sum(losses) / len(losses)
+
+
+@pytest.mark.parametrize("classes", [range(9), (GROUND, FREE), (VRU,)])
+def test_lovasz_equals_its_definition_in_value_and_gradient(classes):
+    logits, target = random_case(classes=classes)
+    logits.requires_grad_()
+    expected = slow_lovasz(logits, target)
+    (expected_grad,) = torch.autograd.grad(expected, logits)
+    loss = lovasz_softmax(logits, target)
+    (grad,) = torch.autograd.grad(loss, logits)
+    torch.testing.assert_close(loss, expected.float())
+    torch.testing.assert_close(grad, expected_grad, atol=1e-7, rtol=1e-4)
+
+
+def test_lovasz_of_one_voxel_is_its_error():
+    logits = torch.randn(1, 9, 1, 1, 1, generator=torch.Generator().manual_seed(0))
+    target = torch.tensor(VRU, dtype=torch.uint8).view(1, 1, 1, 1)
+    error = 1 - logits.flatten().softmax(0)[VRU]
+    torch.testing.assert_close(lovasz_softmax(logits, target), error)
+
+
+def test_lovasz_of_a_sure_prediction_is_the_mean_jaccard_loss():
+    predicted = torch.tensor([GROUND, GROUND, FREE, FREE, BUILDING])
+    target = torch.tensor([[GROUND, FREE, FREE, FREE, GROUND]], dtype=torch.uint8)
+    logits = 100 * torch.eye(9)[predicted].T[None]
+    # ground: one of three, free: two of three; building is not in the target.
+    torch.testing.assert_close(
+        lovasz_softmax(logits, target), torch.tensor(((1 - 1 / 3) + (1 - 2 / 3)) / 2)
+    )
+
+
+def test_lovasz_pools_the_batch_and_does_not_average_frames():
+    logits, target = random_case()
+    pooled = lovasz_softmax(logits, target)
+    frames = torch.stack([lovasz_softmax(l[None], t[None]) for l, t in zip(logits, target)])
+    assert not torch.isclose(pooled, frames.mean())
+    joined = lovasz_softmax(torch.cat(list(logits), 1)[None], torch.cat(list(target), 0)[None])
+    torch.testing.assert_close(pooled, joined)
+
+
+def test_lovasz_slopes_keep_their_precision_over_many_voxels():
+    """Each slope, not only their sum: running Jaccard values in float32 would lose it."""
+    generator = torch.Generator().manual_seed(0)
+    error = torch.rand(300_000, generator=generator)
+    is_class = torch.rand(len(error), generator=generator) < 0.9
+    order = error.argsort(descending=True, stable=True)
+    hits = is_class[order].double()
+    intersection = hits.sum() - hits.cumsum(0)
+    union = hits.sum() + (1 - hits).cumsum(0)
+    jaccard = 1 - intersection / union
+    expected = torch.empty_like(jaccard)
+    expected[order] = torch.diff(jaccard, prepend=jaccard.new_zeros(1))
+    unique = error.unique(return_inverse=True, return_counts=True)
+    untied = unique[2][unique[1]] == 1
+    slope = _lovasz_slope(error, is_class).double()
+    torch.testing.assert_close(slope[untied], expected[untied], atol=0, rtol=1e-4)
+
+
+def test_cross_entropy_divides_by_the_number_of_supervised_voxels():
+    logits, target = random_case(seed=1)
+    weight = torch.arange(1.0, 10.0)
+    cases = voxels(logits, target)
+    expected = sum(weight[label] * -row.log_softmax(0)[label] for row, label in cases) / len(cases)
+    loss = weighted_cross_entropy(logits, target, weight)
+    torch.testing.assert_close(loss, expected.float())
+    by_weight = torch.nn.functional.cross_entropy(
+        logits, target.long(), weight, ignore_index=UNKNOWN
+    )
+    assert not torch.isclose(loss, by_weight)
+
+
+def test_weights_of_one_are_no_weights():
+    logits, target = random_case(seed=2)
+    torch.testing.assert_close(
+        weighted_cross_entropy(logits, target, torch.ones(9)),
+        weighted_cross_entropy(logits, target, None),
+    )
+
+
+def test_nothing_supervised_is_zero_with_a_graph():
+    logits, target = random_case(unknown=2.0)
+    logits.requires_grad_()
+    parts = OccupancyLoss(torch.ones(9), lovasz_weight=1.0)(logits, target)
+    assert {name: float(part) for name, part in parts.items()} == {
+        "cross_entropy": 0.0,
+        "lovasz": 0.0,
+        "total": 0.0,
+    }
+    parts["total"].backward()
+    assert logits.grad.eq(0).all()
+
+
+def test_unknown_voxels_change_nothing():
+    logits, target = random_case(seed=3)
+    loss = OccupancyLoss(torch.arange(1.0, 10.0), lovasz_weight=1.0)
+    before = loss(logits, target)["total"]
+    spoilt = torch.where(target[:, None] == UNKNOWN, torch.nan, logits)
+    torch.testing.assert_close(loss(spoilt, target)["total"], before)
+
+
+def test_total_is_cross_entropy_plus_weighted_lovasz():
+    logits, target = random_case(seed=4)
+    weight = torch.arange(1.0, 10.0)
+    parts = OccupancyLoss(weight, lovasz_weight=0.5)(logits, target)
+    torch.testing.assert_close(
+        parts["total"],
+        weighted_cross_entropy(logits, target, weight) + 0.5 * lovasz_softmax(logits, target),
+    )
+    assert set(OccupancyLoss(weight)(logits, target)) == {"cross_entropy", "total"}
+
+
+def test_safety_weights_follow_their_rule():
+    counts = torch.tensor([4e4, 1e5, 2.5e4, 100, 0, 1e3, 10, 4e3, 1e6])
+    weight = safety_weights(counts, max_ratio=8.0, safety_factor=1.5).double()
+    frequency = counts.double() / counts.double().sum()
+    torch.testing.assert_close(frequency @ weight, torch.tensor(1.0, dtype=torch.float64))
+    relative = (weight / weight[FREE]).tolist()
+    assert relative[BUILDING] == pytest.approx(5.0)
+    assert relative[GROUND] == pytest.approx(10**0.5)
+    assert relative[THIN_STRUCTURE] == relative[VRU] == pytest.approx(12.0)
+    assert relative[4] == pytest.approx(12.0), "a class that training lacks gets the cap"
+
+
+@pytest.mark.parametrize("counts", [[0] * 9, [1] * 8, [1] * 8 + [-1]])
+def test_safety_weights_refuse_what_are_no_counts(counts):
+    with pytest.raises(UserError, match="voxel counts"):
+        safety_weights(counts)

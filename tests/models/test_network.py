@@ -1,0 +1,229 @@
+import copy
+import functools
+
+import pytest
+import torch
+
+from src.errors import UserError
+from src.geometry import VoxelGrid, front_mount
+from src.models import (
+    DeformableCrossAttention,
+    History,
+    OccupancyLoss,
+    PillarDecoder,
+    PillarEncoder,
+    ResNet,
+    SkyOcc,
+)
+from tests.models.synthetic import GRID, build_batch, build_network
+
+
+def clone(batch):
+    return {name: value.clone() for name, value in batch.items()}
+
+
+def test_logits_have_the_grid_and_are_float32(network, batch):
+    logits = network(batch)
+    assert logits.shape == (2, 9, *GRID.shape)
+    assert logits.dtype == torch.float32
+
+
+def test_the_stream_equals_the_batch_path_exactly(network, batch):
+    """Pillars cached one frame at a time, then the current frame, against the whole queue."""
+    network.eval()
+    cached = [
+        network.encode(
+            batch["image"][:, i],
+            batch["pix_from_camera"][:, i],
+            batch["body_from_camera"],
+            batch["occ_from_body"][:, i],
+        )
+        for i in range(3)
+    ]
+    history = History(
+        torch.stack(cached, 1), batch["occ_from_past_occ"][:, :-1], batch["history_valid"][:, :-1]
+    )
+    pillars = network.encode(
+        batch["image"][:, -1],
+        batch["pix_from_camera"][:, -1],
+        batch["body_from_camera"],
+        batch["occ_from_body"][:, -1],
+        history,
+    )
+    streamed = network.decode(pillars, batch["attitude_rad"], batch["velocity_mps"])
+    assert streamed.equal(network(batch))
+
+
+@pytest.mark.parametrize("training", [True, False])
+def test_padded_frames_are_never_read(network, batch, training):
+    network.train(training)
+    batch["history_valid"][0, :2] = False
+    expected = copy.deepcopy(network)(batch)
+    spoilt = clone(batch)
+    spoilt["image"][0, :2] = 255 - spoilt["image"][0, :2]
+    for name in ("pix_from_camera", "occ_from_body", "occ_from_past_occ"):
+        spoilt[name][0, :2] = torch.nan
+    assert network(spoilt).equal(expected)
+
+
+def test_every_valid_past_frame_matters(network, batch):
+    network.eval()
+    before = network(batch)
+    for frame in range(4):
+        changed = clone(batch)
+        changed["image"][:, frame] = 0
+        assert not torch.allclose(network(changed), before, atol=1e-4)
+
+
+def test_no_history_at_all_equals_a_single_frame(network, batch):
+    network.eval()
+    alone = {
+        name: value[:, -1:]
+        if value.dim() > 1 and value.shape[1] == 4 and name not in ("body_from_camera",)
+        else value
+        for name, value in batch.items()
+    }
+    batch["history_valid"][:, :-1] = False
+    assert network(batch).equal(network(alone))
+
+
+def test_a_camera_that_sees_no_pillar_gives_finite_output_and_gradients(network, batch):
+    backwards = front_mount((0.0, 0.0, 0.0)).float()
+    backwards[:2] *= -1
+    batch["body_from_camera"] = backwards.expand(2, 4, 4)
+    logits = network(batch)
+    OccupancyLoss(lovasz_weight=1.0)(logits, batch["semantics"])["total"].backward()
+    assert logits.isfinite().all()
+    assert all(p.grad is None or p.grad.isfinite().all() for p in network.parameters())
+
+
+def test_every_parameter_learns(batch):
+    network = build_network(num_layers=1)
+    # At its initial zero, nothing that feeds the prediction of offsets has a gradient yet.
+    torch.nn.init.normal_(network.encoder.layers[0].lift.sampling.weight, std=0.1)
+    OccupancyLoss(lovasz_weight=1.0)(network(batch), batch["semantics"])["total"].backward()
+    still = [name for name, p in network.named_parameters() if p.grad is None or not p.grad.any()]
+    assert still == []
+
+
+def test_past_frames_give_gradient_only_when_asked(batch):
+    """With the current image constant, the first convolution learns from the past alone."""
+    gradients = {}
+    for history_grad in (False, True):
+        network = build_network(history_grad=history_grad)
+        network.eval()
+        seen = []
+        network.backbone.layer1.register_forward_hook(
+            lambda _, __, output, seen=seen: seen.append(output.requires_grad)
+        )
+        network(batch)
+        gradients[history_grad] = seen
+    assert gradients == {False: [False] * 3 + [True], True: [True] * 4}
+
+
+def test_running_statistics_see_the_current_frames_once(batch):
+    network, other = build_network(), build_network()
+    other.load_state_dict(network.state_dict())
+    network(batch)
+    changed = clone(batch)
+    changed["image"][:, :-1] = 0
+    other(changed)
+    norm = network.backbone.bn1
+    assert norm.num_batches_tracked == 1
+    assert norm.running_mean.equal(other.backbone.bn1.running_mean)
+    assert norm.training
+    assert not norm.running_mean.eq(0).all()
+
+
+def test_level_ignores_attitude_except_as_metadata(batch):
+    tilted = clone(batch)
+    tilted["occ_from_body"] = tilted["occ_from_body"].roll(1, dims=0)
+    for projection, same in (("level", True), ("attitude", False)):
+        network = build_network(projection=projection).eval()
+        assert network(tilted).equal(network(batch)) is same
+
+
+def test_metadata_enter_after_the_lifting_and_can_be_left_out(batch):
+    other = clone(batch)
+    other["velocity_mps"] += 1.0
+    other["attitude_rad"] += 0.1
+    network = build_network().eval()
+    assert not network(other).allclose(network(batch))
+    without = build_network(metadata=False).eval()
+    assert without(other).equal(without(batch))
+
+
+def test_attitude_moves_what_the_pillars_see_to_where_it_is():
+    """A bright spot that the tilted camera sees ahead: only the true attitude finds its pillar."""
+    grid = VoxelGrid((0, -10, -10), (20, 10, 10), (10, 10, 10))
+    network = build_network(grid=grid, dim=16, num_layers=1).eval()
+    batch = build_batch(batch_size=1, frames=1, grid=grid)
+    references = network.encoder.references(
+        batch["occ_from_body"][:, 0],
+        batch["body_from_camera"],
+        batch["pix_from_camera"][:, 0],
+        (96, 64),
+    )
+    pillar, height = references.valid[0].nonzero()[17]
+    u, v = (references.pix[0, pillar, height] / 4).long()
+    features = [torch.zeros(1, 16, 64 // s, 96 // s) for s in (4, 8, 16, 32)]
+    features[0][0, :, v, u] = 10.0
+    lift = network.encoder.layers[0].lift
+    query = torch.zeros(1, 100, 16)
+    update = lift(query, features, references) - lift(query, [0 * f for f in features], references)
+    assert update[0, pillar].abs().max() > 0.01
+
+
+def test_sides_that_are_no_multiples_of_32_are_refused(network):
+    with pytest.raises(UserError, match="100x64 pixels"):
+        network(build_batch(image_size=(100, 64)))
+
+
+def test_bfloat16_autocast_stays_close_and_gives_float32(network, batch):
+    network.eval()
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        mixed = network(batch)
+    plain = network(batch)
+    assert mixed.dtype == torch.float32
+    assert (mixed - plain).abs().mean() < 0.05 * plain.std()
+
+
+def test_bfloat16_autocast_trains(network, batch):
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        logits = network(batch)
+        total = OccupancyLoss(torch.ones(9), 1.0)(logits, batch["semantics"])["total"]
+    total.backward()
+    assert all(p.grad.isfinite().all() for p in network.parameters() if p.grad is not None)
+
+
+def test_the_last_bias_is_the_log_prior():
+    prior = [5, 20, 5, 1, 1, 1, 0, 2, 65]
+    decoder = PillarDecoder(GRID, dim=8, num_blocks=1, class_prior=prior)
+    decoder.head[-1].weight.data.zero_()
+    probability = decoder(torch.randn(1, 100, 8)).softmax(1)[0, :, 3, 4, 2]
+    torch.testing.assert_close(probability, torch.tensor(prior) / 100, atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_it_fits_one_batch(batch):
+    network = build_network(num_layers=1)
+    loss = OccupancyLoss(lovasz_weight=1.0)
+    optimiser = torch.optim.AdamW(network.parameters(), 3e-3)
+    losses = []
+    for _ in range(150):
+        optimiser.zero_grad()
+        losses.append(loss(network(batch), batch["semantics"])["total"])
+        losses[-1].backward()
+        optimiser.step()
+    assert losses[-1] < 0.35 * losses[0]
+
+
+@pytest.mark.slow
+def test_the_papers_size_runs_forward():
+    grid = VoxelGrid()
+    lift = functools.partial(DeformableCrossAttention, num_heads=8, num_points=2)
+    network = SkyOcc(ResNet(50), PillarEncoder(grid, lift), PillarDecoder(grid)).eval()
+    with torch.no_grad():
+        logits = network(build_batch(1, 2, grid, (800, 448)))
+    assert logits.shape == (1, 9, 100, 100, 60)
+    assert logits.isfinite().all()

@@ -1,0 +1,143 @@
+"""The voxel prior: its counts, its labels, and the weight that validation chooses."""
+
+import pytest
+import torch
+
+from src.errors import UserError
+from src.geometry import VoxelGrid
+from src.metrics import OccupancyScores
+from src.models.prior import CANDIDATES, VoxelPrior
+
+GRID = VoxelGrid(lower_m=(0, -1, -1), upper_m=(8, 1, 1), shape=(4, 1, 1))
+BUILDING, THIN, CAR, FREE, UNKNOWN = 0, 3, 5, 8, 255
+
+
+def frames_of(*rows):
+    return torch.tensor(rows, dtype=torch.uint8).reshape(len(rows), *GRID.shape)
+
+
+def labels_of(prior, free_weight=None):
+    return prior.labels(free_weight).flatten().tolist()
+
+
+def prior_of(*rows):
+    prior = VoxelPrior(GRID.shape)
+    prior.count(frames_of(*rows))
+    return prior
+
+
+def make_scores():
+    return OccupancyScores(GRID)
+
+
+def test_counts_accumulate_over_calls_and_leave_out_the_unknown():
+    prior = prior_of([BUILDING, CAR, FREE, UNKNOWN], [BUILDING, FREE, FREE, UNKNOWN])
+    prior.count(frames_of([BUILDING, CAR, UNKNOWN, UNKNOWN])[0])
+    expected = torch.zeros(9, *GRID.shape, dtype=torch.int32)
+    expected[BUILDING, 0], expected[CAR, 1], expected[FREE, 1], expected[FREE, 2] = 3, 2, 1, 2
+    assert torch.equal(prior.counts, expected)
+
+
+def test_the_majority_wins_and_what_was_never_labelled_is_free():
+    rows = [[BUILDING, CAR, FREE, UNKNOWN]] * 2 + [[CAR, FREE, CAR, UNKNOWN]]
+    prior = prior_of(*rows)
+    assert labels_of(prior) == [BUILDING, CAR, FREE, FREE]
+    assert prior.labels().dtype == torch.uint8
+    assert prior.labels().shape == GRID.shape
+
+
+def test_a_rare_class_wins_only_when_free_weighs_little():
+    prior = prior_of([THIN] * 4, *[[FREE] * 4] * 9)
+    assert labels_of(prior, free_weight=1.0) == [FREE] * 4
+    assert labels_of(prior, free_weight=0.12) == [FREE] * 4
+    assert labels_of(prior, free_weight=0.11) == [THIN] * 4
+
+
+def test_no_weight_invents_an_occupied_voxel():
+    assert labels_of(prior_of([FREE, UNKNOWN, FREE, CAR]), free_weight=0.0) == [FREE] * 3 + [CAR]
+
+
+def test_the_free_class_may_have_any_id():
+    prior = VoxelPrior(GRID.shape, num_classes=3, free_index=0)
+    prior.count(frames_of([0, 0, 1, 2], [0, 2, 1, 0], [0, 0, 1, 0]))
+    assert labels_of(prior, free_weight=0.5) == [0, 2, 1, 2]
+    assert labels_of(prior, free_weight=0.6) == [0, 0, 1, 0]
+
+
+def training_rows():
+    """A car in a third of the frames in the first voxel, in 1 of 102 in the last two."""
+    return [[CAR, FREE, CAR, CAR]] + [[CAR, FREE, FREE, FREE]] * 33 + [[FREE] * 4] * 68
+
+
+def test_validation_chooses_the_weight_that_scores_best():
+    prior = prior_of(*training_rows())
+    often = [[CAR, FREE, FREE, FREE], [FREE, FREE, FREE, FREE]]
+    results = prior.fit([(frames_of(*often), torch.ones(2, 3))], make_scores)
+    assert tuple(results) == CANDIDATES
+    assert labels_of(prior) == [CAR, FREE, FREE, FREE]
+    assert results[prior.free_weight] == max(results.values()) > results[1.0]
+    assert results[prior.free_weight] > results[min(CANDIDATES)]
+
+    everywhere = [[CAR, FREE, CAR, CAR]] * 2
+    prior.fit([(frames_of(*everywhere), torch.ones(2, 3))], make_scores)
+    assert labels_of(prior) == [CAR, FREE, CAR, CAR]
+
+
+def test_the_results_are_the_scores_of_the_labels():
+    prior = prior_of(*training_rows())
+    target, velocity = frames_of([CAR, FREE, FREE, CAR]), torch.tensor([[9.0, 1.0, 0.0]])
+    results = prior.fit([(target, velocity)], make_scores)
+    for weight, kar_miou in results.items():
+        scores = make_scores()
+        scores.update(prior.labels(weight)[None], target, velocity)
+        assert kar_miou == float(scores.compute()["kar_miou"])
+    assert len(set(results.values())) == 3
+
+
+def test_frames_may_come_alone_in_batches_and_from_a_generator():
+    batch = frames_of([CAR] * 4, [FREE] * 4, [CAR, FREE, CAR, FREE])
+    velocity = torch.tensor([[9.0, 0.0, 0.0], [0.0, 20.0, 1.0], [0.0, 0.0, 0.0]])
+    prior = prior_of(*training_rows())
+    in_batches = prior.fit([(batch, velocity)], make_scores)
+    assert prior.fit(zip(batch, velocity), make_scores) == in_batches
+
+
+def test_predictions_that_are_the_same_are_scored_once():
+    made = []
+
+    def make_counted():
+        made.append(make_scores())
+        return made[-1]
+
+    prior = prior_of(*training_rows())
+    prior.fit([(frames_of([CAR] * 4), torch.ones(1, 3))], make_counted)
+    assert len(made) == 3
+
+
+def test_equal_scores_keep_the_larger_weight():
+    prior = prior_of([CAR] * 4)
+    prior.fit([(frames_of([CAR] * 4), torch.ones(1, 3))], make_scores, candidates=(0.1, 0.5))
+    assert prior.free_weight == 0.5
+
+
+def test_validation_without_an_occupied_voxel_is_refused():
+    prior = prior_of([FREE] * 4)
+    with pytest.raises(UserError, match="validation"):
+        prior.fit([(frames_of([FREE] * 4), torch.ones(1, 3))], make_scores)
+    assert prior.free_weight == 1.0
+
+
+@pytest.mark.parametrize(
+    "semantics",
+    [
+        torch.zeros(1, 4, 1, 2, dtype=torch.uint8),
+        torch.zeros(1, 4, 1, 1),
+        frames_of([BUILDING, 9, FREE, FREE]),
+        frames_of([BUILDING, 254, FREE, FREE]),
+    ],
+)
+def test_labels_that_do_not_fit_are_refused_and_not_counted(semantics):
+    prior = VoxelPrior(GRID.shape)
+    with pytest.raises(UserError, match=r"^semantics:"):
+        prior.count(semantics)
+    assert not prior.counts.any()

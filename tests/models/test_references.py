@@ -1,0 +1,69 @@
+import math
+
+import pytest
+import torch
+
+from src.errors import UserError
+from src.geometry import VoxelGrid, front_mount, pinhole, rigid, rotation_from_euler
+from src.models.references import PillarReferences
+
+GRID = VoxelGrid(shape=(10, 10, 6))
+SIZE = (96, 64)
+MOUNT = front_mount((0.0, 0.0, 0.0)).float()[None]
+PIX_FROM_CAMERA = pinhole(*SIZE, math.radians(90)).float()[None]
+
+
+def tilted(roll_rad, pitch_rad):
+    zero = torch.zeros(1)
+    rotation = rotation_from_euler(zero + roll_rad, zero + pitch_rad, zero)
+    return rigid(rotation, torch.zeros(1, 3))
+
+
+def test_points_are_at_pillar_centres_and_middles_of_equal_slices():
+    points = PillarReferences(GRID, 4, "attitude").points_occ
+    assert points.shape == (100, 4, 3)
+    torch.testing.assert_close(points[0, :, 2], torch.tensor([-16.25, -8.75, -1.25, 6.25]))
+    torch.testing.assert_close(points[23, 0, :2], torch.tensor([12.5, -7.5]))
+
+
+def test_a_point_straight_ahead_is_at_the_principal_point_and_moves_with_pitch():
+    """Nose down by 0.2 rad, level ground ahead climbs in the image by f tan(0.2)."""
+    references = PillarReferences(VoxelGrid((0, -1, -1), (50, 1, 1), (25, 1, 1)), 1, "attitude")
+    level = references(tilted(0.0, 0.0), MOUNT, PIX_FROM_CAMERA, SIZE)
+    torch.testing.assert_close(level.pix[0, 5, 0], torch.tensor([48.0, 32.0]))
+    torch.testing.assert_close(level.depth_m[0, 5, 0], torch.tensor(11.0))
+    nose_down = references(tilted(0.0, 0.2), MOUNT, PIX_FROM_CAMERA, SIZE)
+    expected = torch.tensor([48.0, 32.0 - 48.0 * math.tan(0.2)])
+    torch.testing.assert_close(nose_down.pix[0, 5, 0], expected)
+
+
+def test_level_ignores_attitude_and_keeps_the_mount():
+    attitude, level = (PillarReferences(GRID, 4, p) for p in ("attitude", "level"))
+    mount = front_mount((0.3, 0.0, 0.1), pitch_rad=0.25).float()[None]
+    flat = attitude(tilted(0.0, 0.0), mount, PIX_FROM_CAMERA, SIZE)
+    rolled = level(tilted(0.3, -0.2), mount, PIX_FROM_CAMERA, SIZE)
+    for a, b in zip(flat, rolled):
+        torch.testing.assert_close(a, b)
+    assert not torch.equal(attitude(tilted(0.3, -0.2), mount, PIX_FROM_CAMERA, SIZE).pix, flat.pix)
+
+
+def test_valid_is_inside_the_image_and_before_the_camera():
+    references = PillarReferences(GRID, 4, "attitude")
+    seen = references(tilted(0.1, 0.1), MOUNT, PIX_FROM_CAMERA, SIZE)
+    u, v = seen.pix.unbind(-1)
+    inside = (u >= 0) & (u < SIZE[0]) & (v >= 0) & (v < SIZE[1]) & (seen.depth_m > 0.1)
+    assert seen.valid.equal(inside)
+    assert 0.2 < seen.valid.float().mean() < 0.9
+
+
+def test_bfloat16_autocast_does_not_blur_the_pixels():
+    references = PillarReferences(GRID, 4, "attitude")
+    plain = references(tilted(0.1, 0.1), MOUNT, PIX_FROM_CAMERA, SIZE)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        mixed = references(tilted(0.1, 0.1), MOUNT, PIX_FROM_CAMERA, SIZE)
+    assert mixed.pix.equal(plain.pix)
+
+
+def test_an_unknown_projection_is_refused():
+    with pytest.raises(UserError, match="projection"):
+        PillarReferences(GRID, 4, "tilted")

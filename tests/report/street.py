@@ -1,0 +1,94 @@
+"""A synthetic street as a label grid, for the tests of the figures."""
+
+import math
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+
+from src.geometry import (
+    VoxelGrid,
+    camera_from_occ,
+    front_mount,
+    in_image,
+    pinhole,
+    project,
+    rigid,
+    rotation_from_euler,
+)
+from src.ontology import (
+    BUILDING,
+    CAR,
+    FREE,
+    GENERAL,
+    GROUND,
+    LARGE_VEHICLE,
+    THIN_STRUCTURE,
+    UNKNOWN,
+    VEGETATION,
+    VRU,
+)
+from src.report.view import Frustum
+
+GRID = VoxelGrid(shape=(50, 50, 30))
+WIDTH, HEIGHT = 224, 128
+
+BOXES = (
+    (GROUND, (0, -25, -11), (50, 25, -10)),
+    (GROUND, (0, 7, -10), (50, 25, -9.5)),
+    (BUILDING, (10, 12, -10), (26, 24, 4)),
+    (BUILDING, (30, 11, -10), (46, 25, -1)),
+    (BUILDING, (16, -24, -10), (34, -13, 2)),
+    (BUILDING, (38, -25, -10), (50, -12, 8)),
+    (CAR, (20, 2, -10), (25, 4, -8)),
+    (CAR, (34, -5, -10), (38, -3, -8)),
+    (LARGE_VEHICLE, (24, -5, -10), (32, -2, -6)),
+    (VRU, (17, 8, -10), (18, 9, -8)),
+    (VRU, (29, -9, -10), (30, -8, -8)),
+    (GENERAL, (22, -10, -10), (24, -9, -8)),
+    (THIN_STRUCTURE, (28, 8, -10), (29, 9, 0)),
+    (THIN_STRUCTURE, (28, -10, -10), (29, -9, 0)),
+    (THIN_STRUCTURE, (28, -10, -1), (29, 9, 0)),
+    (VEGETATION, (36, 6, -10), (37, 7, -6)),
+    (VEGETATION, (34, 4, -6), (39, 9, -2)),
+    (VEGETATION, (14, -11, -10), (15, -10, -7)),
+    (VEGETATION, (12, -13, -7), (17, -8, -3)),
+)
+
+
+def fill(
+    labels: UInt8[np.ndarray, "X Y Z"],
+    grid: VoxelGrid,
+    class_id: int,
+    lower_m: tuple[float, float, float],
+    upper_m: tuple[float, float, float],
+) -> None:
+    """Set the voxels whose centre lies in a box of the occ frame."""
+    centers = grid.centers().numpy()
+    inside = ((centers >= lower_m) & (centers < upper_m)).all(axis=-1)
+    labels[inside] = class_id
+
+
+def tilted_frustum(roll_rad: float, pitch_rad: float) -> Frustum:
+    """A 90-degree camera on a UAV with some tilt."""
+    angles = torch.tensor([roll_rad, pitch_rad, 0.0], dtype=torch.float64)
+    world_from_body = rigid(rotation_from_euler(*angles), torch.zeros(3, dtype=torch.float64))
+    mount = front_mount((0.2, 0.0, 0.0), math.radians(15))
+    return Frustum(
+        camera_from_occ(world_from_body, mount),
+        pinhole(WIDTH, HEIGHT, math.radians(90)),
+        (WIDTH, HEIGHT),
+    )
+
+
+def street(grid: VoxelGrid = GRID, frustum: Frustum | None = None) -> UInt8[np.ndarray, "X Y Z"]:
+    """Buildings left and right of a road with everything on it; unknown outside the frustum."""
+    labels = np.full(grid.shape, FREE, dtype=np.uint8)
+    for class_id, lower_m, upper_m in BOXES:
+        fill(labels, grid, class_id, lower_m, upper_m)
+    if frustum is not None:
+        centers = grid.centers(torch.float64).reshape(-1, 3)
+        pix, depth_m = project(centers, frustum.camera_from_occ, frustum.pix_from_camera)
+        seen = in_image(pix, depth_m, *frustum.size_pix).reshape(grid.shape).numpy()
+        labels[~seen] = UNKNOWN
+    return labels

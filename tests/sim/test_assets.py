@@ -1,0 +1,161 @@
+"""Assets as plain solids: classes, sizes, materials, and that they stand on the ground."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from src.ontology import ACTOR_TYPES, BUILDING, GENERAL, THIN_STRUCTURE, VEGETATION
+from src.sim.assets import (
+    ACTORS,
+    bounds_m,
+    buildings,
+    extent_m,
+    furniture,
+    placed,
+    pose,
+    vegetation,
+)
+from src.sim.mesh import mesh_of_solid
+from src.sim.solid import Solid
+from src.sim.textures import PALETTE, TEXTURES
+
+EXTENTS_M = {
+    "car": ((4.2, 4.9), (1.7, 2.0), (1.4, 1.8)),
+    "truck": ((6.5, 9.5), (2.2, 2.6), (2.9, 3.6)),
+    "bus": ((10.0, 12.1), (2.4, 2.6), (3.0, 3.4)),
+    "pedestrian": ((0.3, 0.9), (0.4, 0.8), (1.6, 1.9)),
+    "bicycle": ((1.6, 1.9), (0.5, 0.7), (1.6, 2.0)),
+    "motorcycle": ((1.9, 2.3), (0.6, 0.8), (1.5, 1.9)),
+}
+STANDING = {
+    "broadleaf": (vegetation.broadleaf, {VEGETATION}),
+    "street_tree": (vegetation.street_tree, {VEGETATION}),
+    "conifer": (vegetation.conifer, {VEGETATION}),
+    "bush": (vegetation.bush, {VEGETATION}),
+    "hedge": (partial(vegetation.hedge, length_m=5.0), {VEGETATION}),
+    "bare_tree": (vegetation.bare_tree, {VEGETATION, THIN_STRUCTURE}),
+    "lamp_post": (furniture.lamp_post, {THIN_STRUCTURE}),
+    "park_lamp": (furniture.park_lamp, {THIN_STRUCTURE}),
+    "traffic_light": (partial(furniture.traffic_light, reach_m=3.0), {THIN_STRUCTURE}),
+    "sign_post": (furniture.sign_post, {THIN_STRUCTURE}),
+    "utility_pole": (partial(furniture.utility_pole, height_m=8.0), {THIN_STRUCTURE}),
+    "span_wire": (partial(furniture.span_wire, width_m=9.0), {THIN_STRUCTURE}),
+    "fence": (partial(furniture.fence, length_m=6.0), {THIN_STRUCTURE}),
+    "railing": (partial(furniture.railing, length_m=6.0), {THIN_STRUCTURE}),
+    "climbing_frame": (furniture.climbing_frame, {THIN_STRUCTURE}),
+    "bench": (furniture.bench, {GENERAL}),
+    "bin": (furniture.bin_, {GENERAL}),
+    "barrier": (furniture.barrier, {GENERAL}),
+    "cone": (furniture.cone_, {GENERAL}),
+    "container": (furniture.container, {GENERAL}),
+    "stall": (furniture.stall, {GENERAL}),
+    "shed": (buildings.shed, {BUILDING}),
+    "kiosk": (buildings.kiosk, {BUILDING}),
+    "tower": (
+        partial(buildings.tower, bays=5, depth_m=14.0, storeys=11, facade="facade_glass"),
+        {BUILDING},
+    ),
+    "apartment": (
+        partial(buildings.apartment, bays=4, depth_m=10.0, storeys=4, facade="facade_panel"),
+        {BUILDING},
+    ),
+    "gabled_house": (
+        partial(buildings.gabled_house, bays=4, depth_m=9.0, storeys=2, facade="siding_white"),
+        {BUILDING},
+    ),
+}
+SEEDS = range(6)
+
+
+def rng(seed: int) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def test_there_is_an_actor_for_every_type():
+    assert set(ACTORS) == set(ACTOR_TYPES)
+
+
+@pytest.mark.parametrize("kind", ACTORS)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_actor_is_realistic_and_of_one_class(kind, seed):
+    solids = ACTORS[kind](rng(seed))
+    assert len(solids) >= 5
+    assert {s.class_id for s in solids} == {ACTOR_TYPES[kind]}
+    assert all(s.material in TEXTURES or s.material in PALETTE for s in solids)
+    for size, (low, high) in zip(extent_m(solids), EXTENTS_M[kind]):
+        assert low <= size <= high
+    lower, upper = (np.stack(corner) for corner in zip(*map(bounds_m, solids)))
+    lower, upper = lower.min(axis=0), upper.max(axis=0)
+    assert np.abs(lower[:2] + upper[:2]).max() < 0.25, "the origin is not under the middle"
+    assert abs(lower[2]) < 0.08, "it does not stand on the ground"
+
+
+@pytest.mark.parametrize("name", STANDING)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_asset_is_rooted_in_the_ground_and_whole(name, seed):
+    make, classes = STANDING[name]
+    solids = make(rng(seed))
+    assert {s.class_id for s in solids} == classes
+    assert all(s.material in TEXTURES or s.material in PALETTE for s in solids)
+    assert -0.5 < min(bounds_m(s)[0][2] for s in solids) < -0.1
+    assert floating(solids) == 0
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_same_generator_same_asset_other_generator_other(name):
+    make, _ = STANDING[name]
+    same = [repr(make(rng(3))) for _ in range(2)]
+    assert same[0] == same[1]
+    if name != "apartment":
+        assert len({repr(make(rng(seed))) for seed in SEEDS}) > 1
+
+
+def test_wire_is_thin_sags_and_meets_its_ends():
+    solids = furniture.wire((0, 0, 8), (20, 0, 8), sag_m=0.6)
+    assert all(0.03 <= s.size_m[0] <= 0.05 for s in solids)
+    lower = min(bounds_m(s)[0][2] for s in solids)
+    assert lower == pytest.approx(8 - 0.6, abs=0.05)
+    ends = np.array([[0.02, 0, 7.99], [19.98, 0, 7.99]])
+    assert all(any(s.contains(end[None], 0.02).any() for s in solids) for end in ends)
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder", "cone", "ellipsoid"])
+def test_bounds_enclose_the_mesh_tightly(shape):
+    generator = rng(0)
+    for _ in range(20):
+        rotation, _ = np.linalg.qr(generator.normal(size=(3, 3)))
+        scene_from_solid = np.eye(4)
+        scene_from_solid[:3, :3] = rotation * np.sign(np.linalg.det(rotation))
+        scene_from_solid[:3, 3] = generator.normal(size=3)
+        size_m = tuple(generator.uniform(0.5, 2, 3))
+        solid = Solid(shape, GENERAL, size_m, scene_from_solid, "grass")
+        lower, upper = bounds_m(solid)
+        vertices_m = mesh_of_solid(solid).vertices_m
+        # The corners of the tessellation lie on the true surface, so it is a little smaller.
+        slack = 1e-9 if shape == "box" else 0.12 * max(size_m)
+        assert (vertices_m.min(axis=0) >= lower - 1e-9).all()
+        assert (vertices_m.max(axis=0) <= upper + 1e-9).all()
+        assert (vertices_m.min(axis=0) - lower).max() <= slack
+        assert (upper - vertices_m.max(axis=0)).max() <= slack
+
+
+def test_placed_moves_the_asset_without_changing_it():
+    solids = furniture.bench(rng(0))
+    moved = placed(solids, pose(10.0, -4.0, 1.0, np.pi / 2))
+    length, width, height = extent_m(solids)
+    assert extent_m(moved) == pytest.approx((width, length, height))
+    # A quarter turn to the left takes what looks along x to look along y.
+    backrest = moved[1].scene_from_solid[:3, 3]
+    assert backrest == pytest.approx([10.0, -4.25, 1.72])
+
+
+def floating(solids: list[Solid], slack_m: float = 0.03) -> int:
+    """How many parts neither reach into the ground nor touch, box to box, one that is held."""
+    lower, upper = (np.stack(corner) for corner in zip(*map(bounds_m, solids)))
+    touch = (lower[:, None] <= upper + slack_m).all(-1)
+    touch &= (upper[:, None] >= lower - slack_m).all(-1)
+    held = lower[:, 2] < 0
+    for _ in solids:
+        held = touch[held].any(axis=0)
+    return int((~held).sum())

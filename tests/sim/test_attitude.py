@@ -1,0 +1,85 @@
+"""What tilts the UAV."""
+
+import numpy as np
+import pytest
+import torch
+
+from src.geometry import quat_from_euler, rotation_from_euler
+from src.sim.attitude import (
+    GRAVITY_MPS2,
+    body_rates,
+    manoeuvre_tilt,
+    ornstein_uhlenbeck,
+    soft_limit,
+)
+
+
+@pytest.mark.parametrize("step_s", [0.02, 0.5])
+def test_the_process_has_the_paper_s_moments_at_any_step(step_s):
+    kappa, sigma = 1.5, 0.2
+    eta = ornstein_uhlenbeck(np.random.default_rng(0), 200_000, step_s, kappa, sigma, mean=0.3)
+    assert eta.mean() == pytest.approx(0.3, abs=0.01)
+    assert eta.std() == pytest.approx(sigma / np.sqrt(2 * kappa), rel=0.05)
+    lag = np.corrcoef(eta[:-1], eta[1:])[0, 1]
+    assert lag == pytest.approx(np.exp(-kappa * step_s), abs=0.01)
+
+
+def test_the_process_starts_in_its_steady_state():
+    first = [ornstein_uhlenbeck(np.random.default_rng(s), 1, 0.02, 1.0, 0.2)[0] for s in range(800)]
+    assert np.std(first) == pytest.approx(0.2 / np.sqrt(2), rel=0.1)
+
+
+def tilt(velocity_mps, acceleration_mps2, yaw_rad=0.0):
+    angles = manoeuvre_tilt(
+        np.array([velocity_mps]), np.array([acceleration_mps2]), np.array([yaw_rad]), 0.2
+    )
+    return [float(angle[0]) for angle in angles]
+
+
+def test_a_turn_to_the_left_banks_left_side_down():
+    roll_rad, pitch_rad = tilt((0, 0, 0), (0, 3.0, 0))
+    assert roll_rad == pytest.approx(-np.arctan(3 / GRAVITY_MPS2))
+    assert pitch_rad == 0
+    # Seen by the frames of the design: the left wing, body y, then points below the horizon.
+    rotation = rotation_from_euler(*torch.tensor([roll_rad, pitch_rad, 0.7]))
+    assert rotation[2, 1] < 0
+
+
+def test_the_nose_goes_down_to_go_forward_and_up_to_brake():
+    assert tilt((5.0, 0, 0), (0, 0, 0))[1] == pytest.approx(np.arctan(0.2 * 5 / GRAVITY_MPS2))
+    assert tilt((0, 0, 0), (-2.0, 0, 0))[1] < 0
+    rotation = rotation_from_euler(*torch.tensor([0.0, tilt((5.0, 0, 0), (0, 0, 0))[1], 0.0]))
+    assert rotation[2, 0] < 0
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 1.1, -2.5])
+def test_the_thrust_axis_carries_the_acceleration(yaw_rad):
+    velocity, acceleration = np.array([3.0, -1.0, 0.5]), np.array([1.0, 2.0, -0.5])
+    roll_rad, pitch_rad = tilt(velocity, acceleration, yaw_rad)
+    angles = torch.tensor([roll_rad, pitch_rad, yaw_rad], dtype=torch.float64)
+    up_body = rotation_from_euler(*angles)[:, 2].numpy()
+    thrust = acceleration + 0.2 * velocity + (0, 0, GRAVITY_MPS2)
+    assert up_body == pytest.approx(thrust / np.linalg.norm(thrust))
+
+
+def test_the_limit_is_soft():
+    angles_rad = np.linspace(-1.5, 1.5, 301)
+    limited = soft_limit(angles_rad, 0.5)
+    assert np.abs(limited).max() <= 0.5
+    assert (np.diff(limited) >= 0).all()
+    small = np.abs(angles_rad) < 0.3
+    assert limited[small] == pytest.approx(angles_rad[small])
+
+
+def test_integrating_the_body_rates_gives_the_attitudes_back():
+    rng = np.random.default_rng(2)
+    angles = torch.from_numpy(np.cumsum(rng.normal(0, 0.01, (3, 60)), axis=1))
+    quat_xyzw = quat_from_euler(*angles).numpy()
+    rates = body_rates(quat_xyzw, 0.02)
+    rotation = rotation_from_euler(*angles[:, 0])
+    for rate in torch.from_numpy(rates) * 0.02:
+        x, y, z = rate
+        zero = torch.zeros_like(x)
+        cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero]).reshape(3, 3)
+        rotation = rotation @ torch.linalg.matrix_exp(cross)
+    assert rotation.numpy() == pytest.approx(rotation_from_euler(*angles[:, -1]).numpy(), abs=1e-9)

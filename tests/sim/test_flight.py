@@ -1,0 +1,236 @@
+"""Flights over towns made of a few boxes, whose rays are intersected analytically."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from src.errors import UserError
+from src.geometry import euler_from_rotation, rotation_from_quat
+from src.sim.clearance import obstacle_heights, stays_clear
+from src.sim.flight import STEP_HZ, STEP_S, FlightConfig, fly
+from src.sim.layout import Path, Town
+from src.sim.pilot import reference_altitude
+from src.sim.route import Route
+
+LOW = dataclasses.replace(FlightConfig(), altitude_range_m=(3.5, 4.5))
+
+
+def level(x, y):
+    return 0 * x + 0 * y
+
+
+def rolling(x, y):
+    return 0.4 * np.sin(x / 12) * np.cos(y / 15)
+
+
+def corridor(*points_m, successors=(), half_width_m=3.0):
+    return Path(np.array(points_m, dtype=float), half_width_m, 9.0, successors)
+
+
+STRAIGHT = (corridor((0, 0), (200, 0)),)
+BLOCK = (
+    corridor((0, 0), (70, 0), successors=(1,)),
+    corridor((70, 0), (70, 70), successors=(2, 4)),
+    corridor((70, 70), (0, 70), successors=(3,)),
+    corridor((0, 70), (0, 0), successors=(0,)),
+    corridor((70, 70), (200, 70), successors=()),
+)
+
+
+def town_of(corridors, terrain=level):
+    return Town("hand-made", terrain, (), (), (), (), corridors)
+
+
+def cast_on(*boxes_m, terrain=level):
+    """Rays against axis-aligned boxes (lower, upper) and level-ish ground, as Embree answers."""
+
+    def cast(origins_m, directions):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ground = -(origins_m[:, 2] - terrain(*origins_m[:, :2].T)) / directions[:, 2]
+            distance_m = np.where(directions[:, 2] < -1e-9, ground, np.inf)
+            for lower_m, upper_m in boxes_m:
+                near = (np.array(lower_m) - origins_m) / directions
+                far = (np.array(upper_m) - origins_m) / directions
+                enter = np.fmax.reduce(np.fmin(near, far), axis=1)
+                leave = np.fmin.reduce(np.fmax(near, far), axis=1)
+                hit = np.where(enter > 0, enter, leave)
+                met = (enter <= leave) & (leave > 0)
+                distance_m = np.where(met, np.minimum(distance_m, hit), distance_m)
+        return distance_m
+
+    return cast
+
+
+def flights(count, corridors=BLOCK, terrain=rolling, config=None):
+    config = config or FlightConfig()
+    town, cast = town_of(corridors, terrain), cast_on(terrain=terrain)
+    return [fly(town, np.random.default_rng(seed), cast, config) for seed in range(count)]
+
+
+@pytest.fixture(scope="module")
+def twenty():
+    return flights(20)
+
+
+def all_of(several, name):
+    return np.concatenate([getattr(flight, name) for flight in several])
+
+
+def test_a_flight_is_twelve_seconds_of_whole_states(twenty):
+    steps = 12 * STEP_HZ
+    for field in dataclasses.fields(twenty[0]):
+        values = getattr(twenty[0], field.name)
+        assert len(values) == steps
+        assert np.isfinite(values).all()
+    assert [STEP_HZ % rate_hz for rate_hz in (2.5, 5, 10, 25)] == [0, 0, 0, 0]
+
+
+def test_climb_and_descent_are_bounded_and_the_ceiling_holds(twenty):
+    config = FlightConfig()
+    boxes = [((60, -9, 0), (62, 9, 12)), ((110, -9, 0), (111, 9, 15))]
+    cast = cast_on(*boxes)
+    over = [fly(town_of(STRAIGHT), np.random.default_rng(seed), cast, config) for seed in range(6)]
+    for flight in twenty + over:
+        rate_mps = np.diff(flight.altitude_m) / STEP_S
+        assert rate_mps.max() <= config.climb_mps + 1e-9
+        assert rate_mps.min() >= -config.descend_mps - 1e-9
+        assert flight.altitude_m.max() < 20
+    fastest = max((np.diff(flight.altitude_m) / STEP_S).max() for flight in over)
+    assert fastest > 0.8 * config.climb_mps
+
+
+def test_altitude_is_above_the_terrain(twenty):
+    flight = twenty[0]
+    ground_m = rolling(*flight.position_m[:, :2].T)
+    # The terrain is read where the UAV is, up to the half millimetre of the curve's sampling.
+    assert flight.position_m[:, 2] - ground_m == pytest.approx(flight.altitude_m, abs=1e-9)
+
+
+def test_velocity_is_the_derivative_of_position(twenty):
+    for flight in twenty[:4]:
+        slope = np.gradient(flight.position_m, STEP_S, axis=0)[1:-1]
+        assert flight.velocity_mps[1:-1] == pytest.approx(slope, abs=1e-9)
+        acceleration = np.gradient(flight.velocity_mps, STEP_S, axis=0)
+        assert np.abs(acceleration).max() < 12
+
+
+def test_angles_quaternion_pose_and_rates_agree(twenty):
+    flight = twenty[3]
+    rotation = rotation_from_quat(torch.from_numpy(flight.quat_xyzw))
+    for angle, name in zip(euler_from_rotation(rotation), ("roll_rad", "pitch_rad", "yaw_rad")):
+        assert angle.numpy() == pytest.approx(getattr(flight, name), abs=1e-9)
+    assert flight.world_from_body[:, :3, :3] == pytest.approx(rotation.numpy())
+    assert flight.world_from_body[:, :3, 3] == pytest.approx(flight.position_m)
+    step = (rotation[:-1].transpose(1, 2) @ rotation[1:]).numpy()
+    turned = np.stack(
+        [
+            step[:, 2, 1] - step[:, 1, 2],
+            step[:, 0, 2] - step[:, 2, 0],
+            step[:, 1, 0] - step[:, 0, 1],
+        ],
+        axis=1,
+    )
+    assert turned / 2 / STEP_S == pytest.approx(flight.body_rates_radps[:-1], rel=0.02, abs=1e-3)
+
+
+def test_the_nose_points_along_the_way(twenty):
+    for flight in twenty:
+        speed_mps = np.linalg.norm(flight.velocity_mps[:, :2], axis=1)
+        course_rad = np.arctan2(flight.velocity_mps[:, 1], flight.velocity_mps[:, 0])
+        apart = np.angle(np.exp(1j * (course_rad - flight.yaw_rad)))
+        assert np.abs(apart[speed_mps > 1]).max() < 0.15
+
+
+def test_left_turns_bank_with_negative_roll():
+    calm = dataclasses.replace(FlightConfig(), gust_sigma_rad=0.0)
+    several = flights(8, config=calm)
+    roll_rad = all_of(several, "roll_rad")
+    turning = np.concatenate([np.gradient(np.unwrap(f.yaw_rad), STEP_S) for f in several])
+    assert np.degrees(roll_rad[turning > 0.4]).max() < -5
+    assert np.degrees(roll_rad[turning < -0.4]).min(initial=90) > 5
+    assert np.corrcoef(turning, roll_rad)[0, 1] < -0.9
+
+
+def test_attitude_is_large_enough_to_matter(twenty):
+    for name in ("roll_rad", "pitch_rad"):
+        angles_deg = np.degrees(all_of(twenty, name))
+        assert 5 < angles_deg.std() < 9
+        assert np.abs(angles_deg).max() < 30
+    peaks_deg = [
+        np.degrees(max(np.abs(f.roll_rad).max(), np.abs(f.pitch_rad).max())) for f in twenty
+    ]
+    assert 15 < np.median(peaks_deg) < 25
+
+
+def test_reference_altitudes_are_continuous_and_mostly_low():
+    config = FlightConfig()
+    time_s = np.arange(600) * STEP_S
+    drawn = [reference_altitude(np.random.default_rng(s), time_s, config) for s in range(600)]
+    low_m, high_m = config.altitude_range_m
+    assert all(low_m < wave.min() and wave.max() < high_m for wave in drawn)
+    assert len({wave[0] for wave in drawn}) == 600
+    assert 0.8 < (np.array(drawn) < 11).mean() < 0.97
+
+
+def test_the_same_seed_flies_the_same_bytes(twenty):
+    again, other = flights(2)[1], flights(3)[2]
+    for field in dataclasses.fields(again):
+        mine = getattr(again, field.name)
+        assert mine.tobytes() == getattr(twenty[1], field.name).tobytes()
+    assert (other.position_m != again.position_m).any()
+
+
+@pytest.mark.parametrize("top_m", [8.0, 13.0])
+def test_it_climbs_over_what_crosses_the_corridor(top_m):
+    wall = ((99, -20, 0), (101, 20, top_m))
+    town, cast = town_of(STRAIGHT), cast_on(wall)
+    crossed = 0
+    for seed in range(8):
+        flight = fly(town, np.random.default_rng(seed), cast, LOW)
+        x_m, _, z_m = flight.position_m.T
+        above = (x_m > 99) & (x_m < 101)
+        assert (z_m[above] > top_m + LOW.touch_m).all()
+        crossed += above.any()
+    assert crossed >= 2
+
+
+def test_a_wire_of_four_centimetres_is_seen():
+    wire = ((49.98, -20, 6.98), (50.02, 20, 7.02))
+    along = ((80, 0.48, 5.98), (120, 0.52, 6.02))
+    route = Route.through((corridor((0, 0), (150, 0)),), (0,), 5.0, 0.5)
+    seen_m = obstacle_heights(route, level, cast_on(wire, along), 1.5)
+    assert seen_m[(route.arc_m > 49.4) & (route.arc_m < 50.1)].max() == pytest.approx(7.02)
+    assert seen_m[(route.arc_m > 80.5) & (route.arc_m < 119.5)] == pytest.approx(6.02)
+    assert seen_m[route.arc_m < 45].max() == pytest.approx(0)
+
+
+def test_it_stops_before_what_is_too_tall():
+    tower = ((119, -20, 0), (150, 20, 40))
+    town, cast = town_of(STRAIGHT), cast_on(tower)
+    stopped = 0
+    for seed in range(10):
+        flight = fly(town, np.random.default_rng(seed), cast, FlightConfig())
+        if flight.position_m[0, 0] > 119:
+            continue
+        assert flight.position_m[:, 0].max() < 119 - 1
+        assert flight.altitude_m.max() < 20
+        stopped += np.linalg.norm(flight.velocity_mps[-1]) < 0.3
+    assert stopped >= 2
+
+
+def test_touching_and_being_inside_are_both_noticed():
+    track = np.c_[np.linspace(0, 10, 200), np.zeros(200), np.full(200, 5.0)]
+    free = ((0, 1.0, 0), (10, 2.0, 9))
+    grazed = ((4, 0.4, 0), (6, 2.0, 9))
+    around = ((-50, -50, 0), (50, 50, 60))
+    assert stays_clear(track, cast_on(free), 0.6)
+    assert not stays_clear(track, cast_on(grazed), 0.6)
+    assert not stays_clear(track, cast_on(around), 0.6)
+
+
+def test_a_town_without_room_says_so():
+    short = town_of((corridor((0, 0), (20, 0)),))
+    with pytest.raises(UserError, match=r"hand-made.*corridors"):
+        fly(short, np.random.default_rng(0), cast_on(), FlightConfig())

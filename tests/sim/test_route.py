@@ -1,0 +1,72 @@
+"""Chains of paths as smooth curves."""
+
+import numpy as np
+import pytest
+
+from src.sim.layout import Path
+from src.sim.route import Route, braked, chain, gaussian_window, slow_wave, smoothed
+
+
+def path(*points_m, successors=()):
+    return Path(np.array(points_m, dtype=float), 3.0, 6.0, successors)
+
+
+CROSS = (
+    path((0, 0), (50, 0), successors=(1, 2, 3)),
+    path((50, 0), (100, 0)),
+    path((50, 0), (50, 60)),
+    path((50, 0), (0, 0)),
+)
+
+
+def test_a_chain_takes_every_way_on_but_never_turns_back():
+    taken = {chain(CROSS, np.random.default_rng(seed), 0, 90.0) for seed in range(40)}
+    assert taken == {(0, 1), (0, 2)}
+
+
+def test_a_chain_ends_where_nothing_goes_on():
+    assert chain(CROSS, np.random.default_rng(0), 1, 500.0) == (1,)
+
+
+def test_a_right_angle_is_cut_by_as_much_as_documented():
+    corner_m = 5.0
+    route = Route.through(CROSS, (0, 2), corner_m)
+    cut_m = np.linalg.norm(route.points_m - (50, 0), axis=1).min()
+    assert cut_m == pytest.approx(0.56 * corner_m, rel=0.03)
+    even = route.shifted(np.zeros(len(route.points_m)))
+    assert 1 / even.sharpness().max() == pytest.approx(0.89 * corner_m, rel=0.05)
+    assert np.degrees(even.heading_rad[[0, -1]]) == pytest.approx([0, 90], abs=0.1)
+
+
+def test_left_is_left_and_the_arc_is_the_true_length():
+    straight = Route.through(CROSS, (0, 1), 1.0)
+    assert straight.shifted(np.full(len(straight.points_m), 2.0)).points_m[:, 1] == pytest.approx(2)
+    turn = Route.through(CROSS, (0, 2), 4.0)
+    outside = turn.shifted(np.full(len(turn.points_m), -2.0))
+    steps_m = np.linalg.norm(np.diff(outside.points_m, axis=0), axis=1)
+    assert steps_m == pytest.approx(outside.spacing_m, rel=0.02)
+
+
+def test_braking_reaches_every_limit_in_time():
+    limits_mps = np.full(200, 10.0)
+    limits_mps[120] = 2.0
+    lowered = braked(limits_mps, 0.5, 2.5)
+    assert (np.diff(lowered**2) >= -2 * 2.5 * 0.5 - 1e-9).all()
+    assert lowered[120] == 2.0
+    assert lowered[0] == 10.0
+    assert (lowered <= limits_mps).all()
+
+
+def test_a_smoothing_window_keeps_bounds_on_slopes():
+    rng = np.random.default_rng(0)
+    zigzag = np.cumsum(rng.choice([-2.0, 3.0], size=500))[:, None]
+    slopes = np.diff(smoothed(zigzag, gaussian_window(5.0)), axis=0)
+    assert slopes.max() <= 3
+    assert slopes.min() >= -2
+
+
+def test_a_slow_wave_stays_within_one_and_varies():
+    at = np.linspace(0, 1000, 5000)
+    wave = slow_wave(np.random.default_rng(1), at, (30.0, 60.0))
+    assert 0.5 < np.abs(wave).max() <= 1
+    assert np.abs(np.gradient(wave, at)).max() <= 2 * np.pi / 30

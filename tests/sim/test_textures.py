@@ -1,0 +1,53 @@
+"""Procedural textures: what the renderer may rely on."""
+
+import numpy as np
+import pytest
+
+from src.sim.textures import PALETTE, TEXTURES, rgb_of
+
+
+@pytest.mark.parametrize("name", TEXTURES)
+def test_texture_is_a_small_repeatable_image(name):
+    texture = TEXTURES[name]
+    image = texture.draw()
+    assert image.dtype == np.uint8
+    assert image.ndim == 3
+    assert image.shape[2] == 3
+    assert max(image.shape) <= 128
+    assert min(texture.tile_m) > 0
+    assert np.array_equal(image, texture.draw())
+    assert image.std() > 1, "a texture that shows nothing belongs into PALETTE"
+
+
+@pytest.mark.parametrize("name", TEXTURES)
+def test_texture_has_no_hairlines(name):
+    """No texel differs from both its neighbours on a line by more than what noise does."""
+    image = TEXTURES[name].draw().astype(int)
+    for axis in (0, 1):
+        before = image - np.roll(image, 1, axis)
+        after = image - np.roll(image, -1, axis)
+        hairline = (np.minimum(abs(before), abs(after)).max(axis=2) > 40) & (
+            np.sign(before) == np.sign(after)
+        ).all(axis=2)
+        assert not hairline.any()
+
+
+def test_drawing_leaves_the_global_generator_alone():
+    state = np.random.get_state()[1].copy()  # noqa: NPY002
+    TEXTURES["facade_brick"].draw()
+    assert np.array_equal(state, np.random.get_state()[1])  # noqa: NPY002
+
+
+def test_texture_reads_upright():
+    """The last row of an image lies at v = 0: doors stand on the ground, the sign hangs above."""
+    image = TEXTURES["shopfront_red"].draw().astype(int)
+    redness = image[..., 0] - image[..., 1:].mean(axis=2)
+    rows = redness.mean(axis=1)
+    assert rows[: len(rows) // 3].max() > 2 * rows[len(rows) // 2 :].max()
+
+
+def test_palette_fits_one_image_and_is_unique():
+    assert 0 < len(PALETTE) <= 256
+    assert len(set(PALETTE)) == len(PALETTE)
+    assert rgb_of("#0a141e") == (10, 20, 30)
+    assert all(0 <= value <= 255 for colour in PALETTE for value in rgb_of(colour))

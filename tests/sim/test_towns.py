@@ -1,0 +1,236 @@
+"""Towns, tested by probing: what must be free is free, what stands stands on the ground."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from src.errors import UserError
+from src.ontology import BUILDING, GENERAL, OCCUPIED, THIN_STRUCTURE, VEGETATION
+from src.sim.assets import ACTORS, bounds_m
+from src.sim.layout import Path, Town
+from src.sim.textures import PALETTE, TEXTURES
+from src.sim.towns import TOWNS, build_town
+from src.sim.towns.polyline import arc_m, parallel, point_at
+
+SEEDS = (0, 1)
+ALL = pytest.mark.parametrize(("name", "seed"), [(n, s) for n in TOWNS for s in SEEDS])
+
+
+@cache
+def town_of(name: str, seed: int) -> Town:
+    return build_town(name, np.random.default_rng(seed))
+
+
+def samples(town: Town, paths: tuple[Path, ...], half_widths, heights_m) -> np.ndarray:
+    """Points over the paths: every 1.3 m along, at some parts of the half-width and heights."""
+    points = []
+    for path in paths:
+        along_m = np.arange(0.1, arc_m(path.points_m)[-1], 1.3)
+        for part in half_widths:
+            xy = point_at(parallel(path.points_m, part * path.half_width_m), along_m)
+            ground_m = town.terrain(xy[:, 0], xy[:, 1])
+            points += [np.column_stack([xy, ground_m + height_m]) for height_m in heights_m]
+    return np.concatenate(points)
+
+
+def count_inside(town: Town, points: np.ndarray, classes=OCCUPIED) -> int:
+    points = points[np.argsort(points[:, 0])]
+    inside = np.zeros(len(points), dtype=bool)
+    for solid in town.solids:
+        if solid.class_id not in classes:
+            continue
+        lower, upper = bounds_m(solid)
+        span = slice(*np.searchsorted(points[:, 0], (lower[0], upper[0])))
+        near = points[span]
+        near = ((near >= lower) & (near <= upper)).all(axis=1)
+        inside[span][near] |= solid.contains(points[span][near])
+    return int(inside.sum())
+
+
+@ALL
+def test_every_occupied_class_is_there(name, seed):
+    town = town_of(name, seed)
+    classes = [solid.class_id for solid in town.solids]
+    for class_id in (BUILDING, VEGETATION, THIN_STRUCTURE, GENERAL):
+        assert classes.count(class_id) >= 5
+    assert len(town.ground) > 10
+    actors = {part.class_id for make in ACTORS.values() for part in make(np.random.default_rng(0))}
+    assert len(set(classes) | actors) == len(OCCUPIED) - 1, "all but the ground, which is patches"
+    assert 700 < len(town.solids) < 4000
+
+
+@ALL
+def test_every_material_is_known(name, seed):
+    town = town_of(name, seed)
+    used = {s.material for s in town.solids}
+    assert all(m in TEXTURES or m in PALETTE for m in used)
+    assert all(patch.material in TEXTURES for patch in town.ground)
+
+
+@pytest.mark.parametrize("name", TOWNS)
+def test_the_seed_decides(name):
+    def fingerprint(town: Town) -> bytes:
+        return (
+            b"".join(s.scene_from_solid.tobytes() for s in town.solids)
+            + repr(
+                (town.ground, [p.successors for p in town.lanes + town.walks + town.corridors])
+            ).encode()
+        )
+
+    again = build_town(name, np.random.default_rng(0))
+    assert fingerprint(again) == fingerprint(town_of(name, 0))
+    assert fingerprint(again) != fingerprint(town_of(name, 1))
+
+
+def test_unknown_town_is_a_user_error_that_names_the_others():
+    with pytest.raises(UserError, match=r"atlantis.*downtown"):
+        build_town("atlantis", np.random.default_rng(0))
+
+
+@ALL
+def test_corridors_are_free_where_the_flight_climbs(name, seed):
+    town = town_of(name, seed)
+    points = samples(town, town.corridors, (-1, -0.5, 0, 0.5, 1), (9.2, 11.5, 14.0, 16.5, 17.9))
+    assert len(points) > 5000
+    assert count_inside(town, points) == 0
+
+
+@ALL
+def test_only_thin_structures_cross_a_corridor_and_only_overhead(name, seed):
+    town = town_of(name, seed)
+    low = samples(town, town.corridors, (-0.95, -0.5, 0, 0.5, 0.95), (1.6, 2.5, 3.6, 4.5))
+    middle = samples(town, town.corridors, (-0.95, 0, 0.95), (5.5, 6.5, 7.5, 8.5))
+    assert count_inside(town, low) == 0
+    assert count_inside(town, middle, set(OCCUPIED) - {THIN_STRUCTURE}) == 0
+
+
+@ALL
+def test_vehicles_and_people_can_pass(name, seed):
+    town = town_of(name, seed)
+    lanes = samples(town, town.lanes, (-0.9, -0.5, 0, 0.5, 0.9), (0.5, 1.2, 2.0, 3.0))
+    walks = samples(town, town.walks, (-0.6, 0, 0.6), (0.5, 1.0, 1.6))
+    assert count_inside(town, lanes) == 0
+    assert count_inside(town, walks) == 0
+
+
+@ALL
+def test_paths_join_where_they_say(name, seed):
+    town = town_of(name, seed)
+    for paths in (town.lanes, town.walks, town.corridors):
+        for path in paths:
+            assert path.length_m > 0.5
+            assert path.speed_mps > 0
+            assert path.successors, "nobody gets stuck"
+            for k in path.successors:
+                assert paths[k].points_m[0] == pytest.approx(path.points_m[-1], abs=1e-6)
+                assert paths[k].points_m[-1] != pytest.approx(path.points_m[0], abs=1e-6)
+
+
+@ALL
+def test_corridors_turn_gently_and_reach_far(name, seed):
+    town = town_of(name, seed)
+    assert all(path.half_width_m >= 2.0 and 3 <= path.speed_mps <= 9 for path in town.corridors)
+    for start in range(len(town.corridors)):
+        assert longest_way_m(town.corridors, start, 120.0) >= 120.0
+    joints = [
+        angle_rad(path.points_m[-2:], town.corridors[k].points_m[:2])
+        for path in town.corridors
+        for k in path.successors
+    ]
+    assert max(joints) < np.deg2rad(50)
+
+
+def longest_way_m(paths: tuple[Path, ...], start: int, enough_m: float) -> float:
+    """Length of a way that takes the first successor that has not been flown yet."""
+    total_m, current, flown = 0.0, start, set()
+    while current is not None and total_m < enough_m:
+        flown.add(current)
+        total_m += paths[current].length_m
+        current = next((k for k in paths[current].successors if k not in flown), None)
+    return total_m
+
+
+def angle_rad(a: np.ndarray, b: np.ndarray) -> float:
+    u, v = a[1] - a[0], b[1] - b[0]
+    return float(np.arccos(np.clip(u @ v / np.linalg.norm(u) / np.linalg.norm(v), -1, 1)))
+
+
+@ALL
+def test_lanes_keep_to_the_right(name, seed):
+    """To the left of a lane, within the width of a road, another one comes the other way."""
+    lanes = [lane for lane in town_of(name, seed).lanes if is_street(lane)]
+    assert len(lanes) >= 12
+    for lane in lanes:
+        ahead = lane.points_m[1] - lane.points_m[0]
+        left = np.array([-ahead[1], ahead[0]]) / np.linalg.norm(ahead)
+        across = [
+            (other.points_m[-1] - lane.points_m[0]) @ left
+            for other in lanes
+            if other is not lane
+            and np.allclose(other.points_m[-1], lane.points_m[0], atol=7.5)
+            and np.allclose(other.points_m[0], lane.points_m[-1], atol=7.5)
+        ]
+        assert len(across) == 1
+        assert 2.5 < across[0] < 7.5
+
+
+def is_street(lane: Path) -> bool:
+    return lane.length_m > 25 and angle_rad(lane.points_m[:2], lane.points_m[-2:]) < np.deg2rad(75)
+
+
+@ALL
+def test_nothing_floats_and_nothing_is_buried(name, seed):
+    """Each heap of touching solids has its lowest part in the ground, and not deep."""
+    town = town_of(name, seed)
+    lower, upper = (np.stack(corner) for corner in zip(*map(bounds_m, town.solids)))
+    for heap in heaps(lower, upper):
+        bottom = heap[np.argmin(lower[heap, 2])]
+        x, y = (lower[bottom, :2] + upper[bottom, :2]) / 2
+        depth_m = float(town.terrain(x, y)) - lower[bottom, 2]
+        # What is wide stands on the lowest ground under it, so its upper end reaches deeper.
+        deepest_m = 1.2 if town.solids[bottom].class_id == BUILDING else 0.45
+        assert 0 <= depth_m < deepest_m
+
+
+def heaps(lower: np.ndarray, upper: np.ndarray, slack_m: float = 0.03) -> list[np.ndarray]:
+    """Groups of boxes that touch."""
+    left = np.ones(len(lower), dtype=bool)
+    groups = []
+    while left.any():
+        front = [int(np.argmax(left))]
+        left[front] = False
+        group = list(front)
+        while front:
+            k = front.pop()
+            touch = (lower <= upper[k] + slack_m).all(1) & (upper >= lower[k] - slack_m).all(1)
+            new = np.flatnonzero(touch & left)
+            left[new] = False
+            front += new.tolist()
+            group += new.tolist()
+        groups.append(np.array(group))
+    return groups
+
+
+@ALL
+def test_the_ground_is_gentle_but_never_flat(name, seed):
+    town = town_of(name, seed)
+    x, y = np.meshgrid(np.arange(-80, 80, 5.0), np.arange(-80, 80, 5.0))
+    height_m = town.terrain(x, y)
+    assert height_m.shape == x.shape
+    assert np.abs(height_m).max() < 0.6
+    assert height_m.std() > 0.05
+    slope = np.hypot(*np.gradient(height_m, 5.0))
+    assert slope.max() < 0.08
+
+
+def test_towns_differ_in_what_they_are_made_of():
+    def share(name: str, class_id: int) -> float:
+        return np.mean([s.class_id == class_id for s in town_of(name, 0).solids])
+
+    def tallest_m(name: str) -> float:
+        return max(bounds_m(s)[1][2] for s in town_of(name, 0).solids)
+
+    assert tallest_m("downtown") > 1.5 * max(tallest_m("suburb"), tallest_m("park"))
+    assert share("park", VEGETATION) > share("old_town", VEGETATION)
+    assert share("old_town", BUILDING) > share("park", BUILDING)

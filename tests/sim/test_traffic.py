@@ -1,0 +1,201 @@
+"""Traffic on a few hand-made lanes and pavements."""
+
+import numpy as np
+import pytest
+
+from src.errors import UserError
+from src.ontology import ACTOR_TYPES
+from src.sim.driver import HABITS, Traveller, drive
+from src.sim.layout import Path, Town
+from src.sim.pilot import STEP_S
+from src.sim.route import Route
+from src.sim.traffic import TrafficConfig, boxes_overlap, simulate_traffic, size_of
+
+SIZES_M = {
+    "car": (4.5, 1.8, 1.5),
+    "truck": (8.0, 2.4, 3.0),
+    "bus": (11.0, 2.5, 3.2),
+    "pedestrian": (0.5, 0.6, 1.75),
+    "bicycle": (1.8, 0.6, 1.7),
+    "motorcycle": (2.1, 0.8, 1.5),
+}
+
+
+def way(*points_m, successors=(), half_width_m=1.6, speed_mps=9.0):
+    return Path(np.array(points_m, dtype=float), half_width_m, speed_mps, successors)
+
+
+def terrain(x, y):
+    return 0.4 * np.sin(x / 15) * np.cos(y / 20)
+
+
+LANES = (
+    way((-50, -2), (100, -2), successors=(1, 2)),
+    way((100, -2), (250, -2)),
+    way((100, -2), (100, -90)),
+    way((250, 2), (100, 2), successors=(4,)),
+    way((100, 2), (-50, 2)),
+)
+WALKS = (
+    way((-50, -6), (250, -6), half_width_m=1, speed_mps=1.4),
+    way((250, -6), (-50, -6), half_width_m=1, speed_mps=1.4),
+)
+TOWN = Town("hand-made", terrain, (), (), LANES, WALKS, ())
+UAV_M = np.c_[np.linspace(20, 100, 600), np.zeros(600), np.full(600, 9.0)]
+
+
+def size_by_type(actor_type, seed):
+    return SIZES_M[actor_type]
+
+
+def traffic(seed, uav_m=UAV_M, **counts):
+    config = TrafficConfig(counts) if counts else TrafficConfig()
+    return simulate_traffic(TOWN, np.random.default_rng(seed), config, uav_m, size_by_type).actors
+
+
+@pytest.fixture(scope="module")
+def busy():
+    return traffic(0)
+
+
+def test_every_type_is_there_and_numbered_from_one(busy):
+    assert {actor.type for actor in busy} == set(ACTOR_TYPES)
+    assert [actor.actor_id for actor in busy] == list(range(1, len(busy) + 1))
+    assert len(busy) > 0.7 * sum(TrafficConfig().counts.values())
+
+
+def test_actors_stand_on_the_terrain_and_start_near_the_flight(busy):
+    for actor in busy:
+        x_m, y_m, z_m = actor.position_m.T
+        assert z_m == pytest.approx(terrain(x_m, y_m))
+        apart_m = np.linalg.norm(actor.position_m[0, :2] - UAV_M[:, :2], axis=1)
+        assert apart_m.min() < TrafficConfig().near_m + 2
+
+
+def test_no_two_actors_ever_overlap(busy):
+    for i, one in enumerate(busy):
+        for other in busy[:i]:
+            boxes = [
+                (actor.position_m[:, :2], actor.yaw_rad, actor.size_m[:2]) for actor in (one, other)
+            ]
+            assert not boxes_overlap(*boxes[0], *boxes[1]).any()
+
+
+def test_actors_face_where_they_go_and_turn_smoothly():
+    turned = 0
+    for seed in range(3):
+        for actor in traffic(seed):
+            heading_rad = np.unwrap(actor.yaw_rad)
+            turn_radps = np.abs(np.diff(heading_rad)) / STEP_S
+            assert turn_radps.max() < 1.1 * HABITS[actor.type].turn_radps
+            turned += abs(heading_rad[-1] - heading_rad[0]) > 1
+            speed_mps = np.linalg.norm(actor.velocity_mps[:, :2], axis=1)
+            course_rad = np.arctan2(actor.velocity_mps[:, 1], actor.velocity_mps[:, 0])
+            apart = np.angle(np.exp(1j * (course_rad - actor.yaw_rad)))
+            assert np.abs(apart[speed_mps > 0.3]).max() < 0.3
+            assert np.abs(np.diff(speed_mps)).max() / STEP_S < 10
+    assert turned
+
+
+def test_wheels_take_lanes_and_people_walks(busy):
+    for actor in busy:
+        x_m, y_m, _ = actor.position_m[0]
+        on_lane = min(abs(y_m - 2), abs(y_m + 2)) < 1 or abs(x_m - 100) < 3
+        on_walk = abs(y_m + 6) < 1
+        assert on_lane or actor.type in ("pedestrian", "bicycle")
+        assert on_walk or actor.type != "pedestrian"
+
+
+def test_narrow_ones_keep_right():
+    for actor in traffic(4, motorcycle=6, pedestrian=8):
+        if np.abs(actor.yaw_rad).max() < 0.01:
+            middle_m = -6 if actor.type == "pedestrian" else -2
+            assert (actor.position_m[:, 1] < middle_m - 0.2).all()
+
+
+def line_up(*cars, lane=LANES[0]):
+    route = Route.through((lane,), (0,), 1.0)
+    return [
+        Traveller("car", SIZES_M["car"], route, start_m, speed_mps) for start_m, speed_mps in cars
+    ]
+
+
+def test_a_fast_car_settles_behind_a_slow_one():
+    motion = drive(line_up((10, 9.0), (30, 2.0)), 12.0)
+    gap_m = motion.arc_m[:, 1] - motion.arc_m[:, 0] - SIZES_M["car"][0]
+    assert gap_m.min() > 1.5
+    assert motion.speed_mps[0, 0] == pytest.approx(9.0)
+    assert motion.speed_mps[-1, 0] == pytest.approx(2.0, abs=0.5)
+
+
+def test_cars_stop_at_the_end_of_their_way():
+    motion = drive(line_up((100, 9.0)), 20.0)
+    assert motion.speed_mps[-1, 0] < 0.1
+    assert 140 < motion.arc_m[-1, 0] + SIZES_M["car"][0] / 2 < 150
+
+
+def test_who_crosses_is_waited_for():
+    crossing = way((50, -30), (50, 30), speed_mps=1.4)
+    route = Route.through((crossing,), (0,), 0.5)
+    walker = Traveller("pedestrian", SIZES_M["pedestrian"], route, 28.0, 0.05)
+    motion = drive([*line_up((70, 9.0)), walker], 8.0)
+    assert motion.speed_mps[-1, 0] < 0.3
+    assert motion.arc_m[-1, 0] + SIZES_M["car"][0] / 2 < 99.5
+    # It does not brake for someone who is still on the pavement.
+    aside = Traveller("pedestrian", SIZES_M["pedestrian"], route, 20.0, 0.05)
+    passed = drive([*line_up((70, 9.0)), aside], 5.0)
+    assert passed.arc_m[-1, 0] > 105
+
+
+def test_motion_between_decisions_is_continuous():
+    motion = drive(line_up((10, 9.0), (30, 2.0)), 6.0)
+    time_s = np.arange(300) * STEP_S
+    arc_m = motion.arc_at(time_s)
+    assert arc_m[::5] == pytest.approx(motion.arc_m[:60])
+    assert np.diff(arc_m, axis=0).min() > -1e-9
+    assert np.abs(np.diff(arc_m, 2, axis=0)).max() / STEP_S**2 < 10
+
+
+def test_what_comes_near_the_uav_is_left_out():
+    low = np.c_[UAV_M[:, :2] - (0, 2), np.full(600, 2.0)]
+    for seed in range(3):
+        for actor in traffic(seed, uav_m=low):
+            offset_m = np.abs(low[:, :2] - actor.position_m[:, :2])
+            assert np.hypot(*offset_m.T).min() > 2
+    cars = [len(traffic(s, uav_m=path, car=12)) for path in (UAV_M, low) for s in range(3)]
+    assert sum(cars[3:]) < sum(cars[:3])
+
+
+def test_the_same_seed_moves_the_same(busy):
+    for mine, again in zip(busy, traffic(0)):
+        assert mine.seed == again.seed
+        assert mine.position_m.tobytes() == again.position_m.tobytes()
+    assert any(a.position_m.tobytes() != b.position_m.tobytes() for a, b in zip(busy, traffic(1)))
+
+
+def test_sizes_come_from_the_shapes():
+    assert size_of("car", 3) == size_of("car", 3)
+    length_m, width_m, height_m = size_of("bus", 1)
+    assert length_m > 9 > height_m > width_m > 2
+
+
+def test_overlap_of_turned_boxes():
+    here, size_m = np.zeros(2), (4.0, 2.0)
+    for place, yaw_rad, expected in (
+        ((3.9, 0), 0.0, True),
+        ((4.1, 0), 0.0, False),
+        ((2.9, 0), np.pi / 2, True),
+        ((3.1, 0), np.pi / 2, False),
+        ((2.9, 2.0), np.pi / 4, True),
+        ((3.6, 2.4), np.pi / 4, False),
+    ):
+        met = boxes_overlap(
+            here, np.float64(0), size_m, np.array(place), np.float64(yaw_rad), size_m
+        )
+        assert bool(met) is expected, (place, yaw_rad)
+
+
+def test_no_traffic_and_unknown_types():
+    assert traffic(0, car=0) == ()
+    with pytest.raises(UserError, match=r"tram.*bus"):
+        TrafficConfig({"tram": 1})
