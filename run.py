@@ -1,29 +1,25 @@
 """Composes the configuration and calls the task: ``python run.py +experiment=skyocc``."""
 
 import os
-import sys
 
 import hydra
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from src.failures import one_line
+from src.failures import quiet_libraries, told_in_one_line
 
-# Hydra would print its own errors over many lines and swallow the rest; `one_line` decides here.
+# Hydra would print its own errors over many lines and swallow the rest.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 
 
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
 def run(cfg: DictConfig) -> None:
     """Calls the configured task with the composed configuration."""
-    instantiate(cfg.task)(cfg)
+    with told_in_one_line():
+        instantiate(cfg.task)(cfg)
 
 
 if __name__ == "__main__":
-    try:
+    quiet_libraries()
+    with told_in_one_line():
         run()
-    except Exception as error:
-        message = one_line(error)
-        if message is None:
-            raise
-        sys.exit(f"error: {message}")

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -187,13 +188,13 @@ class Clip:
             self.meta = ClipMeta.from_json(json.loads(path.read_text()))
         self.frames = self._table("frames.csv", FRAME_COLUMNS)
         self.world_from_body = poses_of(self.frames)
+        self._opened_by, self._archives = -1, {}
 
     def __len__(self) -> int:
         return len(self.frames)
 
     def __getstate__(self) -> dict:
-        archives = ("_rgb", "_occupancy", "_aux")
-        return {k: v for k, v in self.__dict__.items() if k not in archives}
+        return {**self.__dict__, "_opened_by": -1, "_archives": {}}
 
     @property
     def clip_id(self) -> str:
@@ -206,32 +207,31 @@ class Clip:
 
     def image(self, frame: int) -> UInt8[np.ndarray, "h w 3"]:
         with _reading(self.folder / "rgb.zip"):
-            return np.asarray(Image.open(io.BytesIO(self._rgb.read(f"{frame:06d}.jpg"))))
+            encoded = self._archive("rgb.zip").read(f"{frame:06d}.jpg")
+            return np.asarray(Image.open(io.BytesIO(encoded)))
 
     def semantics(self, frame: int) -> UInt8[np.ndarray, "X Y Z"]:
         with _reading(self.folder / "occupancy.npz"):
-            return self._occupancy[f"semantics_{frame:06d}"]
+            return self._archive("occupancy.npz")[f"semantics_{frame:06d}"]
 
     def visible(self, frame: int) -> Bool[np.ndarray, "X Y Z"]:
         with _reading(self.folder / "occupancy.npz"):
-            return self._occupancy[f"visible_{frame:06d}"]
+            return self._archive("occupancy.npz")[f"visible_{frame:06d}"]
 
     def aux(self, name: str, frame: int) -> np.ndarray:
         """``depth`` (m, inf at the sky), ``class`` or ``instance`` image; needs sim.save_aux."""
         with _reading(self.folder / "aux.npz"):
-            return self._aux[f"{name}_{frame:06d}"]
+            return self._archive("aux.npz")[f"{name}_{frame:06d}"]
 
-    @cached_property
-    def _rgb(self) -> zipfile.ZipFile:
-        return zipfile.ZipFile(self.folder / "rgb.zip")
-
-    @cached_property
-    def _occupancy(self) -> np.lib.npyio.NpzFile:
-        return np.load(self.folder / "occupancy.npz", allow_pickle=False)
-
-    @cached_property
-    def _aux(self) -> np.lib.npyio.NpzFile:
-        return np.load(self.folder / "aux.npz", allow_pickle=False)
+    def _archive(self, name: str) -> Any:
+        """An open archive of this process: a file position shared with a fork would be corrupt."""
+        if self._opened_by != os.getpid():
+            self._opened_by, self._archives = os.getpid(), {}
+        if name not in self._archives:
+            path = self.folder / name
+            zipped = name == "rgb.zip"
+            self._archives[name] = zipfile.ZipFile(path) if zipped else np.load(path)
+        return self._archives[name]
 
     def _table(self, name: str, columns: list[str]) -> pd.DataFrame:
         with _reading(self.folder / name) as path:

@@ -49,7 +49,8 @@ class OccupancyModule(LightningModule):
 
     def validation_step(self, batch: Mapping[str, Tensor], batch_index: int) -> None:
         logits = self(batch)
-        self.log("val/loss", self.loss(logits, batch["semantics"])["total"], len(batch["frame"]))
+        loss = self.loss(logits, batch["semantics"])["total"]
+        self.log("val/loss", loss, batch_size=len(batch["frame"]))
         self.val_scores.update(logits, batch["semantics"], batch["velocity_mps"])
 
     def on_validation_epoch_end(self) -> None:

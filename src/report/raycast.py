@@ -84,8 +84,8 @@ def _cast(occupied, origin, directions, sun, floor, hits):
             axis = 2
             hits.kind[n] = FLOOR
         hits.distance[n] = distance
-        # A step off the face, or the point would lie in its own shadow.
-        point[axis] -= 1e-4 * side
+        # A point on a face may round into either voxel; a step off the face decides.
+        point[axis] += 1e-4 * side
         lit = sun[axis] * side > 0
         hits.sunlit[n] = lit and _first_hit(occupied, point, sun, scratch)[1] < 0
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -21,6 +22,7 @@ SCORES = (
     *(f"kar_iou/{name}" for name in CLASSES),
 )
 TEXTS = ("experiment", "scale", "split", "protocol", "code_version", "git_commit", "dataset")
+NUMBERS = {"seed": int, "parameters": int, **dict.fromkeys((*SCORES, "seconds"), float)}
 COLUMNS = (
     *("experiment", "scale", "seed", "split"),
     *SCORES,
@@ -62,15 +64,14 @@ def read_results(path: str | Path) -> pd.DataFrame:
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
-        table = pd.read_csv(
-            io.StringIO(text),
-            dtype={**dict.fromkeys(TEXTS, str), **dict.fromkeys(SCORES, float)},
-            float_precision="round_trip",
-            index_col=False,
-        )
+        # As text first: pandas 2's own parser of floats is not exact.
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # rows that are too long
+            table = pd.read_csv(io.StringIO(text), dtype=str, index_col=False)
+        table = table.astype({name: kind for name, kind in NUMBERS.items() if name in table})
     except FileNotFoundError as error:
         raise UserError(f"{path}: no such file; finish the run or run task=test first") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, pd.errors.ParserWarning) as error:
         reason = str(error).splitlines()[0]
         raise _corrupt(path, reason) from error
     missing = [name for name in COLUMNS if name not in table]

@@ -40,9 +40,9 @@ class FlightConfig:
     clearance_per_speed_s: float = 0.15
     """lambda_h."""
 
-    tube_m: float = 1.5
+    tube_m: float = 1.2
     """Half the width of the space along the route in which rays look for obstacles."""
-    preview_s: float = 1.0
+    preview_s: float = 0.5
     """How far ahead they look, beyond the stopping distance."""
     standoff_m: float = 3.0
     """From an obstacle that has not been climbed over."""
@@ -137,9 +137,7 @@ class Pilot:
         """The next speed: as wished, slow enough for the turns and for what is not yet cleared."""
         window = self._look_ahead(arc_m, speed_mps)
         ahead_m = self._obstacle_m[window]
-        in_the_way = (ahead_m + self._config.clearance_m > altitude_m) | (
-            ahead_m > self._passable_m
-        )
+        in_the_way = ahead_m + self._config.clearance_m > altitude_m
         distance_m = self._route.arc_m[window][in_the_way] - arc_m
         fastest_mps = min(
             self._wanted_mps[k], self._limit_at(arc_m), _stopping_speed(distance_m, self._config)

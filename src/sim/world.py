@@ -1,11 +1,10 @@
 """The one bullet client: draws a scene and returns the front camera's colour, depth and instances."""
 
 import contextlib
-import ctypes
-import os
+import io
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -65,8 +64,7 @@ class World:
         )
 
     def __enter__(self) -> "World":
-        with _quiet():
-            self._client = self._bullet.connect(self._bullet.DIRECT)
+        self._client = self._bullet.connect(self._bullet.DIRECT)
         self._textures: dict[str, int] = {}
         self._class_of: list[int] = []
         self._actor_of: list[int] = []
@@ -182,28 +180,15 @@ def _texture_image(name: str) -> UInt8[np.ndarray, "h w 3"]:
 
 def import_bullet():
     """The pybullet module; its wheels stop at Python 3.11, and training does not need it."""
-    with _quiet():
-        try:
+    try:
+        # It prints its build time on import; standard output is for the program's own words.
+        with contextlib.redirect_stdout(io.StringIO()):
             import pybullet
-        except ImportError as error:
-            raise UserError(
-                "pybullet is not installed, and generating data needs it: use Python 3.10 or 3.11 "
-                "and `pip install pybullet`, or point paths.dataset at a finished data set"
-            ) from error
+    except ImportError as error:
+        raise UserError(
+            "pybullet is not installed, and generating data needs it: use Python 3.10 or 3.11 and "
+            "`pip install pybullet`, or point paths.dataset at a finished data set"
+        ) from error
     if not pybullet.isNumpyEnabled():
         raise UserError("pybullet was built without numpy: reinstall it with numpy present")
     return pybullet
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Bullet prints its build time from C, into a buffer that must be emptied before we speak."""
-    saved = os.dup(1)
-    try:
-        with open(os.devnull, "w") as nowhere:
-            os.dup2(nowhere.fileno(), 1)
-        yield
-        ctypes.CDLL(None).fflush(None)
-    finally:
-        os.dup2(saved, 1)
-        os.close(saved)

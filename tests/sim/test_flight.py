@@ -11,7 +11,7 @@ from src.geometry import euler_from_rotation, rotation_from_quat
 from src.sim.clearance import obstacle_heights, stays_clear
 from src.sim.flight import STEP_HZ, STEP_S, FlightConfig, fly
 from src.sim.layout import Path, Town
-from src.sim.pilot import reference_altitude
+from src.sim.pilot import Pilot, lead_steps, reference_altitude
 from src.sim.route import Route
 
 LOW = dataclasses.replace(FlightConfig(), altitude_range_m=(3.5, 4.5))
@@ -197,13 +197,53 @@ def test_it_climbs_over_what_crosses_the_corridor(top_m):
 
 
 def test_a_wire_of_four_centimetres_is_seen():
-    wire = ((49.98, -20, 6.98), (50.02, 20, 7.02))
-    along = ((80, 0.48, 5.98), (120, 0.52, 6.02))
+    wire = ((50.15, -20, 6.98), (50.19, 20, 7.02))
+    along = ((80, 0.31, 5.98), (120, 0.35, 6.02))
     route = Route.through((corridor((0, 0), (150, 0)),), (0,), 5.0, 0.5)
     seen_m = obstacle_heights(route, level, cast_on(wire, along), 1.5)
-    assert seen_m[(route.arc_m > 49.4) & (route.arc_m < 50.1)].max() == pytest.approx(7.02)
+    assert seen_m[(route.arc_m > 49.4) & (route.arc_m < 50.3)].max() == pytest.approx(7.02)
     assert seen_m[(route.arc_m > 80.5) & (route.arc_m < 119.5)] == pytest.approx(6.02)
     assert seen_m[route.arc_m < 45].max() == pytest.approx(0)
+
+
+def commanded(obstacle_m, cruise_mps=8.0, seed=0):
+    """The command of 20 s along a straight line with that profile every half metre, from 10 m."""
+    route = Route.through((corridor((0, 0), (len(obstacle_m) / 2, 0)),), (0,), 5.0, 0.5)
+    pilot = Pilot(route, obstacle_m, np.random.default_rng(seed), LOW, cruise_mps, 20.0)
+    return pilot.fly_from(10.0)
+
+
+def test_the_altitude_command_is_the_paper_s():
+    obstacle_m = np.zeros(600)
+    obstacle_m[120:130] = 8.0
+    command = commanded(obstacle_m)
+    speed_mps = np.diff(command.arc_m) / STEP_S
+    over = (command.arc_m[1:] > 60) & (command.arc_m[1:] < 64)
+    margin_m = LOW.clearance_m + LOW.clearance_per_speed_s * speed_mps[over]
+    assert command.altitude_m[1:][over] == pytest.approx(8.0 + margin_m, abs=0.05)
+    assert command.altitude_m[-1] < 4.5
+    assert len(command.arc_m) == 20 * STEP_HZ + 2 * lead_steps(LOW)
+
+
+def test_it_slows_down_where_it_cannot_climb_in_time():
+    obstacle_m = np.zeros(600)
+    free_mps = np.diff(commanded(obstacle_m).arc_m) / STEP_S
+    obstacle_m[120:] = 16.0
+    command = commanded(obstacle_m)
+    speed_mps = np.diff(command.arc_m) / STEP_S
+    before = command.arc_m[1:] < 60
+    assert free_mps.min() > 7
+    assert speed_mps[before].min() < 4
+    assert command.arc_m[-1] > 65
+    assert (command.altitude_m[command.arc_m > 59] > 16 + 0.9 * LOW.clearance_m).all()
+
+
+def test_what_passes_the_ceiling_does_not_raise_the_target():
+    obstacle_m = np.zeros(600)
+    obstacle_m[120:] = 17.9
+    command = commanded(obstacle_m)
+    assert command.arc_m[-1] == pytest.approx(60 - LOW.standoff_m, abs=0.6)
+    assert command.altitude_m.max() < 5
 
 
 def test_it_stops_before_what_is_too_tall():
@@ -228,6 +268,7 @@ def test_touching_and_being_inside_are_both_noticed():
     assert stays_clear(track, cast_on(free), 0.6)
     assert not stays_clear(track, cast_on(grazed), 0.6)
     assert not stays_clear(track, cast_on(around), 0.6)
+    assert not stays_clear(track, cast_on(((5, -3, 0), (5.001, 3, 9))), 0.0)
 
 
 def test_a_town_without_room_says_so():

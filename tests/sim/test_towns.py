@@ -176,7 +176,7 @@ def test_lanes_keep_to_the_right(name, seed):
 
 
 def is_street(lane: Path) -> bool:
-    return lane.length_m > 25 and angle_rad(lane.points_m[:2], lane.points_m[-2:]) < np.deg2rad(75)
+    return lane.length_m > 32 and angle_rad(lane.points_m[:2], lane.points_m[-2:]) < np.deg2rad(75)
 
 
 @ALL

@@ -32,6 +32,12 @@ def test_fog_follows_beer_lambert():
         assert painted(foggy, depth_m)[0, 0] == pytest.approx(expected, abs=0.51)
 
 
+def test_fog_hides_the_horizon_and_thins_upwards():
+    foggy = replace(PLAIN, fog_per_m=0.01, fog_color=(1.0, 0.0, 0.0))
+    red = [painted(foggy, np.inf, elevation=np.full((64, 96), z))[0, 0, 0] for z in (0.02, 0.5, 1)]
+    assert red[0] > 250 > red[1] > red[2] > painted(PLAIN, np.inf, elevation=LEVEL + 1)[0, 0, 0]
+
+
 def test_the_sky_is_where_nothing_is_and_nowhere_else():
     depth_m = np.full((64, 96), 10.0)
     depth_m[:20] = np.inf

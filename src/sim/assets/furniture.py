@@ -162,7 +162,7 @@ def bench(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
-def bin_(rng: np.random.Generator) -> list[Solid]:
+def litter_bin(rng: np.random.Generator) -> list[Solid]:
     """A litter bin with a lid."""
     paint = str(rng.choice([colours.BIN_GREEN, colours.BIN_GREY]))
     return [
@@ -183,7 +183,7 @@ def barrier(rng: np.random.Generator) -> list[Solid]:
     return [board, low, *feet]
 
 
-def cone_(rng: np.random.Generator) -> list[Solid]:
+def traffic_cone(rng: np.random.Generator) -> list[Solid]:
     """A traffic cone."""
     height = rng.uniform(0.7, 0.9)
     return [

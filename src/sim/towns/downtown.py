@@ -9,7 +9,7 @@ from ..layout import Town
 from ..solid import Solid
 from .network import Network, Street
 from .site import Site
-from .streetscape import FOUR_LANES, TWO_LANES, frontage, lay_ground, row, signals
+from .streetscape import FOUR_LANES, TWO_LANES, frontage, lay_ground, outskirts, row, signals
 from .terrain import rolling
 
 _FACADES = ("facade_concrete", "facade_panel", "facade_glass", "facade_brick", "facade_brick_dark")
@@ -41,11 +41,13 @@ def _furnish(site: Site, street: Street, rng: np.random.Generator) -> None:
     row(site, street, 0.55, 27.0, furniture.lamp_post, rng)
     row(site, street, 0.9, 11.0, vegetation.street_tree, rng)
     row(site, street, 0.5, 38.0, furniture.sign_post, rng)
-    row(site, street, 0.7, 33.0, furniture.bin_, rng)
+    row(site, street, 0.7, 33.0, furniture.litter_bin, rng)
     row(site, street, 0.7, 40.0, furniture.bench, rng)
     row(site, street, 0.4, 45.0, partial(furniture.railing, length_m=6.0), rng)
     row(site, street, street.profile.pavement_m + 1.0, 12.0, vegetation.bush, rng)
     row(site, street, street.profile.pavement_m + 3.0, 30.0, furniture.container, rng)
+    row(site, street, street.profile.pavement_m + 1.4, 24.0, furniture.barrier, rng)
+    row(site, street, street.profile.pavement_m + 1.2, 18.0, furniture.traffic_cone, rng)
 
 
 def build(rng: np.random.Generator) -> Town:
@@ -56,4 +58,5 @@ def build(rng: np.random.Generator) -> Town:
         frontage(site, street, _block, rng, setback_m=(0.5, 2.0), gap_m=(0.5, 7.0))
     for street in site.network.streets:
         _furnish(site, street, rng)
+    outskirts(site, 26, _block, rng)
     return site.finished()

@@ -10,7 +10,7 @@ from ..solid import Solid
 from .network import Network, Profile, Street
 from .polyline import arc_m
 from .site import Site
-from .streetscape import frontage, in_gardens, lay_ground, row, spots
+from .streetscape import frontage, in_gardens, lay_ground, outskirts, row, spots
 from .terrain import rolling
 
 _STREET = Profile(6.0, "cobbles", 1.8, "paving_warm", 6.0, 2.0, 5.5)
@@ -60,11 +60,13 @@ def build(rng: np.random.Generator) -> Town:
         edge = _STREET.pavement_m
         row(site, street, 0.35, 22.0, furniture.sign_post, rng)
         row(site, street, 0.3, 30.0, partial(furniture.railing, length_m=4.0), rng)
-        row(site, street, edge + 0.4, 9.0, furniture.bin_, rng)
+        row(site, street, edge + 0.4, 9.0, furniture.litter_bin, rng)
         row(site, street, edge + 0.5, 16.0, furniture.bench, rng)
         row(site, street, edge + 1.5, 12.0, furniture.stall, rng)
         row(site, street, edge + 1.2, 10.0, vegetation.bush, rng)
         row(site, street, edge + 1.4, 14.0, vegetation.street_tree, rng)
         in_gardens(site, street, 6, vegetation.broadleaf, rng, (9.0, 26.0))
         in_gardens(site, street, 2, vegetation.bare_tree, rng, (3.0, 26.0))
+    outskirts(site, 40, _house, rng)
+    outskirts(site, 24, vegetation.broadleaf, rng)
     return site.finished()

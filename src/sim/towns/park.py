@@ -10,7 +10,7 @@ from ..solid import Solid
 from .network import Network, Profile, Street
 from .polyline import turn
 from .site import Site
-from .streetscape import TWO_LANES, frontage, in_gardens, lay_ground, row
+from .streetscape import TWO_LANES, frontage, in_gardens, lay_ground, outskirts, row
 from .terrain import rolling
 
 _PATH = Profile(4.0, "gravel", 0.0, "gravel", None, 2.4, 6.0)
@@ -58,7 +58,7 @@ def _furnish_street(site: Site, street: Street, rng: np.random.Generator) -> Non
 def _furnish_path(site: Site, path: Street, rng: np.random.Generator) -> None:
     row(site, path, 0.9, 14.0, furniture.park_lamp, rng)
     row(site, path, 0.8, 17.0, furniture.bench, rng)
-    row(site, path, 0.8, 26.0, furniture.bin_, rng)
+    row(site, path, 0.8, 26.0, furniture.litter_bin, rng)
     in_gardens(site, path, 3, furniture.climbing_frame, rng, (3.0, 12.0))
     in_gardens(site, path, 1, buildings.kiosk, rng, (3.0, 8.0))
     in_gardens(site, path, 1, furniture.stall, rng, (2.0, 6.0))
@@ -74,4 +74,6 @@ def build(rng: np.random.Generator) -> Town:
     for street in site.network.streets:
         furnish = _furnish_path if street.profile is _PATH else _furnish_street
         furnish(site, street, rng)
+    outskirts(site, 16, _villa, rng)
+    outskirts(site, 40, vegetation.broadleaf, rng)
     return site.finished()

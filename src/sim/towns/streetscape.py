@@ -67,25 +67,29 @@ def _lay_street(site: Site, street: Street) -> None:
 
 
 def _lay_junction(site: Site, junction: int) -> None:
-    """A plate of the widest arm's road, pavements around the corners, and zebra crossings."""
+    """A plate under every arm, zebra crossings, and pavements around the corners."""
     radius, ports = site.network.radius_m(junction), site.network.ports_m(junction)
     centre = site.network.junctions_m[junction]
-    widest = max((arm.profile for arm, _ in ports), key=lambda profile: profile.road_m)
-    plate = "asphalt" if widest.road.startswith("road") else widest.road
+    widest_m = max(arm.profile.road_m for arm, _ in ports)
     for arm, _ in ports:
+        # A narrower way ends under the road that it meets.
+        rise = JUNCTION_RISE_M if arm.profile.road_m == widest_m else ROAD_RISE_M
+        plate = "asphalt" if arm.profile.road.startswith("road") else arm.profile.road
         end = point_at(arm.points_m, np.array(radius + 0.2))
         # At a bend between two arms the plate must also fill the outer corner.
         overrun = arm.profile.road_m / 2 if len(ports) == 2 else 0.0
         start = centre - overrun * (end - centre) / np.linalg.norm(end - centre)
-        _lay_strip(site, np.stack([start, end]), arm.profile.road_m, JUNCTION_RISE_M, plate)
+        _lay_strip(site, np.stack([start, end]), arm.profile.road_m, rise, plate)
         if arm.profile.road.startswith("road"):
             along = point_at(arm.points_m, radius + np.array([0.2, 3.2]))
             _lay_strip(site, along, arm.profile.road_m, CROSSING_RISE_M, "crossing")
     for (arm, here), (following, there) in zip(ports, ports[1:] + ports[:1]):
-        narrow = min(arm.profile, following.profile, key=lambda profile: profile.pavement_m)
-        if narrow.pavement_m:
+        wide = max(arm.profile, following.profile, key=lambda profile: profile.pavement_m)
+        if wide.pavement_m:
             corner = site.network.corner_m(arm, following, here[1], there[-1])
-            _lay_strip(site, corner, narrow.pavement_m, PAVEMENT_RISE_M, narrow.pavement)
+            # Around the walking line, as far as the road's edge on the one side.
+            width = 2 * (wide.walk_m - wide.road_m / 2)
+            _lay_strip(site, corner, width, PAVEMENT_RISE_M, wide.pavement)
 
 
 def _lay_strip(site: Site, line: Polyline, width_m: float, rise_m: float, material: str) -> None:
@@ -226,6 +230,19 @@ def in_gardens(
             [-np.sin(heading), np.cos(heading)]
         )
         site.place(make(rng), float(x), float(y), rng.uniform(0, 2 * np.pi))
+
+
+def outskirts(site: Site, count: int, make: Maker, rng: np.random.Generator) -> None:
+    """Things around the streets, looking inwards, so that no street ends in an empty horizon."""
+    lower, upper = site.network.junctions_m.min(axis=0), site.network.junctions_m.max(axis=0)
+    middle = (lower + upper) / 2
+    reach = (upper - lower) / 2 + MARGIN_M / 2
+    for angle in rng.uniform(0, 2 * np.pi) + np.linspace(0, 2 * np.pi, count, endpoint=False):
+        ray = np.array([np.cos(angle), np.sin(angle)])
+        # On the rim of a rectangle, jittered inwards and outwards.
+        x, y = middle + ray / np.abs(ray / reach).max() * rng.uniform(0.9, 1.1)
+        yaw = np.round((angle + np.pi) / (np.pi / 2)) * np.pi / 2
+        site.place(make(rng), float(x), float(y), float(yaw))
 
 
 TWO_LANES = Profile(7.0, "road_2lane", 3.4, "paving", 9.0, 2.4, 7.0)

@@ -10,7 +10,7 @@ from ..solid import Solid
 from .network import Network, Profile, Street
 from .polyline import turn
 from .site import Site
-from .streetscape import frontage, in_gardens, lay_ground, row, wired_poles
+from .streetscape import frontage, in_gardens, lay_ground, outskirts, row, wired_poles
 from .terrain import rolling
 
 _STREET = Profile(7.0, "road_2lane", 2.2, "paving_warm", 8.0, 2.6, 6.5)
@@ -48,7 +48,7 @@ def build(rng: np.random.Generator) -> Town:
         row(site, street, edge + 1.1, 9.0, partial(vegetation.hedge, length_m=5.0), rng)
         row(site, street, 0.4, 36.0, furniture.lamp_post, rng)
         row(site, street, 0.4, 44.0, furniture.sign_post, rng)
-        row(site, street, edge - 0.35, 28.0, furniture.bin_, rng)
+        row(site, street, edge - 0.35, 28.0, furniture.litter_bin, rng)
         row(site, street, edge + 3.2, 13.0, vegetation.broadleaf, rng)
         in_gardens(site, street, 16, vegetation.broadleaf, rng, (3.5, 26.0))
         in_gardens(site, street, 4, vegetation.conifer, rng, (3.0, 26.0))
@@ -56,4 +56,6 @@ def build(rng: np.random.Generator) -> Town:
         in_gardens(site, street, 8, vegetation.bush, rng, (1.5, 20.0))
         in_gardens(site, street, 2, buildings.shed, rng, (12.0, 26.0))
         in_gardens(site, street, 1, furniture.bench, rng, (2.0, 12.0))
+    outskirts(site, 22, _house, rng)
+    outskirts(site, 44, vegetation.broadleaf, rng)
     return site.finished()
