@@ -55,8 +55,8 @@ class PillarDecoder(nn.Module):
 
     def forward(self, pillars: Float[Tensor, "b p dim"]) -> Float[Tensor, "b 9 x y z"]:
         """Logits, always float32."""
-        columns, rows, heights = self.grid.shape
-        channels_last = pillars.unflatten(1, (columns, rows))
+        rows, columns, heights = self.grid.shape
+        channels_last = pillars.unflatten(1, (rows, columns))
         x = self.blocks(channels_last.permute(0, 3, 1, 2))
         logits = self.head(x.permute(0, 2, 3, 1)).float()
         return logits.unflatten(-1, (NUM_CLASSES, heights)).permute(0, 3, 1, 2, 4)

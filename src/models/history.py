@@ -49,7 +49,7 @@ def align_history(history: History, grid: VoxelGrid) -> AlignedHistory:
     eye = torch.eye(4, device=history.valid.device)
     occ_from_past_occ = history.occ_from_past_occ.float()
     occ_from_past_occ = torch.where(history.valid[..., None, None], occ_from_past_occ, eye)
-    pillars = torch.where(history.valid[..., None, None], history.pillars, 0).float()
+    pillars = history.pillars.float()
     centres = grid.centers(device=eye.device)[:, :, 0].flatten(0, 1)
     centres = torch.cat([centres[:, :2], torch.zeros_like(centres[:, :1])], dim=-1)
     with torch.autocast(eye.device.type, enabled=False):

@@ -19,15 +19,13 @@ from .annotation import ActorMap, StaticMap, View, label_frame, visible_pixels
 from .assets import ACTORS
 from .flight import Flight, FlightConfig, fly
 from .layout import Town
-from .pilot import STEP_S
+from .pilot import STEP_HZ
 from .scene import Body, Piece, Scene, parts_of, pieces_of, static_parts
 from .sensors import Scan, scan
 from .towns import build_town
 from .traffic import TrafficConfig, simulate_traffic
 from .weather import apply_weather, weather_named
 from .world import Rendering, World
-
-STEP_HZ = round(1 / STEP_S)
 
 DRAWN_RADIUS_M = 90.0
 """Of the town, what lies within this distance of the route is drawn."""

@@ -20,7 +20,7 @@ from ..data.clip import CLIP_SECONDS
 from ..data.manifest import missing_clips
 from ..errors import UserError
 from .clip_maker import ClipMaker, ClipPlan
-from .pilot import STEP_S
+from .pilot import STEP_HZ
 from .towns import TOWNS
 from .weather import WEATHERS
 from .world import import_bullet
@@ -49,9 +49,9 @@ def check_settings(sim: dict) -> None:
     if sim["clips_per_town"] < 1:
         raise UserError("sim.clips_per_town: must be at least 1")
     for key in ("capture_hz", "lidar_hz"):
-        if sim[key] <= 0 or (1 / (STEP_S * sim[key])) % 1 or (CLIP_SECONDS * sim[key]) % 1:
+        if sim[key] <= 0 or (STEP_HZ / sim[key]) % 1 or (CLIP_SECONDS * sim[key]) % 1:
             raise UserError(
-                f"sim.{key}: {sim[key]} does not divide the simulation's {1 / STEP_S:g} Hz; "
+                f"sim.{key}: {sim[key]} does not divide the simulation's {STEP_HZ} Hz; "
                 "take 2.5, 5, 10, 12.5, 25 or 50"
             )
     if sim["workers"] is not None and sim["workers"] < 1:

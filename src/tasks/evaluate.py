@@ -158,7 +158,6 @@ def _examples(module: OccupancyModule, samples: Iterable[dict]) -> Iterable[Exam
             frustum=Frustum(
                 camera_from_occ(sample["occ_from_body"][-1], sample["body_from_camera"]),
                 sample["pix_from_camera"][-1],
-                width,
-                height,
+                (width, height),
             ),
         )

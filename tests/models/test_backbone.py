@@ -108,6 +108,16 @@ def test_weights_of_another_architecture_are_refused(tmp_path, depth, width):
         ResNet(depth, width, weights=str(path))
 
 
+def test_weights_that_lack_a_name_are_refused(tmp_path):
+    _, _, state = save_weights(tmp_path)
+    del state["layer4.1.bn2.weight"]
+    path = tmp_path / "part.pth"
+    torch.save(state, path)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    with pytest.raises(UserError, match=r"layer4\.1\.bn2\.weight"):
+        ResNet(18, 8, weights=str(path), weights_sha256=digest)
+
+
 def test_weights_that_are_missing_or_out_of_reach_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path))
     with pytest.raises(UserError, match="no file"):

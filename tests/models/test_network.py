@@ -15,7 +15,8 @@ from src.models import (
     ResNet,
     SkyOcc,
 )
-from tests.models.synthetic import GRID, build_batch, build_network
+from src.models.backbone import STRIDES
+from tests.models.synthetic import GRID, IMAGE_SIZE, build_batch, build_network
 
 
 def clone(batch):
@@ -66,6 +67,15 @@ def test_padded_frames_are_never_read(network, batch, training):
     assert network(spoilt).equal(expected)
 
 
+def test_padded_frames_cost_nothing(network, batch):
+    images = []
+    network.backbone.register_forward_pre_hook(lambda _, inputs: images.append(len(inputs[0])))
+    batch["history_valid"][0, :2] = False
+    batch["history_valid"][:, 0] = False
+    network(batch)
+    assert images == [1, 2, 2]
+
+
 def test_every_valid_past_frame_matters(network, batch):
     network.eval()
     before = network(batch)
@@ -77,12 +87,8 @@ def test_every_valid_past_frame_matters(network, batch):
 
 def test_no_history_at_all_equals_a_single_frame(network, batch):
     network.eval()
-    alone = {
-        name: value[:, -1:]
-        if value.dim() > 1 and value.shape[1] == 4 and name not in ("body_from_camera",)
-        else value
-        for name, value in batch.items()
-    }
+    queued = ("image", "pix_from_camera", "occ_from_body", "occ_from_past_occ", "history_valid")
+    alone = {name: value[:, -1:] if name in queued else value for name, value in batch.items()}
     batch["history_valid"][:, :-1] = False
     assert network(batch).equal(network(alone))
 
@@ -107,7 +113,6 @@ def test_every_parameter_learns(batch):
 
 
 def test_past_frames_give_gradient_only_when_asked(batch):
-    """With the current image constant, the first convolution learns from the past alone."""
     gradients = {}
     for history_grad in (False, True):
         network = build_network(history_grad=history_grad)
@@ -153,25 +158,27 @@ def test_metadata_enter_after_the_lifting_and_can_be_left_out(batch):
     assert without(other).equal(without(batch))
 
 
-def test_attitude_moves_what_the_pillars_see_to_where_it_is():
-    """A bright spot that the tilted camera sees ahead: only the true attitude finds its pillar."""
+def test_a_pillar_sees_what_stands_in_it_under_any_attitude():
+    """A spot where the tilted camera sees a pillar's reference reaches that pillar's update."""
     grid = VoxelGrid((0, -10, -10), (20, 10, 10), (10, 10, 10))
-    network = build_network(grid=grid, dim=16, num_layers=1).eval()
+    encoder = build_network(grid=grid, num_layers=1).encoder
     batch = build_batch(batch_size=1, frames=1, grid=grid)
-    references = network.encoder.references(
+    references = encoder.references(
         batch["occ_from_body"][:, 0],
         batch["body_from_camera"],
         batch["pix_from_camera"][:, 0],
-        (96, 64),
+        IMAGE_SIZE,
     )
     pillar, height = references.valid[0].nonzero()[17]
     u, v = (references.pix[0, pillar, height] / 4).long()
-    features = [torch.zeros(1, 16, 64 // s, 96 // s) for s in (4, 8, 16, 32)]
-    features[0][0, :, v, u] = 10.0
-    lift = network.encoder.layers[0].lift
-    query = torch.zeros(1, 100, 16)
-    update = lift(query, features, references) - lift(query, [0 * f for f in features], references)
-    assert update[0, pillar].abs().max() > 0.01
+    dark = [torch.zeros(1, 16, 64 // s, 96 // s) for s in STRIDES]
+    bright = [level.clone() for level in dark]
+    bright[0][0, :, v, u] = 10.0
+    query, lift = torch.zeros(1, 100, 16), encoder.layers[0].lift
+    change = (lift(query, bright, references) - lift(query, dark, references)).abs().amax(-1)[0]
+    assert change[pillar] > 0.01
+    near = (references.pix[0] / 4 - torch.stack([u, v]) - 0.5).abs().amax(-1).amin(-1) < 3
+    assert change[~near].eq(0).all(), "and no pillar that is seen elsewhere"
 
 
 def test_sides_that_are_no_multiples_of_32_are_refused(network):
@@ -210,12 +217,12 @@ def test_it_fits_one_batch(batch):
     loss = OccupancyLoss(lovasz_weight=1.0)
     optimiser = torch.optim.AdamW(network.parameters(), 3e-3)
     losses = []
-    for _ in range(150):
+    for _ in range(60):
         optimiser.zero_grad()
         losses.append(loss(network(batch), batch["semantics"])["total"])
         losses[-1].backward()
         optimiser.step()
-    assert losses[-1] < 0.35 * losses[0]
+    assert losses[-1] < 0.7 * losses[0]
 
 
 @pytest.mark.slow
