@@ -3,10 +3,12 @@
 import os
 
 import hydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from src.failures import quiet_libraries, told_in_one_line
+from src.settings import require_sound
 
 # Hydra would print its own errors over many lines and swallow the rest.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
@@ -15,7 +17,9 @@ os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
 def run(cfg: DictConfig) -> None:
     """Calls the configured task with the composed configuration."""
+    # In here too, or Hydra adds lines of its own.
     with told_in_one_line():
+        require_sound(cfg, list(HydraConfig.get().overrides.task))
         instantiate(cfg.task)(cfg)
 
 

@@ -1,4 +1,4 @@
-"""The nine evaluated classes, the unknown label, and their colours (Sec. 4.1 of the paper)."""
+"""The nine evaluated classes, the unknown label, and their colours (Sec. 5.1 of the paper)."""
 
 from typing import Final
 

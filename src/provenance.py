@@ -6,6 +6,7 @@ import importlib.metadata
 import json
 import subprocess
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parent
@@ -20,8 +21,15 @@ def digest_of(data: object) -> str:
 
 def code_digest(paths: Iterable[Path]) -> str:
     """Digest of what the Python files do: comments, docstrings and layout do not count."""
-    files = sorted(file for path in paths for file in (path.rglob("*.py") if path.is_dir() else [path]))
-    return digest_of([[str(file.relative_to(SOURCE)), _statements(file)] for file in files])
+    files = sorted(
+        file for path in paths for file in (path.rglob("*.py") if path.is_dir() else [path])
+    )
+    return digest_of(
+        [
+            [str(file.relative_to(SOURCE)), _statements(file.read_text(encoding="utf-8"))]
+            for file in files
+        ]
+    )
 
 
 def code_version(config: Mapping) -> str:
@@ -34,7 +42,7 @@ def git_commit() -> str:
     try:
         commit = _git("rev-parse", "--short=12", "HEAD")
         return commit + ("+" if _git("status", "--porcelain", "--untracked-files=no") else "")
-    except (OSError, subprocess.CalledProcessError):
+    except (OSError, subprocess.SubprocessError):
         return ""
 
 
@@ -56,8 +64,9 @@ def _git(*words: str) -> str:
     return done.stdout.strip()
 
 
-def _statements(file: Path) -> str:
-    tree = ast.parse(file.read_text(encoding="utf-8"))
+@cache
+def _statements(source: str) -> str:
+    tree = ast.parse(source)
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list) and body and _is_text(body[0]):

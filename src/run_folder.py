@@ -2,38 +2,47 @@
 
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
 import yaml
 
+from .atomic import replacing
 from .errors import UserError
 from .provenance import code_version
 
 CONFIG = "config.yaml"
 METRICS = "metrics.csv"
 RESULTS = "results.csv"
-CHECKPOINTS = "checkpoints"
 SESSIONS = "sessions"
-PLACE_KEYS = ("paths", "ckpt_path", "task", "overwrite", "name", "hydra")
-"""Configuration that says where and what to do, not how the model is trained."""
+VERSION = ".version"
+NOT_SHAPING = (
+    *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
+    *("data.workers", "sim.workers", "sim.dry_run"),
+)
+"""Keys that say where, how fast and what to do, not how the model is trained."""
 
 
 class RunFolder:
-    """``runs/<scale>/<experiment>/seed<k>/``: config, metrics, results, checkpoints and figures."""
+    """``runs/<scale>/<experiment>/seed<k>/``: config, metrics, results, checkpoints and figures.
+
+    ``version`` is the code version of the run: the hash of ``src/`` and of the configuration, less
+    the keys of `NOT_SHAPING`. It is the same wherever the folder lies.
+    """
 
     def __init__(self, path: Path, config: dict) -> None:
         self.path = Path(path)
         self.config = config
-        self.version = code_version(trained_by(config))
+        self.version = code_version(shaping(config))
 
     @property
     def results(self) -> Path:
         return self.path / RESULTS
 
     @property
-    def checkpoints(self) -> Path:
-        return self.path / CHECKPOINTS
+    def metrics(self) -> Path:
+        return self.path / METRICS
 
     @property
     def figures(self) -> Path:
@@ -41,15 +50,26 @@ class RunFolder:
 
     @property
     def best_checkpoint(self) -> Path:
-        return self.checkpoints / "best.ckpt"
+        return self.path / "checkpoints" / "best.ckpt"
 
     @property
     def last_checkpoint(self) -> Path:
-        return self.checkpoints / "last.ckpt"
+        return self.path / "checkpoints" / "last.ckpt"
+
+    def checkpoint(self, name: str) -> Path:
+        """What ``ckpt_path`` means: ``best`` or ``last`` of this run, or a file.
+
+        Raises `UserError` where there is none.
+        """
+        named = {"best": self.best_checkpoint, "last": self.last_checkpoint}
+        path = named.get(name, Path(name))
+        if not path.is_file():
+            raise UserError(f"ckpt_path: no checkpoint {path}; give best, last or an existing file")
+        return path
 
     def is_finished(self) -> bool:
         """Whether the results of this very configuration and code are there."""
-        return self.results.is_file() and self._recorded() == self.version
+        return self.results.is_file() and self._recorded_version() == self.version
 
     def open(self, afresh: bool) -> Path | None:
         """Makes the folder ready and returns the checkpoint to go on from, if there is one.
@@ -57,32 +77,19 @@ class RunFolder:
         What another configuration or other code left here is moved aside, never overwritten; so is
         everything when the run shall start afresh.
         """
-        same = not afresh and self._recorded() == self.version
-        resumable = same and self.last_checkpoint.is_file()
-        if not resumable and self.path.exists():
+        same = not afresh and self._recorded_version() == self.version
+        if same and self.last_checkpoint.is_file():
+            return self.last_checkpoint
+        if self.path.exists():
             os.rename(self.path, self._free_name())
-        self.path.mkdir(parents=True, exist_ok=True)
-        text = yaml.safe_dump(self.config, sort_keys=False)
-        _write(self.path / CONFIG, text)
-        _write(self.path / ".version", self.version + "\n")
-        return self.last_checkpoint if resumable else None
+        self.path.mkdir(parents=True)
+        self._write(CONFIG, yaml.safe_dump(self.config, sort_keys=False))
+        self._write(VERSION, self.version + "\n")
+        return None
 
     def write_json(self, name: str, data: dict) -> None:
         """Writes a small file of facts about the run."""
-        _write(self.path / name, json.dumps(data, indent=1) + "\n")
-
-    def require_same_config(self) -> None:
-        """Refuses to resume a run that was started under another configuration."""
-        path = self.path / CONFIG
-        try:
-            before = yaml.safe_load(path.read_text())
-        except (OSError, yaml.YAMLError) as error:
-            raise UserError(f"{path}: cannot be read ({error}); there is no run to resume") from None
-        for key, old, new in differences(trained_by(before), trained_by(self.config)):
-            raise UserError(
-                f"{path}: the run was started with {key}={json.dumps(old)}, and now it is "
-                f"{json.dumps(new)}; resume with the old value, or start anew without ckpt_path"
-            )
+        self._write(name, json.dumps(data, indent=1) + "\n")
 
     def merge_metrics(self) -> None:
         """Joins the CSV logs of all sessions of this run into ``metrics.csv``.
@@ -90,18 +97,26 @@ class RunFolder:
         A session begins at the step of the checkpoint that it was resumed from; what an earlier
         one logged beyond that was lost with its weights, so it is left out.
         """
-        tables: list[pd.DataFrame] = []
-        for log in sorted(self.path.glob(f"{SESSIONS}/*/{METRICS}")):
-            if log.stat().st_size:
-                table = pd.read_csv(log)
-                tables = [earlier[earlier["step"] < table["step"].min()] for earlier in tables]
-                tables.append(table)
-        if tables:
-            joined = pd.concat(tables).groupby("step", as_index=False).last()
-            _write(self.path / METRICS, joined.to_csv(index=False))
+        joined = pd.DataFrame()
+        for table in self._session_logs():
+            if len(joined):
+                joined = joined[joined["step"] < table["step"].min()]
+            joined = pd.concat([joined, table])
+        if len(joined):
+            # Training and validation write a row each at the same step.
+            rows = joined.groupby("step", as_index=False).last()
+            self._write(METRICS, rows.to_csv(index=False))
 
-    def _recorded(self) -> str:
-        path = self.path / ".version"
+    def _session_logs(self) -> Iterator[pd.DataFrame]:
+        """The logs that hold a row, in the order of their sessions."""
+        folders = self.path.glob(f"{SESSIONS}/version_*")
+        for folder in sorted(folders, key=lambda path: int(path.name.removeprefix("version_"))):
+            log = folder / METRICS
+            if log.is_file() and log.stat().st_size and len(table := pd.read_csv(log)):
+                yield table
+
+    def _recorded_version(self) -> str:
+        path = self.path / VERSION
         return path.read_text().strip() if path.is_file() else ""
 
     def _free_name(self) -> Path:
@@ -110,10 +125,48 @@ class RunFolder:
             number += 1
         return aside
 
+    def _write(self, name: str, text: str) -> None:
+        with replacing(self.path / name) as temporary:
+            temporary.write_text(text)
 
-def trained_by(config: dict) -> dict:
+
+def require_same_config(checkpoint: Path, config: dict, part: str | None = None) -> None:
+    """Refuses a checkpoint whose run was started under another configuration.
+
+    ``part`` narrows the comparison to one top-level key, such as ``model``. Raises `UserError` that
+    names the first key that differs, or where the run's ``config.yaml`` cannot be read.
+    """
+    path = checkpoint.parent.parent / CONFIG
+    try:
+        before = shaping(yaml.safe_load(path.read_text()))
+    except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+        reason = " ".join(str(error).split())
+        raise UserError(
+            f"{path}: cannot be read ({reason}), so what {checkpoint.name} was trained with is "
+            "unknown; keep a checkpoint in the folder of its run"
+        ) from None
+    after = shaping(config)
+    if part is not None:
+        before, after = {part: before.get(part)}, {part: after.get(part)}
+    for key, old, new in differences(before, after):
+        raise UserError(
+            f"{path}: the run was started with {key}={json.dumps(old)}, and now it is "
+            f"{json.dumps(new)}; give the old value, or drop ckpt_path to start anew"
+        )
+
+
+def shaping(config: dict) -> dict:
     """The part of a configuration that shapes the trained model and its scores."""
-    return {key: value for key, value in config.items() if key not in PLACE_KEYS}
+    run = str(config["paths"]["run"])
+
+    def kept(node: object, prefix: str) -> object:
+        if isinstance(node, dict):
+            names = [name for name in node if prefix + name not in NOT_SHAPING]
+            return {name: kept(node[name], f"{prefix}{name}.") for name in names}
+        # The run's own folder appears in the settings of callbacks and loggers.
+        return node.removeprefix(run) if isinstance(node, str) else node
+
+    return kept(config, "")
 
 
 def differences(before: dict, after: dict, prefix: str = "") -> list[tuple[str, object, object]]:
@@ -126,9 +179,3 @@ def differences(before: dict, after: dict, prefix: str = "") -> list[tuple[str, 
         elif old != new:
             found.append((prefix + key, old, new))
     return found
-
-
-def _write(path: Path, text: str) -> None:
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(text)
-    os.replace(part, path)

@@ -4,14 +4,12 @@
 matrix is derived from them here, so the annotation and the training see the same numbers.
 """
 
-import hashlib
 import io
 import json
 import os
 import shutil
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -25,22 +23,25 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 from torch import Tensor
 
-from ..errors import UserError
 from ..geometry import VoxelGrid, rigid, rotation_from_quat
+from .files import flush_to_disk, reading, sha256_of, writing
 
 CLIP_SECONDS = 12.0
 JPEG_QUALITY = 95
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
+DEFLATE_LEVEL = 4
 SUMS = "SHA256SUMS"
 
-FRAME_COLUMNS = (
-    "frame,time_s,x_m,y_m,z_m,qx,qy,qz,qw,vx_mps,vy_mps,vz_mps,wx_radps,wy_radps,wz_radps,"
-    "roll_rad,pitch_rad,yaw_rad,altitude_m"
-).split(",")
-ACTOR_COLUMNS = (
-    "frame,actor_id,type,class_id,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,length_m,width_m,height_m,"
-    "yaw_rad,visible_pixels"
-).split(",")
+FRAME_COLUMNS = [
+    *("frame", "time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"),
+    *("vx_mps", "vy_mps", "vz_mps", "wx_radps", "wy_radps", "wz_radps"),
+    *("roll_rad", "pitch_rad", "yaw_rad", "altitude_m"),
+]
+ACTOR_COLUMNS = [
+    *("frame", "actor_id", "type", "class_id", "x_m", "y_m", "z_m"),
+    *("vx_mps", "vy_mps", "vz_mps", "length_m", "width_m", "height_m"),
+    *("yaw_rad", "visible_pixels"),
+]
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ class ClipWriter:
     """Writes one clip under a temporary name and renames it when it is whole.
 
     Use it as a context manager; leaving it by an exception removes what was written. Identical
-    input gives identical bytes.
+    input gives identical bytes. Every `OSError` (a full disk) names the file.
     """
 
     def __init__(self, folder: Path, meta: ClipMeta) -> None:
@@ -110,15 +111,13 @@ class ClipWriter:
     def __enter__(self) -> "ClipWriter":
         shutil.rmtree(self._part, ignore_errors=True)
         self._part.mkdir(parents=True)
-        self._rgb = zipfile.ZipFile(self._part / "rgb.zip", "w", zipfile.ZIP_STORED)
-        self._occupancy = _NpzWriter(self._part / "occupancy.npz")
-        self._aux: _NpzWriter | None = None
+        self._archives: dict[str, zipfile.ZipFile] = {}
         return self
 
     def add_image(self, frame: int, image: UInt8[np.ndarray, "h w 3"]) -> None:
         encoded = io.BytesIO()
         Image.fromarray(image).save(encoded, "JPEG", quality=JPEG_QUALITY, subsampling=0)
-        self._rgb.writestr(zipfile.ZipInfo(f"{frame:06d}.jpg", ZIP_DATE), encoded.getvalue())
+        self._add("rgb.zip", f"{frame:06d}.jpg", encoded.getvalue(), zipfile.ZIP_STORED)
 
     def add_labels(
         self,
@@ -126,18 +125,17 @@ class ClipWriter:
         semantics: UInt8[np.ndarray, "X Y Z"],
         visible: Bool[np.ndarray, "X Y Z"],
     ) -> None:
-        self._occupancy.add(f"semantics_{frame:06d}", semantics)
-        self._occupancy.add(f"visible_{frame:06d}", visible)
+        self._add_array("occupancy.npz", f"semantics_{frame:06d}", semantics)
+        self._add_array("occupancy.npz", f"visible_{frame:06d}", visible)
 
     def add_aux(self, frame: int, **images: np.ndarray) -> None:
         """Annotation signals (depth, class, instance) for those who ask for them."""
-        self._aux = self._aux or _NpzWriter(self._part / "aux.npz")
         for name, image in images.items():
-            self._aux.add(f"{name}_{frame:06d}", image)
+            self._add_array("aux.npz", f"{name}_{frame:06d}", image)
 
     def add_tables(self, frames: pd.DataFrame, actors: pd.DataFrame) -> None:
-        frames[FRAME_COLUMNS].to_csv(self._part / "frames.csv", index=False, lineterminator="\n")
-        actors[ACTOR_COLUMNS].to_csv(self._part / "actors.csv", index=False, lineterminator="\n")
+        self._write("frames.csv", _csv(frames[FRAME_COLUMNS]))
+        self._write("actors.csv", _csv(actors[ACTOR_COLUMNS]))
 
     def __exit__(
         self,
@@ -145,35 +143,45 @@ class ClipWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        for archive in (self._rgb, self._occupancy, self._aux):
-            if archive is not None:
-                archive.close()
-        if kind is not None:
+        try:
+            if kind is None:
+                self._seal()
+        finally:
+            for archive in self._archives.values():
+                # On a full disk closing fails once more; the first error says all.
+                with suppress(OSError):
+                    archive.close()
             shutil.rmtree(self._part, ignore_errors=True)
-            return
-        text = json.dumps(self.meta.to_json(), indent=1) + "\n"
-        (self._part / "clip.json").write_text(text)
+
+    def _seal(self) -> None:
+        """Completes the files, and renames the folder when all of it is on the disk."""
+        for name, archive in self._archives.items():
+            with writing(self._part / name):
+                archive.close()
+        self._write("clip.json", json.dumps(self.meta.to_json(), indent=1) + "\n")
         names = sorted(path.name for path in self._part.iterdir())
         sums = "".join(f"{sha256_of(self._part / name)}  {name}\n" for name in names)
-        (self._part / SUMS).write_text(sums)
+        self._write(SUMS, sums)
+        for path in (*self._part.iterdir(), self._part):
+            flush_to_disk(path)
         os.rename(self._part, self.folder)
 
+    def _write(self, name: str, text: str) -> None:
+        with writing(self._part / name) as path:
+            path.write_text(text, encoding="utf-8", newline="\n")
 
-class _NpzWriter:
-    """An ``.npz`` that grows member by member, without the time of day in it."""
-
-    def __init__(self, path: Path) -> None:
-        self._zip = zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=4)
-
-    def add(self, name: str, array: np.ndarray) -> None:
+    def _add_array(self, archive: str, name: str, array: np.ndarray) -> None:
         encoded = io.BytesIO()
         np.lib.format.write_array(encoded, np.ascontiguousarray(array), allow_pickle=False)
-        member = zipfile.ZipInfo(f"{name}.npy", ZIP_DATE)
-        member.compress_type = zipfile.ZIP_DEFLATED
-        self._zip.writestr(member, encoded.getvalue())
+        self._add(archive, f"{name}.npy", encoded.getvalue(), zipfile.ZIP_DEFLATED)
 
-    def close(self) -> None:
-        self._zip.close()
+    def _add(self, archive: str, name: str, content: bytes, compression: int) -> None:
+        """Adds a member to an archive, without the time of day in it."""
+        with writing(self._part / archive) as path:
+            if archive not in self._archives:
+                self._archives[archive] = zipfile.ZipFile(path, "w")
+            member = zipfile.ZipInfo(name, ZIP_DATE)
+            self._archives[archive].writestr(member, content, compression, DEFLATE_LEVEL)
 
 
 class Clip:
@@ -184,10 +192,12 @@ class Clip:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
-        with _reading(self.folder / "clip.json") as path:
+        with reading(self.folder / "clip.json") as path:
             self.meta = ClipMeta.from_json(json.loads(path.read_text()))
         self.frames = self._table("frames.csv", FRAME_COLUMNS)
-        self.world_from_body = poses_of(self.frames)
+        with reading(self.folder / "frames.csv"):
+            _require_all_frames(self.frames, round(CLIP_SECONDS * self.meta.capture_hz))
+            self.world_from_body = poses_of(self.frames)
         self._opened_by, self._archives = -1, {}
 
     def __len__(self) -> int:
@@ -206,21 +216,21 @@ class Clip:
         return self._table("actors.csv", ACTOR_COLUMNS)
 
     def image(self, frame: int) -> UInt8[np.ndarray, "h w 3"]:
-        with _reading(self.folder / "rgb.zip"):
+        with reading(self.folder / "rgb.zip"):
             encoded = self._archive("rgb.zip").read(f"{frame:06d}.jpg")
             return np.asarray(Image.open(io.BytesIO(encoded)))
 
     def semantics(self, frame: int) -> UInt8[np.ndarray, "X Y Z"]:
-        with _reading(self.folder / "occupancy.npz"):
+        with reading(self.folder / "occupancy.npz"):
             return self._archive("occupancy.npz")[f"semantics_{frame:06d}"]
 
     def visible(self, frame: int) -> Bool[np.ndarray, "X Y Z"]:
-        with _reading(self.folder / "occupancy.npz"):
+        with reading(self.folder / "occupancy.npz"):
             return self._archive("occupancy.npz")[f"visible_{frame:06d}"]
 
     def aux(self, name: str, frame: int) -> np.ndarray:
         """``depth`` (m, inf at the sky), ``class`` or ``instance`` image; needs sim.save_aux."""
-        with _reading(self.folder / "aux.npz"):
+        with reading(self.folder / "aux.npz"):
             return self._archive("aux.npz")[f"{name}_{frame:06d}"]
 
     def _archive(self, name: str) -> Any:
@@ -234,24 +244,21 @@ class Clip:
         return self._archives[name]
 
     def _table(self, name: str, columns: list[str]) -> pd.DataFrame:
-        with _reading(self.folder / name) as path:
-            table = pd.read_csv(path, float_precision="round_trip")
+        with reading(self.folder / name) as path:
+            text = path.read_text(encoding="utf-8")
+            if not text.endswith("\n"):
+                raise ValueError("its last line is cut off")
+            table = pd.read_csv(io.StringIO(text), float_precision="round_trip")
             if list(table.columns) != columns:
                 raise ValueError(f"its columns are not {','.join(columns)}")
+            if table.isna().any(axis=None):
+                raise ValueError("it has empty cells")
             return table
-
-
-def sha256_of(path: Path) -> str:
-    with open(path, "rb") as file:
-        digest = hashlib.sha256()
-        while block := file.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
 
 
 def recorded_sums(folder: Path) -> dict[str, str]:
     """File name to SHA-256, as the clip's own ``SHA256SUMS`` says."""
-    with _reading(folder / SUMS) as path:
+    with reading(folder / SUMS) as path:
         lines = path.read_text().splitlines()
         return {name: digest for digest, name in (line.split("  ", 1) for line in lines)}
 
@@ -266,14 +273,13 @@ def damaged_files(folder: Path) -> list[str]:
     ]
 
 
-@contextmanager
-def _reading(path: Path) -> Iterator[Path]:
-    """Turns whatever a broken file raises into one line that names it."""
-    try:
-        yield path
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise UserError(
-            f"{path}: cannot be read ({reason}); delete the folder {path.parent} and run "
-            "task=generate to make that clip again"
-        ) from error
+def _csv(table: pd.DataFrame) -> str:
+    """Floats as Python prints them, so that they round-trip."""
+    return table.to_csv(index=False, lineterminator="\n")
+
+
+def _require_all_frames(frames: pd.DataFrame, count: int) -> None:
+    if frames["frame"].tolist() != list(range(count)):
+        raise ValueError(f"it does not hold the frames 0 to {count - 1}")
+    if not np.isfinite(frames.to_numpy(np.float64)).all():
+        raise ValueError("it holds values that are no numbers")

@@ -1,9 +1,9 @@
 """The data set as the trainer sees it: loaders for the parts of the temporal split."""
 
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 from lightning import LightningDataModule
@@ -14,7 +14,7 @@ from torch.utils.data import DataLoader
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from .clip import Clip
-from .dataset import EpochSampler, OccupancyDataset
+from .dataset import EpochSampler, OccupancyDataset, velocity_world_mps
 from .manifest import read_manifest
 from .split import make_split
 
@@ -23,7 +23,8 @@ class SkyShieldData(LightningDataModule):
     """Loads a finished data set; it needs neither the simulator nor its configuration.
 
     Images stay uint8 until they are on the device. Raises `UserError` where the data set is
-    incomplete, a file is broken, or the split leaves training without a frame.
+    incomplete, a file is broken, the split leaves a part without a frame, or the grid has no left
+    and right to swap.
     """
 
     def __init__(
@@ -53,6 +54,11 @@ class SkyShieldData(LightningDataModule):
         for part, samples in self.split.items():
             if not samples:
                 raise UserError(f"data.val_clips/data.test_clips: they leave no frame for {part}")
+        if mirror and self.grid.lower_m[1] != -self.grid.upper_m[1]:
+            raise UserError(
+                "data.mirror: the grid reaches further to one side, so labels cannot be mirrored; "
+                "set data.mirror=false"
+            )
 
     @property
     def grid(self) -> VoxelGrid:
@@ -82,10 +88,11 @@ class SkyShieldData(LightningDataModule):
 
     def labels(self, part: str) -> Iterator[tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"]]]:
         """Labels and world velocity in m/s of every frame of a part, without its images."""
-        for clip_id, frame in track(self.split[part], f"reading {part} labels", transient=True):
+        quiet = not sys.stdout.isatty()
+        samples = track(self.split[part], f"reading {part} labels", transient=True, disable=quiet)
+        for clip_id, frame in samples:
             clip = self.clips[clip_id]
-            velocity = clip.frames.loc[frame, ["vx_mps", "vy_mps", "vz_mps"]].to_numpy(np.float64, copy=True)
-            yield torch.from_numpy(clip.semantics(frame)), torch.from_numpy(velocity)
+            yield torch.from_numpy(clip.semantics(frame)), velocity_world_mps(clip, frame)
 
     def _loader(self, dataset: OccupancyDataset, **options: object) -> DataLoader:
         return DataLoader(

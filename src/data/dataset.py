@@ -4,6 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 from torch.utils.data import Dataset, Sampler
 
 from ..errors import UserError
@@ -21,7 +23,7 @@ class OccupancyDataset(Dataset):
     A window never leaves its clip; it may reach back over a split boundary (inputs only, as in
     flight) unless ``history`` is ``"strict"``. Index with an integer, or with (integer, mirror).
 
-    Raises `UserError` for a history step that is no multiple of the capture interval.
+    Raises `UserError` for another ``history``, and as `history_stride` does.
     """
 
     def __init__(
@@ -38,16 +40,9 @@ class OccupancyDataset(Dataset):
         self.frames = frames
         self.history = history
         self.held_out = frozenset(held_out)
-        capture_hz = next(iter(clips.values())).meta.capture_hz
-        step = history_step_s * capture_hz
-        if abs(step - round(step)) > 1e-6 or round(step) < 1:
-            raise UserError(
-                f"data.history_step_s: {history_step_s} s is no multiple of the capture interval "
-                f"{1 / capture_hz:g} s; choose one"
-            )
-        if history not in HISTORY or frames < 1:
-            raise UserError(f"data: frames must be 1 or more, history one of {', '.join(HISTORY)}")
-        self.step = round(step)
+        if history not in HISTORY:
+            raise UserError(f"data.history: {history!r}; there are {', '.join(HISTORY)}")
+        self.step = history_stride(history_step_s, clips[self.samples[0][0]].meta.capture_hz)
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -65,8 +60,7 @@ class OccupancyDataset(Dataset):
         world_from_body = clip.world_from_body[window]
         occ_now_from_world = inverse(world_from_occ(world_from_body[-1]))
         roll_rad, pitch_rad, _ = euler_from_rotation(world_from_body[-1, :3, :3])
-        velocity = clip.frames.loc[now, ["vx_mps", "vy_mps", "vz_mps"]].to_numpy(np.float64, copy=True)
-        velocity_mps = occ_now_from_world[:3, :3] @ torch.from_numpy(velocity)
+        velocity_mps = occ_now_from_world[:3, :3] @ velocity_world_mps(clip, now)
         images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(window)}
         return {
             "image": torch.stack([images[frame].permute(2, 0, 1) for frame in window]),
@@ -90,6 +84,23 @@ class OccupancyDataset(Dataset):
             return True
         capture_hz = self.clips[clip_id].meta.capture_hz
         return part_of_time(frame / capture_hz) == part_of_time(now / capture_hz)
+
+
+def history_stride(history_step_s: float, capture_hz: float) -> int:
+    """Frames between two of a window; `UserError` where the step falls between frames."""
+    stride = history_step_s * capture_hz
+    if abs(stride - round(stride)) > 1e-6 or round(stride) < 1:
+        raise UserError(
+            f"data.history_step_s: {history_step_s} s is no multiple of the capture interval "
+            f"{1 / capture_hz:g} s; choose one"
+        )
+    return round(stride)
+
+
+def velocity_world_mps(clip: Clip, frame: int) -> Float[Tensor, "3"]:
+    """The UAV's velocity (float64) in the world frame."""
+    row = clip.frames.loc[frame, ["vx_mps", "vy_mps", "vz_mps"]]
+    return torch.from_numpy(row.to_numpy(np.float64, copy=True))
 
 
 class EpochSampler(Sampler):

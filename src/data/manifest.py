@@ -4,17 +4,18 @@ Every clip stands for itself; ``manifest.json`` is derived from them and from th
 """
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..atomic import replacing
 from ..errors import UserError
 from ..provenance import SOURCE, code_digest, digest_of, package_versions
 from .clip import SUMS, recorded_sums, sha256_of
 from .split import Split
 
 MANIFEST = "manifest.json"
+MANIFEST_KEYS = {"scale", "sim", "generator", "packages", "split", "clips"}
 GENERATOR_CODE = ("sim", "geometry.py", "ontology.py", "data/clip.py")
 NOT_SHAPING = ("workers", "dry_run")
 """Settings of ``sim`` that change no byte of a clip."""
@@ -61,9 +62,8 @@ def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split
             for clip in clip_ids
         },
     }
-    part = root / f".{MANIFEST}.part"
-    part.write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n")
-    os.replace(part, root / MANIFEST)
+    with replacing(root / MANIFEST) as temporary:
+        temporary.write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n")
     return root / MANIFEST
 
 
@@ -71,12 +71,15 @@ def read_manifest(root: Path) -> dict:
     """The manifest of a data set; `UserError` where there is none or it cannot be read."""
     path = root / MANIFEST
     try:
-        return json.loads(path.read_text())
+        manifest = json.loads(path.read_text())
+        if missing := MANIFEST_KEYS - set(manifest):
+            raise ValueError(f"no {', '.join(sorted(missing))} in it")
+        return manifest
     except FileNotFoundError:
         raise UserError(
             f"{path}: not found, so {root} is no finished data set; run task=generate"
         ) from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:
         raise UserError(f"{path}: cannot be read ({error}); run task=generate again") from error
 
 

@@ -1,4 +1,4 @@
-"""Deformable cross-attention from pillars to the image, at their projected heights (Eq. 7)."""
+"""Deformable cross-attention from pillars to the image, at their projected heights (Eq. 8)."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from .sampling import SumOfRows, bilinear_corners, bordered_rows
 
 
 class DeformableCrossAttention(nn.Module):
-    """``B_p = 1/|J_p| sum_{j in J_p} DA(q_p, u_pj, F)``, the paper's Eq. 7.
+    """``B_p = 1/|J_p| sum_{j in J_p} DA(q_p, u_pj, F)``, the paper's Eq. 8.
 
     ``DA`` samples ``num_points`` places per head and level around the projected reference and sums
     them with a softmax over levels and points, both predicted from the query. Each height has an

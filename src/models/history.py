@@ -1,4 +1,4 @@
-"""Pillars of past frames: aligned to the current frame (ego-motion), and attended to (Eq. 6)."""
+"""Pillars of past frames: aligned to the current frame (ego-motion), and attended to (Eq. 7)."""
 
 from typing import NamedTuple
 
@@ -71,7 +71,7 @@ def align_history(history: History, grid: VoxelGrid) -> AlignedHistory:
 
 
 class TemporalAttention(nn.Module):
-    """The paper's TAttn (Eq. 6): a pillar attends to itself and to its own aligned past.
+    """The paper's TAttn (Eq. 7): a pillar attends to itself and to its own aligned past.
 
     Each past frame carries embeddings of its age in steps and of its vertical shift. The pillar
     itself is always valid, so without history this is a projection of the pillar alone.

@@ -1,4 +1,4 @@
-"""The paper's occupancy loss (Eq. 9): safety-weighted cross-entropy and Lovasz-Softmax."""
+"""The paper's occupancy loss (Eq. 10): safety-weighted cross-entropy and Lovasz-Softmax."""
 
 from collections.abc import Sequence
 
@@ -33,7 +33,7 @@ def weighted_cross_entropy(
     weight: Float[Tensor, "c"] | None,
     ignore_index: int = UNKNOWN,
 ) -> Float[Tensor, ""]:
-    """First term of Eq. 9: ``1/|Omega| sum_i weight[y_i] CE_i`` over the supervised voxels Omega.
+    """First term of Eq. 10: ``1/|Omega| sum_i weight[y_i] CE_i`` over the supervised voxels Omega.
 
     It divides by their number, not by the sum of their weights as PyTorch's mean does. No weight is
     weight 1; with nothing supervised it is 0, with a graph.
@@ -93,7 +93,7 @@ def _lovasz_slope(error: Float[Tensor, "v"], is_class: Bool[Tensor, "v"]) -> Flo
 
 
 def safety_weights(
-    counts: Sequence[float] | Tensor, max_ratio: float = 8.0, safety_factor: float = 1.5
+    counts: Sequence[float] | Tensor, max_ratio: float = 4.0, safety_factor: float = 1.5
 ) -> Float[Tensor, "c"]:
     """The paper's alpha: class weights from the training set's voxel counts (App. A.5).
 
@@ -114,7 +114,7 @@ def safety_weights(
 
 
 class OccupancyLoss(nn.Module):
-    """Eq. 9: weighted cross-entropy plus ``lovasz_weight`` (the paper's lambda) times Lovasz.
+    """Eq. 10: weighted cross-entropy plus ``lovasz_weight`` (the paper's lambda) times Lovasz.
 
     ``class_weights`` [9] is the paper's alpha, ``None`` for uniform weights. Called with logits and
     labels, it gives ``{"cross_entropy", "lovasz", "total"}``; ``lovasz`` is left out, and not

@@ -1,12 +1,13 @@
 """Steps and logging of the training; the network, the loss and the scores come from outside."""
 
+import math
 from collections.abc import Callable, Mapping
 
 import torch
 from lightning import LightningModule
 from torch import Tensor, nn
 from torch.optim import AdamW
-from torch.optim.lr_scheduler import LRScheduler, OneCycleLR
+from torch.optim.lr_scheduler import LambdaLR, LRScheduler
 from torchmetrics import Metric
 
 from ..errors import UserError
@@ -16,8 +17,8 @@ class OccupancyModule(LightningModule):
     """Trains a network that maps a batch to occupancy logits, and scores it.
 
     ``test_parts`` names the parts of the test split and says which clips belong to each; the test
-    scores are kept for the whole split and for each part. Raises `UserError` when the loss is not
-    finite, before the weights are touched.
+    scores are kept for the whole split and for each part. Raises `UserError` when a loss is not
+    finite: in training before the weights are touched, in validation before they are saved.
     """
 
     def __init__(
@@ -41,16 +42,16 @@ class OccupancyModule(LightningModule):
 
     def training_step(self, batch: Mapping[str, Tensor], batch_index: int) -> Tensor:
         parts = self.loss(self(batch), batch["semantics"])
-        if not torch.isfinite(parts["total"]):
-            raise UserError(self._divergence(batch, parts))
+        self._require_finite(parts, batch)
         self.log_dict({f"train/{name}": value.detach() for name, value in parts.items()})
         self.log("train/loss", parts["total"].detach(), prog_bar=True, logger=False)
         return parts["total"]
 
     def validation_step(self, batch: Mapping[str, Tensor], batch_index: int) -> None:
         logits = self(batch)
-        loss = self.loss(logits, batch["semantics"])["total"]
-        self.log("val/loss", loss, batch_size=len(batch["frame"]))
+        parts = self.loss(logits, batch["semantics"])
+        self._require_finite(parts, batch)
+        self.log("val/loss", parts["total"], batch_size=len(batch["frame"]))
         self.val_scores.update(logits, batch["semantics"], batch["velocity_mps"])
 
     def on_validation_epoch_end(self) -> None:
@@ -86,20 +87,26 @@ class OccupancyModule(LightningModule):
         }
 
     def _schedule(self, optimizer: AdamW) -> LRScheduler:
-        config = self.optimizer_config
-        return OneCycleLR(
-            optimizer,
-            max_lr=config["lr"],
-            total_steps=max(2, int(self.trainer.estimated_stepping_batches)),
-            pct_start=config["warmup"],
-            cycle_momentum=False,
+        total = int(self.trainer.estimated_stepping_batches)
+        warmup = self.optimizer_config["warmup"]
+        return LambdaLR(optimizer, lambda step: rate_share(step, total, warmup))
+
+    def _require_finite(self, parts: Mapping[str, Tensor], batch: Mapping[str, Tensor]) -> None:
+        if torch.isfinite(parts["total"]):
+            return
+        frames = ", ".join(f"{c}:{int(f)}" for c, f in zip(batch["clip"], batch["frame"]))
+        values = ", ".join(f"{name}={value.item():g}" for name, value in parts.items())
+        raise UserError(
+            f"the loss is not finite ({values}) at epoch {self.current_epoch}, step "
+            f"{self.global_step}, in the batch {frames}; checkpoints of earlier epochs are kept: "
+            "look at these frames, or lower optimizer.lr"
         )
 
-    def _divergence(self, batch: Mapping[str, Tensor], parts: Mapping[str, Tensor]) -> str:
-        frames = ", ".join(f"{c}:{int(f)}" for c, f in zip(batch["clip"], batch["frame"]))
-        values = ", ".join(f"{name}={float(value):g}" for name, value in parts.items())
-        return (
-            f"the loss is not finite ({values}) at epoch {self.current_epoch}, step "
-            f"{self.global_step}, in the batch {frames}; the checkpoint of the last finished epoch "
-            "is kept: look at these frames, or lower optimizer.lr"
-        )
+
+def rate_share(step: int, total: int, warmup: float) -> float:
+    """Share of the full learning rate at a step: a line up over ``warmup * total`` steps, then the
+    cosine down to zero after the last step."""
+    rising = warmup * total
+    if step < rising:
+        return (step + 1) / (rising + 1)
+    return 0.5 * (1 + math.cos(math.pi * min(1.0, (step - rising) / (total - rising))))

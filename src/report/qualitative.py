@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from PIL import Image
 
+from ..atomic import replacing
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES, COLORS, UNKNOWN
-from .atomic import replacing
 from .top import render_top
 from .view import Frustum
 from .voxels import ground_level, render_voxels, view_of

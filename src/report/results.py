@@ -11,9 +11,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from ..atomic import replacing
 from ..errors import UserError
 from ..ontology import CLASSES
-from .atomic import replacing
 
 MEANS = ("miou", "miou_occupied", "kar_miou")
 SCORES = (

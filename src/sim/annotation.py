@@ -1,8 +1,8 @@
 """From sensor signals to labels: the chain of App. A.3, one function a stage.
 
 Static geometry and free space are fused over the clip in the world frame; every actor's surface is
-fused in the actor's own frame and placed where the actor is now. A frame is then labelled in its occ
-frame, through the projection chain of `geometry` alone.
+fused in the actor's own frame and placed where the actor is now. A frame is then labelled in its
+occ frame, through the projection chain of `geometry` alone.
 """
 
 from collections import defaultdict
@@ -34,7 +34,7 @@ FUSED_POINT_M = 0.1
 
 MIN_VISIBLE_PIXELS = 4
 MIN_LIDAR_RETURNS = 3
-"""An actor is placed where it is now if the front camera or the LiDARs see at least this of it now."""
+"""An actor is placed where it is now if the camera or the LiDARs see at least this of it now."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class View:
         return camera_from_occ(self.world_from_body, self.body_from_camera)
 
     def rays(self, stride: int, range_m: float) -> Scan:
-        """Every ``stride``-th pixel as a ray in the world; beyond the range counts as nothing hit."""
+        """Every ``stride``-th pixel as a ray in the world; what is beyond the range is not hit."""
         rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
         height, width = self.depth_m.shape
         pix = pixel_centres(width, height)[rows, columns].reshape(-1, 2)
@@ -63,14 +63,12 @@ class View:
         world_from_camera = self.world_from_body @ self.body_from_camera
         directions = (through / reach[:, None]) @ world_from_camera[:3, :3].T
         depth_m = self.depth_m[rows, columns].reshape(-1)
-        distance_m = depth_m * reach.numpy()
-        hit = distance_m <= range_m
         hits = Hits(
-            np.where(hit, distance_m, np.inf),
-            np.where(hit, self.class_id[rows, columns].reshape(-1), UNKNOWN).astype(np.uint8),
-            np.where(hit, self.actor_id[rows, columns].reshape(-1), -1),
+            depth_m * reach.numpy(),
+            self.class_id[rows, columns].reshape(-1),
+            self.actor_id[rows, columns].reshape(-1),
         )
-        return Scan(world_from_camera[:3, 3].numpy(), directions.numpy(), hits)
+        return Scan(world_from_camera[:3, 3].numpy(), directions.numpy(), hits.within(range_m))
 
 
 # ------------------------------------------------------------------------- fusion over the clip
@@ -94,7 +92,7 @@ class StaticMap:
         length_m = np.minimum(scan.hits.distance_m, range_m)
         carve(self.free, self.lower_m, self.cell_m, scan.origin_m, scan.directions, length_m)
         static = scan.hits.actor_id == 0
-        self._points.append(scan.points_m()[static])
+        self._points.append(scan.points_m(static))
         self._classes.append(scan.hits.class_id[static])
 
     def freeze(self) -> None:
@@ -127,12 +125,12 @@ class ActorMap:
         self._points: dict[int, list[np.ndarray]] = defaultdict(list)
 
     def add(self, scan: Scan, bodies: Iterable[Body], step: int) -> None:
-        points_m = scan.points_m()
         for body in bodies:
-            mine = points_m[scan.hits.actor_id == body.actor_id]
-            if len(mine):
+            mine = scan.hits.actor_id == body.actor_id
+            if mine.any():
                 pose = body.world_from_actor[step]
-                self._points[body.actor_id].append((mine - pose[:3, 3]) @ pose[:3, :3])
+                points_m = scan.points_m(mine) - pose[:3, 3]
+                self._points[body.actor_id].append(points_m @ pose[:3, :3])
 
     def freeze(self) -> None:
         self.points_m = {}
@@ -184,7 +182,7 @@ def label_frame(
     step: int,
     lidar_returns: dict[int, int],
 ) -> Labels:
-    """The labels of one frame; ``lidar_returns`` counts every actor's returns in the scans of now."""
+    """The labels of one frame; ``lidar_returns`` counts the returns of now from every actor."""
     to_world = world_from_occ(view.world_from_body)
     centres = grid.centers(torch.float64).reshape(-1, 3)
     centres_m = transform(to_world, centres).numpy().reshape(*grid.shape, 3)
@@ -302,7 +300,7 @@ def _vote_camera(
     rays = view.rays(stride=1, range_m=np.inf)
     hit = rays.hits.actor_id >= 0
     camera = np.zeros_like(votes)
-    _vote(camera, grid, to_world, rays.points_m()[hit], rays.hits.class_id[hit])
+    _vote(camera, grid, to_world, rays.points_m(hit), rays.hits.class_id[hit])
     votes += camera
     return camera.any(axis=-1)
 

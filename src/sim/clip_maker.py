@@ -2,10 +2,11 @@
 
 import math
 import zlib
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ import torch
 from jaxtyping import Float
 
 from ..data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses_of
+from ..errors import UserError
 from ..geometry import VoxelGrid, front_mount, pinhole, pixel_centres, unproject
 from ..ontology import ACTOR_TYPES
 from .annotation import ActorMap, StaticMap, View, label_frame, visible_pixels
@@ -23,12 +25,17 @@ from .pilot import STEP_HZ
 from .scene import Body, Piece, Scene, parts_of, pieces_of, static_parts
 from .sensors import Scan, scan
 from .towns import build_town
-from .traffic import TrafficConfig, simulate_traffic
+from .traffic import Traffic, TrafficConfig, simulate_traffic
 from .weather import apply_weather, weather_named
-from .world import Rendering, World
+from .world import World
 
 DRAWN_RADIUS_M = 90.0
 """Of the town, what lies within this distance of the route is drawn."""
+
+SENSOR_REACH_M = 1.0
+"""No sensor is mounted farther than this from the UAV's centre."""
+
+Config = TypeVar("Config", FlightConfig, TrafficConfig)
 
 
 @dataclass(frozen=True)
@@ -73,9 +80,12 @@ def place_of(name: str, seed: int) -> Place:
 
 
 class ClipMaker:
-    """Makes the clips of one data set; ``sim`` is the composed ``sim`` configuration."""
+    """Makes the clips of one data set; ``sim`` is the composed ``sim`` configuration.
 
-    def __init__(self, sim: dict, root: Path) -> None:
+    Raises `UserError` for settings that cannot be flown, seen or labelled.
+    """
+
+    def __init__(self, sim: Mapping, root: Path) -> None:
         self.sim = sim
         self.root = root
         self.grid = VoxelGrid(**sim["grid"])
@@ -87,27 +97,18 @@ class ClipMaker:
         self.body_from_camera = front_mount(
             tuple(mount["position_m"]), math.radians(mount["pitch_deg"])
         )
+        self.flight = _configured(FlightConfig, "sim.flight", sim["flight"])
+        self.traffic = _configured(TrafficConfig, "sim.traffic", sim["traffic"])
 
     def make(self, plan: ClipPlan, on_frame: Callable[[], None]) -> None:
         """Writes the clip's folder; ``on_frame`` is called as frames are finished."""
-        flight, scene = self._fly(plan)
-        meta = ClipMeta(
-            plan.town,
-            plan.weather,
-            self.sim["seed"],
-            self.sim["capture_hz"],
-            *self.size,
-            self.pix_from_camera,
-            self.body_from_camera,
-            self.grid,
-        )
-        with ClipWriter(self.root / plan.clip_id, meta) as writer:
+        with ClipWriter(self.root / plan.clip_id, self._meta(plan)) as writer:
+            flight, scene = self._fly(plan)
             frames = frame_table(flight, self.sim["capture_hz"])
             static, actors = self._maps(flight)
             returns = self._scan(flight, scene, static, actors)
             signals = []
-            for frame, rendering in self._film(plan, scene, frames, writer):
-                view = self._view(frames, frame, rendering)
+            for frame, view in enumerate(self._film(plan, scene, poses_of(frames), writer)):
                 self._fuse_view(view, frame, scene, static, actors)
                 signals.append(Signals(view, returns[self._scan_index(frame)]))
             static.freeze()
@@ -121,6 +122,18 @@ class ClipMaker:
                 on_frame()
             writer.add_tables(frames, self._actor_table(scene, signals))
 
+    def _meta(self, plan: ClipPlan) -> ClipMeta:
+        return ClipMeta(
+            plan.town,
+            plan.weather,
+            self.sim["seed"],
+            self.sim["capture_hz"],
+            *self.size,
+            self.pix_from_camera,
+            self.body_from_camera,
+            self.grid,
+        )
+
     # ------------------------------------------------------------------------ flight and scene
 
     def _fly(self, plan: ClipPlan) -> tuple[Flight, Scene]:
@@ -130,13 +143,13 @@ class ClipMaker:
             place.town,
             generator_for(seed, "flight", plan.town, plan.index),
             place.whole.cast_static,
-            FlightConfig(**self.sim["flight"]),
+            self.flight,
             CLIP_SECONDS,
         )
         traffic = simulate_traffic(
             place.town,
             generator_for(seed, "traffic", plan.town, plan.index),
-            TrafficConfig(**self.sim["traffic"]),
+            self.traffic,
             flight.position_m,
         )
         parts = static_parts(place.pieces, flight.position_m[::STEP_HZ, :2], DRAWN_RADIUS_M)
@@ -152,12 +165,13 @@ class ClipMaker:
     # ----------------------------------------------------------------------------- annotation
 
     def _maps(self, flight: Flight) -> tuple[StaticMap, ActorMap]:
-        """Empty maps over all that the grids of this clip can reach."""
+        """Empty maps over the sensors' places and all that the grids of this clip can reach."""
         corners = np.array([self.grid.lower_m, self.grid.upper_m])
         reach_m = float(np.hypot(*np.abs(corners[:, :2]).max(axis=0)))
-        low, high = flight.position_m.min(axis=0), flight.position_m.max(axis=0)
-        lower_m = [low[0] - reach_m, low[1] - reach_m, low[2] + corners[0, 2]]
-        upper_m = [high[0] + reach_m, high[1] + reach_m, high[2] + corners[1, 2]]
+        below_m = np.array([-reach_m, -reach_m, min(corners[0, 2], -SENSOR_REACH_M)])
+        above_m = np.array([reach_m, reach_m, max(corners[1, 2], SENSOR_REACH_M)])
+        lower_m = flight.position_m.min(axis=0) + below_m
+        upper_m = flight.position_m.max(axis=0) + above_m
         return StaticMap(lower_m, upper_m, self.grid.voxel_m / 2), ActorMap()
 
     def _scan(
@@ -180,7 +194,7 @@ class ClipMaker:
         self, view: View, frame: int, scene: Scene, static: StaticMap, actors: ActorMap
     ) -> None:
         """Fuses the camera at no more than the LiDARs' rate."""
-        if frame % max(1, round(self.sim["capture_hz"] / self.sim["lidar_hz"])) == 0:
+        if frame % math.ceil(self.sim["capture_hz"] / self.sim["lidar_hz"]) == 0:
             rays = view.rays(self.sim["camera_stride"], self.range_m)
             self._fuse(rays, self._step(frame), scene, static, actors)
 
@@ -192,15 +206,21 @@ class ClipMaker:
 
     # -------------------------------------------------------------------------- images, tables
 
-    def _film(self, plan: ClipPlan, scene: Scene, frames: pd.DataFrame, writer: ClipWriter):
-        """Renders every frame, writes its image, and yields its number and rendering."""
+    def _film(
+        self,
+        plan: ClipPlan,
+        scene: Scene,
+        world_from_body: Float[torch.Tensor, "t 4 4"],
+        writer: ClipWriter,
+    ) -> Iterator[View]:
+        """Renders every frame, writes its image, and yields what the camera measured."""
         weather = weather_named(plan.weather)
-        poses = poses_of(frames) @ self.body_from_camera
         pix = pixel_centres(*self.size).reshape(-1, 2)
         through = unproject(pix, torch.ones(len(pix), dtype=torch.float64), self.pix_from_camera)
         through = through / through.norm(dim=-1, keepdim=True)
         with World(scene, self.pix_from_camera, *self.size) as world:
-            for frame, world_from_camera in enumerate(poses):
+            for frame, pose in enumerate(world_from_body):
+                world_from_camera = pose @ self.body_from_camera
                 rendering = world.render(self._step(frame), world_from_camera, weather)
                 upwards = (through @ world_from_camera[2, :3]).numpy().reshape(self.size[::-1])
                 rng = generator_for(self.sim["seed"], "air", plan.town, plan.index, frame)
@@ -212,17 +232,8 @@ class ClipMaker:
                         depth=rendering.depth_m,
                         **{"class": rendering.class_id, "instance": rendering.actor_id},
                     )
-                yield frame, rendering
-
-    def _view(self, frames: pd.DataFrame, frame: int, rendering: Rendering) -> View:
-        return View(
-            poses_of(frames.iloc[[frame]])[0],
-            self.body_from_camera,
-            self.pix_from_camera,
-            rendering.depth_m,
-            rendering.class_id,
-            rendering.actor_id,
-        )
+                seen = (rendering.depth_m, rendering.class_id, rendering.actor_id)
+                yield View(pose, self.body_from_camera, self.pix_from_camera, *seen)
 
     def _actor_table(self, scene: Scene, signals: list[Signals]) -> pd.DataFrame:
         rows = []
@@ -236,6 +247,14 @@ class ClipMaker:
                 where = (*pose[:3, 3].tolist(), *body.velocity_mps[step].tolist())
                 rows.append((*what, *where, *body.size_m, yaw_rad, pixels))
         return pd.DataFrame(rows, columns=ACTOR_COLUMNS)
+
+
+def _configured(kind: type[Config], key: str, settings: Mapping) -> Config:
+    known = [field.name for field in fields(kind)]
+    for name in settings:
+        if name not in known:
+            raise UserError(f"{key}.{name}: there is no such setting; there are {', '.join(known)}")
+    return kind(**settings)
 
 
 def frame_table(flight: Flight, capture_hz: float) -> pd.DataFrame:
@@ -256,7 +275,7 @@ def frame_table(flight: Flight, capture_hz: float) -> pd.DataFrame:
     return table
 
 
-def bodies_of(traffic) -> list[Body]:
+def bodies_of(traffic: Traffic) -> list[Body]:
     """The moving actors with their shapes, drawn from each actor's own seed."""
     bodies = []
     for actor in traffic.actors:

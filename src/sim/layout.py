@@ -33,13 +33,14 @@ class Path:
 
     ``points_m`` are world x and y of a polyline in the direction of travel. ``half_width_m`` is the
     room to each side. ``successors`` index the paths of the same kind on which one may go on; an
-    empty tuple is a dead end.
+    empty tuple is a dead end. ``rise_m`` is how far the surface lies above the terrain.
     """
 
     points_m: Float[np.ndarray, "n 2"]
     half_width_m: float
     speed_mps: float
     successors: tuple[int, ...]
+    rise_m: float = 0.0
 
     @property
     def length_m(self) -> float:

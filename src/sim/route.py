@@ -64,8 +64,8 @@ def _turn_rad(before: Path, after: Path) -> float:
 class Route:
     """A curve in the plane, sampled every ``spacing_m`` of its parameter, the arc.
 
-    ``heading_rad`` is the direction of travel, continuous (not wrapped). ``half_width_m`` and
-    ``speed_mps`` are those of the path underneath.
+    ``heading_rad`` is the direction of travel, continuous (not wrapped). ``half_width_m``,
+    ``speed_mps`` and ``rise_m`` are those of the path underneath.
     """
 
     spacing_m: float
@@ -73,6 +73,7 @@ class Route:
     heading_rad: Float[np.ndarray, "n"]
     half_width_m: Float[np.ndarray, "n"]
     speed_mps: Float[np.ndarray, "n"]
+    rise_m: Float[np.ndarray, "n"]
 
     @classmethod
     def through(
@@ -83,11 +84,12 @@ class Route:
         ``corner_m`` is the standard deviation of the Gaussian that rounds them. It cuts a right
         angle by 0.56 of it, and the tightest radius of the cut is 0.89 of it.
         """
+        chained = [paths[i] for i in indices]
         rows = [
             np.c_[
                 path.points_m, np.full((len(path.points_m), 2), (path.half_width_m, path.speed_mps))
             ]
-            for path in (paths[i] for i in indices)
+            for path in chained
         ]
         points_m, values = resample(np.concatenate(rows), spacing_m)
         window = gaussian_window(corner_m / spacing_m)
@@ -99,23 +101,25 @@ class Route:
             points_m,
             points_m[-1] + beyond * step_end,
         ]
+        rise_m = np.pad(_rises(chained, len(points_m), spacing_m), reach, mode="edge")
+        values = np.c_[values, smoothed(rise_m[:, None], window)]
         return cls.sampled(smoothed(np.concatenate(extended), window), values, spacing_m)
 
     @classmethod
     def sampled(
         cls,
         points_m: Float[np.ndarray, "n 2"],
-        values: Float[np.ndarray, "n 2"],
+        values: Float[np.ndarray, "n 3"],
         spacing_m: float,
     ) -> "Route":
-        """The curve through these points; ``values`` are half width and speed."""
+        """The curve through these points; ``values`` are half width, speed and rise."""
         along = np.gradient(points_m, axis=0)
         heading_rad = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
-        return cls(spacing_m, points_m, heading_rad, values[:, 0], values[:, 1])
+        return cls(spacing_m, points_m, heading_rad, *values.T)
 
     def shifted(self, left_m: Float[np.ndarray, "n"]) -> "Route":
         """The curve ``left_m`` to the left of this one, its arc now its own true length."""
-        rows = np.c_[self._beside(left_m), self.half_width_m, self.speed_mps]
+        rows = np.c_[self._beside(left_m), self.half_width_m, self.speed_mps, self.rise_m]
         return Route.sampled(*resample(rows, self.spacing_m), self.spacing_m)
 
     def _beside(self, left_m: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 2"]:
@@ -154,12 +158,19 @@ def braked(limit_mps: Float[np.ndarray, "n"], spacing_m: float, brake_mps2: floa
 
 
 def resample(
-    rows: Float[np.ndarray, "n 4"], spacing_m: float
-) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m 2"]]:
-    """A polyline (x, y and two values a row) sampled every ``spacing_m`` of its length."""
+    rows: Float[np.ndarray, "n k+2"], spacing_m: float
+) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m k"]]:
+    """A polyline (x, y and k values a row) sampled every ``spacing_m`` of its length."""
     steps_m = np.linalg.norm(np.diff(rows[:, :2], axis=0), axis=1)
     rows = rows[np.r_[True, steps_m > 1e-9]]
     arc_m = np.r_[0.0, np.cumsum(steps_m[steps_m > 1e-9])]
     at_m = np.arange(0.0, arc_m[-1], spacing_m)
     columns = np.stack([np.interp(at_m, arc_m, column) for column in rows.T], axis=1)
     return columns[:, :2], columns[:, 2:]
+
+
+def _rises(paths: Sequence[Path], samples: int, spacing_m: float) -> Float[np.ndarray, "n"]:
+    """How high the path lies under every sample of the chain."""
+    ends_m = np.cumsum([path.length_m for path in paths])
+    below = np.searchsorted(ends_m, np.arange(samples) * spacing_m)
+    return np.array([path.rise_m for path in paths])[np.minimum(below, len(paths) - 1)]

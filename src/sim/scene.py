@@ -46,7 +46,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Hits:
-    """What rays met: distance (inf: nothing), class (255: nothing), actor (0 static, -1 nothing)."""
+    """What rays met (static things: actor 0), or did not: distance inf, class 255, actor -1."""
 
     distance_m: Float[np.ndarray, "n"]
     class_id: UInt8[np.ndarray, "n"]
@@ -54,6 +54,15 @@ class Hits:
 
     def part(self, rays: slice) -> "Hits":
         return Hits(self.distance_m[rays], self.class_id[rays], self.actor_id[rays])
+
+    def within(self, range_m: float) -> "Hits":
+        """What lies farther away than the range counts as nothing."""
+        near = self.distance_m <= range_m
+        return Hits(
+            np.where(near, self.distance_m, np.inf),
+            np.where(near, self.class_id, UNKNOWN).astype(np.uint8),
+            np.where(near, self.actor_id, -1),
+        )
 
 
 @dataclass(frozen=True)
@@ -69,8 +78,9 @@ class Scene:
 
     @cached_property
     def _static_classes(self) -> UInt8[np.ndarray, "f"]:
-        counts = [len(part.mesh.faces) for part in self.static]
-        return np.repeat(np.array([part.class_id for part in self.static], np.uint8), counts)
+        """The class of every triangle, and at the end, where index -1 leads, that of nothing."""
+        classes = [np.full(len(part.mesh.faces), part.class_id, np.uint8) for part in self.static]
+        return np.concatenate([*classes, np.array([UNKNOWN], np.uint8)])
 
     def cast_static(
         self, origins_m: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
@@ -86,7 +96,7 @@ class Scene:
     ) -> Hits:
         """The first hit of every ray with the scene as it is at a step."""
         distance_m, face = self._static_rays.cast(origins_m, directions)
-        class_id = np.where(face >= 0, self._static_classes[face], UNKNOWN).astype(np.uint8)
+        class_id = self._static_classes[face]
         actor_id = np.where(face >= 0, 0, -1)
         if self.bodies:
             moved = [_moved(body.triangles_m, body.world_from_actor[step]) for body in self.bodies]

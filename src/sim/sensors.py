@@ -4,12 +4,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from ..ontology import UNKNOWN
 from .scene import Hits, Scene
 
 GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
+SHIFT_PER_SCAN, TURN_PER_SCAN = 0.7548776662466927, 0.5698402909980532
+"""Of the R2 sequence: multiples of the two, taken modulo 1, fill the unit square evenly."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,11 @@ class Lidar:
 
     def directions(self, rays: int, scan: int) -> Float[np.ndarray, "n 3"]:
         """Unit vectors in the body frame: a Fibonacci lattice, turned and shifted per scan."""
-        shift = (scan * 0.7548776662466927) % 1.0
+        shift = scan * SHIFT_PER_SCAN % 1
         low, high = self.sin_elevation
         z = low + (high - low) * (np.arange(rays) + shift) / rays
-        angle = GOLDEN_ANGLE_RAD * np.arange(rays) + 2 * math.pi * ((scan * 0.5698402909980532) % 1)
+        turn_rad = 2 * math.pi * (scan * TURN_PER_SCAN % 1)
+        angle = GOLDEN_ANGLE_RAD * np.arange(rays) + turn_rad
         across = np.sqrt(np.maximum(0.0, 1 - z**2))
         return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
 
@@ -49,9 +51,9 @@ class Scan:
     directions: Float[np.ndarray, "n 3"]
     hits: Hits
 
-    def points_m(self) -> Float[np.ndarray, "n 3"]:
-        """Where every ray ended; not finite where it met nothing."""
-        return self.origin_m + self.directions * self.hits.distance_m[:, None]
+    def points_m(self, hit: Bool[np.ndarray, "n"]) -> Float[np.ndarray, "k 3"]:
+        """Where these of its rays ended; they must have met something."""
+        return self.origin_m + self.directions[hit] * self.hits.distance_m[hit, None]
 
 
 def scan(
@@ -71,10 +73,7 @@ def scan(
     directions = [lidar.directions(rays, index) @ rotation.T for lidar in LIDARS]
     origins_m = [rotation @ np.array(lidar.position_m) + place_m for lidar in LIDARS]
     hits = scene.cast(step, np.repeat(origins_m, rays, axis=0), np.concatenate(directions))
-    far = hits.distance_m > range_m
-    hits.distance_m[far] = np.inf
-    hits.class_id[far] = UNKNOWN
-    hits.actor_id[far] = -1
+    hits = hits.within(range_m)
     return [
         Scan(origins_m[k], directions[k], hits.part(slice(k * rays, (k + 1) * rays)))
         for k in range(len(LIDARS))

@@ -56,7 +56,8 @@ def size_of(actor_type: str, seed: int) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class Actor:
-    """One actor at every step. Its origin is on the ground under its middle; z is up, x forward.
+    """One actor at every step. Its origin is on the road or pavement under its middle; z is up, x
+    forward.
 
     ``seed`` draws its appearance; ``size_m`` is length, width and height.
     """
@@ -191,7 +192,8 @@ def _crowded(one: Traveller, other: Traveller) -> bool:
 
 def _actor(traveller: Traveller, seed: int, arc_m: Float[np.ndarray, "t"], town: Town) -> Actor:
     points_m, heading_rad = traveller.route.at(arc_m)
-    position_m = np.c_[points_m, town.terrain(points_m[:, 0], points_m[:, 1])]
+    rise_m = np.interp(arc_m, traveller.route.arc_m, traveller.route.rise_m)
+    position_m = np.c_[points_m, town.terrain(points_m[:, 0], points_m[:, 1]) + rise_m]
     velocity_mps = np.gradient(position_m, STEP_S, axis=0)
     yaw_rad = (heading_rad + np.pi) % (2 * np.pi) - np.pi
     return Actor(0, traveller.type, seed, traveller.size_m, position_m, yaw_rad, velocity_mps)

@@ -16,9 +16,9 @@ def carve(
 ) -> None:
     """Marks every cell that a ray leaves before its end (Amanatides and Woo, 1987).
 
-    The cell in which a ray ends is not marked: there is a surface in it. Rays start inside the map.
+    The cell in which a ray ends is not marked: there is a surface in it. A ray that starts outside
+    the map marks nothing.
     """
-    shape = np.array(free.shape)
     cell = np.empty(3, np.int64)
     step = np.empty(3, np.int64)
     until_m = np.empty(3)
@@ -32,18 +32,16 @@ def carve(
             across_m[axis] = cell_m / abs(along) if along != 0 else np.inf
             rest = cell[axis] + 1 - place if along > 0 else place - cell[axis]
             until_m[axis] = rest * across_m[axis] if along != 0 else np.inf
-        while True:
-            axis = 0
-            if until_m[1] < until_m[axis]:
-                axis = 1
-            if until_m[2] < until_m[axis]:
-                axis = 2
+        while (
+            0 <= cell[0] < free.shape[0]
+            and 0 <= cell[1] < free.shape[1]
+            and 0 <= cell[2] < free.shape[2]
+        ):
+            axis = np.argmin(until_m)
             if until_m[axis] > distance_m[ray]:
                 break
             free[cell[0], cell[1], cell[2]] = 1
             cell[axis] += step[axis]
-            if cell[axis] < 0 or cell[axis] >= shape[axis]:
-                break
             until_m[axis] += across_m[axis]
 
 
@@ -56,7 +54,7 @@ def count_votes(
     points_m: Float[np.ndarray, "n 3"],
     class_id: UInt8[np.ndarray, "n"],
 ) -> None:
-    """Adds one vote per world point to its voxel and class; points outside the grid vote nowhere."""
+    """Adds one vote per world point to its voxel and class; points outside the grid have none."""
     for i in range(len(points_m)):
         inside = True
         cell = (0, 0, 0)

@@ -1,10 +1,10 @@
-"""The one bullet client: draws a scene and returns the front camera's colour, depth and instances."""
+"""The one bullet client: draws a scene and returns the camera's colour, depth and instances."""
 
-import contextlib
-import io
+import os
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -100,8 +100,9 @@ class World:
             **weather.light(),
         )
         body = np.asarray(mask, dtype=np.int64).reshape(height, width)
-        sky = body < 0
         depth_m = depth_from_buffer(np.asarray(buffer).reshape(height, width), NEAR_M, FAR_M)
+        # A body that the far plane cuts off leaves its number in the mask, but no depth.
+        sky = (body < 0) | np.isinf(depth_m)
         return Rendering(
             np.asarray(rgba, dtype=np.uint8).reshape(height, width, 4)[..., :3],
             np.where(sky, np.float32(np.inf), depth_m).astype(np.float32),
@@ -153,9 +154,7 @@ class World:
         if name not in self._textures:
             path = self._folder / f"{len(self._textures)}.png"
             Image.fromarray(_texture_image(name)).save(path)
-            self._textures[name] = self._bullet.loadTexture(
-                str(path), physicsClientId=self._client
-            )
+            self._textures[name] = self._bullet.loadTexture(str(path), physicsClientId=self._client)
         return self._textures[name]
 
 
@@ -181,8 +180,7 @@ def _texture_image(name: str) -> UInt8[np.ndarray, "h w 3"]:
 def import_bullet():
     """The pybullet module; its wheels stop at Python 3.11, and training does not need it."""
     try:
-        # It prints its build time on import; standard output is for the program's own words.
-        with contextlib.redirect_stdout(io.StringIO()):
+        with _silent_stderr():
             import pybullet
     except ImportError as error:
         raise UserError(
@@ -192,3 +190,16 @@ def import_bullet():
     if not pybullet.isNumpyEnabled():
         raise UserError("pybullet was built without numpy: reinstall it with numpy present")
     return pybullet
+
+
+@contextmanager
+def _silent_stderr() -> Iterator[None]:
+    """Bullet's C code prints its build time on import; standard error is for what goes wrong."""
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "w") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)

@@ -52,19 +52,24 @@ def ready_dataset(cfg: DictConfig) -> Path:
         require_same_data(root, spec)
         if not missing_clips(root, list(read_manifest(root)["clips"])):
             return root
-    if cfg.paths.dataset:
-        raise UserError(
-            f"paths.dataset: {root} is no finished data set; drop the key to generate one under "
-            f"{cfg.paths.data}"
-        )
     make_dataset(cfg, root, spec)
     return root
 
 
 def make_dataset(cfg: DictConfig, root: Path, spec: DatasetSpec) -> int:
-    """Generates missing clips, writes the manifest, and returns how many clips were made."""
+    """Generates missing clips, writes the manifest, and returns how many clips were made.
+
+    Raises `UserError` where ``paths.dataset`` names the folder: only a folder that is named after
+    what shapes the data can be added to without mixing two data sets.
+    """
+    # Only here, because training on a finished data set must not need the simulator.
     from ..sim.generate import generate, plan_clips
 
+    if cfg.paths.dataset:
+        raise UserError(
+            f"paths.dataset: {root} is no finished data set; drop the key to generate one under "
+            f"{cfg.paths.data}"
+        )
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     clip_ids = [plan.clip_id for plan in plan_clips(sim)]
     split = split_of(cfg, clip_ids)

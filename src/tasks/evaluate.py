@@ -1,7 +1,8 @@
 """Scores a trained model and the two anchors on the test split, and draws what it sees."""
 
+import dataclasses
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import lightning
@@ -23,9 +24,9 @@ from ..ontology import FREE
 from ..provenance import git_commit
 from ..report.curves import draw_curves
 from ..report.qualitative import Example, pick_frames, qualitative_sheet
-from ..report.results import SCORES, print_results, read_results, write_results
+from ..report.results import print_results, read_results, write_results
 from ..report.view import Frustum
-from ..run_folder import METRICS, RunFolder
+from ..run_folder import RunFolder
 
 SHOWN_FRAMES = 5
 
@@ -42,30 +43,23 @@ def evaluate(
 
     The results come last: a folder with ``results.csv`` is complete.
     """
+    facts = _facts(cfg, folder, data)
+    parameters = sum(p.numel() for p in module.network.parameters())
     start_s = time.perf_counter()
     trainer.test(module, datamodule=data, verbose=False)
-    rows = [
-        _row(cfg, folder, data, cfg.name, part, scores, time.perf_counter() - start_s, module)
-        for part, scores in module.test_scores.items()
-        if scores.update_called
-    ]
+    seconds = time.perf_counter() - start_s
+    rows = _rows(facts, cfg.name, module.test_scores, seconds, parameters)
     anchors = {"all_free": torch.full_like(prior.labels(), FREE), "voxel_prior": prior.labels()}
     for name, prediction in anchors.items():
         start_s = time.perf_counter()
         scored = anchor_scores(prediction, data, module.test_parts, instantiate(cfg.metric))
-        seconds = time.perf_counter() - start_s
-        rows += [
-            _row(cfg, folder, data, name, part, scores, seconds, None)
-            for part, scores in scored.items()
-            if scores.update_called
-        ]
+        rows += _rows(facts, name, scored, time.perf_counter() - start_s, parameters=0)
     draw_sheet(module, data, folder.figures / "qualitative.png", f"{cfg.name}, {cfg.scale_name}")
-    if (folder.path / METRICS).is_file():
-        draw_curves(folder.path / METRICS, folder.figures / "curves.png")
+    if folder.metrics.is_file():
+        draw_curves(folder.metrics, folder.figures / "curves.png")
     write_results(folder.results, sorted(rows, key=lambda row: row["split"]))
-    console = Console()
     print_results(read_results(folder.results))
-    console.print(f"{folder.results} and {folder.figures}", highlight=False)
+    Console().print(f"{folder.results} and {folder.figures}", highlight=False, soft_wrap=True)
 
 
 def anchor_scores(
@@ -84,32 +78,34 @@ def anchor_scores(
     return scores
 
 
-def _row(
-    cfg: DictConfig,
-    folder: RunFolder,
-    data: SkyShieldData,
-    experiment: str,
-    split: str,
-    scores: Metric,
-    seconds: float,
-    module: OccupancyModule | None,
-) -> dict:
-    """One row of ``results.csv``. ``seconds`` are those of the evaluation."""
-    computed = {name: float(value) for name, value in scores.compute().items()}
-    parameters = sum(p.numel() for p in module.network.parameters()) if module else 0
+def _facts(cfg: DictConfig, folder: RunFolder, data: SkyShieldData) -> dict:
+    """What every row of ``results.csv`` shares."""
     return {
-        "experiment": experiment,
         "scale": cfg.scale_name,
         "seed": cfg.seed,
-        "split": split,
-        **{name: computed[name] for name in SCORES},
         "protocol": protocol_of(cfg, data),
-        "seconds": round(seconds, 1),
-        "parameters": parameters,
         "code_version": folder.version,
         "git_commit": git_commit(),
         "dataset": data.root.name,
     }
+
+
+def _rows(
+    facts: dict, experiment: str, parts: Mapping[str, Metric], seconds: float, parameters: int
+) -> list[dict]:
+    """A row of ``results.csv`` for each part that has a frame; the seconds are of all together."""
+    return [
+        {
+            **facts,
+            "experiment": experiment,
+            "split": part,
+            **{name: float(value) for name, value in scores.compute().items()},
+            "seconds": round(seconds, 1),
+            "parameters": parameters,
+        }
+        for part, scores in parts.items()
+        if scores.update_called
+    ]
 
 
 def protocol_of(cfg: DictConfig, data: SkyShieldData) -> dict:
@@ -122,7 +118,7 @@ def protocol_of(cfg: DictConfig, data: SkyShieldData) -> dict:
         "kar_miou": "8 classes, free out",
         "absent_class": "left out of the mean",
         "accumulation": "counts over the data set",
-        "grid": {"lower_m": data.grid.lower_m, "upper_m": data.grid.upper_m, "shape": data.grid.shape},
+        "grid": dataclasses.asdict(data.grid),
         **{key: value for key, value in metric.items() if not key.startswith("_")},
     }
 

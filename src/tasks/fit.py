@@ -1,5 +1,6 @@
 """task=fit: generate what is missing, train, test the best checkpoint, write what came out."""
 
+import sys
 from pathlib import Path
 
 import lightning
@@ -8,14 +9,15 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 
+from ..data.datamodule import SkyShieldData
 from ..errors import UserError
+from ..models.module import OccupancyModule
 from ..ontology import CLASSES
 from ..report.results import print_results, read_results
-from ..run_folder import RunFolder
+from ..run_folder import RunFolder, require_same_config
 from .dataset import data_of, ready_dataset
 from .evaluate import evaluate
 from .model import load_weights, module_of, prior_of
-
 
 
 def fit(cfg: DictConfig) -> None:
@@ -25,19 +27,20 @@ def fit(cfg: DictConfig) -> None:
     its last checkpoint, and anything else in its place is moved aside.
     """
     folder = RunFolder(Path(cfg.paths.run), OmegaConf.to_container(cfg, resolve=True))
-    console = Console()
     if folder.is_finished() and not cfg.overwrite and cfg.ckpt_path is None:
-        console.print(f"{folder.path}: already finished; overwrite=true trains it again")
+        Console().print(f"{folder.path}: already finished; overwrite=true trains it again")
         print_results(read_results(folder.results))
         return
+    named = None if cfg.ckpt_path is None else _checkpoint_to_resume(cfg, folder)
     data = data_of(cfg, ready_dataset(cfg))
-    checkpoint = _where_to_start(cfg, folder)
     prior = prior_of(cfg, data)
     module = module_of(cfg, data, prior)
-    weights = module.loss.class_weights
-    if weights is not None:
-        folder.write_json("class_weights.json", dict(zip(CLASSES, weights.tolist())))
+    checkpoint = named or folder.open(afresh=cfg.overwrite)
+    if checkpoint:
+        load_weights(module, checkpoint)  # a broken one is refused here, in one line
+    _write_class_weights(folder, module)
     trainer = trainer_of(cfg)
+    _announce(cfg, trainer, module, data, checkpoint)
     try:
         trainer.fit(module, datamodule=data, ckpt_path=checkpoint, weights_only=True)
     finally:
@@ -46,23 +49,54 @@ def fit(cfg: DictConfig) -> None:
     evaluate(cfg, folder, trainer, module, data, prior)
 
 
-def _where_to_start(cfg: DictConfig, folder: RunFolder) -> Path | None:
-    """The checkpoint to resume from; refuses one of another configuration."""
-    if cfg.ckpt_path is None:
-        return folder.open(afresh=cfg.overwrite)
-    folder.require_same_config()
-    path = folder.last_checkpoint if cfg.ckpt_path == "last" else Path(cfg.ckpt_path)
-    if not path.is_file():
-        raise UserError(f"ckpt_path: no checkpoint {path}; drop the key to start from the beginning")
-    return path
-
-
 def trainer_of(cfg: DictConfig) -> lightning.Trainer:
     """Lightning's trainer with the configured callbacks and logger."""
     if cfg.threads is not None:
         torch.set_num_threads(cfg.threads)
+    callbacks = instantiate(cfg.callbacks)
+    if not sys.stdout.isatty():
+        callbacks.pop("progress", None)
     return instantiate(
         cfg.trainer,
-        callbacks=list(instantiate(cfg.callbacks).values()),
+        callbacks=list(callbacks.values()),
         logger=instantiate(cfg.logger),
+        enable_progress_bar="progress" in callbacks,
     )
+
+
+def _checkpoint_to_resume(cfg: DictConfig, folder: RunFolder) -> Path:
+    """The checkpoint that ``ckpt_path`` names; refuses one of another run or configuration."""
+    path = folder.checkpoint(cfg.ckpt_path)
+    require_same_config(path, folder.config)
+    if path.resolve().parent != folder.last_checkpoint.resolve().parent:
+        raise UserError(
+            f"ckpt_path: {path} belongs to another run than {folder.path}; set paths.run to its "
+            "folder to go on with it, or task=test to score it"
+        )
+    return path
+
+
+def _write_class_weights(folder: RunFolder, module: OccupancyModule) -> None:
+    weights = module.loss.class_weights
+    if weights is not None:
+        folder.write_json("class_weights.json", dict(zip(CLASSES, weights.tolist())))
+
+
+def _announce(
+    cfg: DictConfig,
+    trainer: lightning.Trainer,
+    module: OccupancyModule,
+    data: SkyShieldData,
+    checkpoint: Path | None,
+) -> None:
+    """What is about to be trained, in two lines."""
+    parameters = sum(p.numel() for p in module.network.parameters())
+    frames = " / ".join(str(len(samples)) for samples in data.split.values())
+    device = trainer.strategy.root_device
+    how = f"goes on from {checkpoint}" if checkpoint else f"{cfg.trainer.max_epochs} epochs"
+    for line in (
+        f"{cfg.name}, scale {cfg.scale_name}, seed {cfg.seed}: {parameters / 1e6:.2f} M parameters "
+        f"on {device}, {how}",
+        f"{data.root}: {frames} frames to train / validate / test",
+    ):
+        Console().print(line, highlight=False, soft_wrap=True)

@@ -48,14 +48,18 @@ def module_of(cfg: DictConfig, data: SkyShieldData, prior: VoxelPrior) -> Occupa
 
 
 def load_weights(module: nn.Module, path: Path) -> None:
-    """Fills a module from a checkpoint file; `UserError` if it is of another architecture."""
+    """Fills a module from a checkpoint file.
+
+    Raises `UserError` for a file that is no checkpoint, or one of another architecture.
+    """
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)["state_dict"]
-    except FileNotFoundError:
-        raise UserError(f"ckpt_path: no checkpoint {path}; give the file of a finished run") from None
-    except (KeyError, EOFError, OSError, RuntimeError, pickle.UnpicklingError) as error:
+    except (KeyError, TypeError, EOFError, OSError, RuntimeError, pickle.UnpicklingError) as error:
         reason = " ".join(str(error).split())[:120]
-        raise UserError(f"ckpt_path: {path} is no readable checkpoint ({reason})") from error
+        raise UserError(
+            f"ckpt_path: {path} is no readable checkpoint ({reason}); give another one, or delete "
+            "it to start anew"
+        ) from error
     own = module.state_dict()
     strange = [
         name

@@ -1,5 +1,7 @@
 """Chains of paths as smooth curves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -70,3 +72,14 @@ def test_a_slow_wave_stays_within_one_and_varies():
     wave = slow_wave(np.random.default_rng(1), at, (30.0, 60.0))
     assert 0.5 < np.abs(wave).max() <= 1
     assert np.abs(np.gradient(wave, at)).max() <= 2 * np.pi / 30
+
+
+def test_the_rise_is_the_path_s_and_passes_over_smoothly():
+    low, high = (replace(CROSS[k], rise_m=rise_m) for k, rise_m in ((0, 0.04), (1, 0.16)))
+    route = Route.through((low, high), (0, 1), corner_m=1.0)
+    for it in (route, route.shifted(np.full(len(route.points_m), -1.5))):
+        x_m = it.points_m[:, 0]
+        assert it.rise_m[x_m < 46] == pytest.approx(0.04, abs=1e-4)
+        assert it.rise_m[x_m > 54] == pytest.approx(0.16, abs=1e-4)
+        assert (np.diff(it.rise_m) >= -1e-12).all()
+        assert np.diff(it.rise_m).max() < 0.015

@@ -21,14 +21,15 @@ SIZES_M = {
 }
 
 
-def way(*points_m, successors=(), half_width_m=1.6, speed_mps=9.0):
-    return Path(np.array(points_m, dtype=float), half_width_m, speed_mps, successors)
+def way(*points_m, successors=(), half_width_m=1.6, speed_mps=9.0, rise_m=0.04):
+    return Path(np.array(points_m, dtype=float), half_width_m, speed_mps, successors, rise_m)
 
 
 def terrain(x, y):
     return 0.4 * np.sin(x / 15) * np.cos(y / 20)
 
 
+LANE_RISE_M, WALK_RISE_M = 0.04, 0.16
 LANES = (
     way((-50, -2), (100, -2), successors=(1, 2)),
     way((100, -2), (250, -2)),
@@ -38,8 +39,8 @@ LANES = (
     way((60, -60), (60, 60), speed_mps=12.0),
 )
 WALKS = (
-    way((-50, -6), (250, -6), half_width_m=1, speed_mps=1.4),
-    way((250, -6), (-50, -6), half_width_m=1, speed_mps=1.4),
+    way((-50, -6), (250, -6), half_width_m=1, speed_mps=1.4, rise_m=WALK_RISE_M),
+    way((250, -6), (-50, -6), half_width_m=1, speed_mps=1.4, rise_m=WALK_RISE_M),
 )
 TOWN = Town("hand-made", terrain, (), (), LANES, WALKS, ())
 UAV_M = np.c_[np.linspace(20, 100, 600), np.zeros(600), np.full(600, 9.0)]
@@ -65,10 +66,11 @@ def test_every_type_is_there_and_numbered_from_one(busy):
     assert len(busy) > 0.7 * sum(TrafficConfig().counts.values())
 
 
-def test_actors_stand_on_the_terrain_and_start_near_the_flight(busy):
+def test_actors_stand_on_road_or_pavement_and_start_near_the_flight(busy):
     for actor in busy:
         x_m, y_m, z_m = actor.position_m.T
-        assert z_m == pytest.approx(terrain(x_m, y_m))
+        rise_m = WALK_RISE_M if np.abs(y_m + 6).max() < 1 else LANE_RISE_M
+        assert z_m == pytest.approx(terrain(x_m, y_m) + rise_m)
         apart_m = np.linalg.norm(actor.position_m[0, :2] - UAV_M[:, :2], axis=1)
         assert apart_m.min() < TrafficConfig().near_m + 2
 

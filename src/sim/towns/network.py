@@ -13,6 +13,9 @@ from jaxtyping import Float
 from ..layout import Path
 from .polyline import Polyline, parallel, trimmed, turn
 
+ROAD_RISE_M, JUNCTION_RISE_M, CROSSING_RISE_M, PAVEMENT_RISE_M = 0.04, 0.08, 0.12, 0.16
+"""Heights of the surfaces above the terrain; neighbours differ by more than a patch can sag."""
+
 WALK_MPS = 1.4
 WALK_HALF_WIDTH_M = 0.4
 LANE_HALF_WIDTH_M = 1.4
@@ -38,6 +41,11 @@ class Profile:
     @property
     def half_m(self) -> float:
         return self.road_m / 2 + self.pavement_m
+
+    @property
+    def has_crossings(self) -> bool:
+        """Whether zebra crossings are painted at its ends."""
+        return self.road.startswith("road")
 
     @property
     def walk_m(self) -> float:
@@ -107,10 +115,10 @@ class Network:
             start, end = (street.start, k), (street.end, k)
             line, right = self.open_m(street), -street.profile.road_m / 4
             there, back = parallel(line, right), parallel(line[::-1], right)
-            room = (LANE_HALF_WIDTH_M, street.profile.lane_mps)
+            room = (LANE_HALF_WIDTH_M, street.profile.lane_mps, ROAD_RISE_M)
             ways.append(_Way(there, ("from", *start), ("to", *end), *room))
             ways.append(_Way(back, ("from", *end), ("to", *start), *room))
-        return _joined(ways + self._turns(ways))
+        return _joined(ways + self._turns(ways, JUNCTION_RISE_M))
 
     def corridors(self) -> tuple[Path, ...]:
         """Centre lines over the streets, both ways, joined by turns at the junctions."""
@@ -118,12 +126,12 @@ class Network:
         for k, street in enumerate(self.streets):
             start, end = (street.start, k), (street.end, k)
             line = self.open_m(street)
-            room = (street.profile.corridor_half_width_m, street.profile.corridor_mps)
+            room = (street.profile.corridor_half_width_m, street.profile.corridor_mps, 0.0)
             ways.append(_Way(line, ("from", *start), ("to", *end), *room))
             ways.append(_Way(line[::-1], ("from", *end), ("to", *start), *room))
-        return _joined(ways + self._turns(ways))
+        return _joined(ways + self._turns(ways, 0.0))
 
-    def _turns(self, ways: Sequence["_Way"]) -> list["_Way"]:
+    def _turns(self, ways: Sequence["_Way"], rise_m: float) -> list["_Way"]:
         """From the end of each way at a junction to the start of every other street's there."""
         turns = []
         for come in ways:
@@ -139,6 +147,7 @@ class Network:
                         go.start,
                         min(come.half_width_m, go.half_width_m),
                         TURN_SLOWDOWN * min(come.speed_mps, go.speed_mps),
+                        rise_m,
                     )
                 )
         return turns
@@ -149,13 +158,14 @@ class Network:
         for k, street in enumerate(self.streets):
             for side in (-1, 1):
                 points = parallel(self.open_m(street), side * street.profile.walk_m)
-                lines.append((points, (street.start, k, side), (street.end, k, -side)))
+                rise_m = PAVEMENT_RISE_M if street.profile.pavement_m else ROAD_RISE_M
+                lines.append((points, (street.start, k, side), (street.end, k, -side), rise_m))
         for junction in range(len(self.junctions_m)):
             lines += self._crossings(junction)
         ways = []
-        for points, start, end in lines:
-            ways.append(_Way(points, start, end, WALK_HALF_WIDTH_M, WALK_MPS))
-            ways.append(_Way(points[::-1], end, start, WALK_HALF_WIDTH_M, WALK_MPS))
+        for points, start, end, rise_m in lines:
+            ways.append(_Way(points, start, end, WALK_HALF_WIDTH_M, WALK_MPS, rise_m))
+            ways.append(_Way(points[::-1], end, start, WALK_HALF_WIDTH_M, WALK_MPS, rise_m))
         return _joined(ways)
 
     def ports_m(self, junction: int) -> list[tuple[Arm, dict[int, Float[np.ndarray, "2"]]]]:
@@ -168,14 +178,18 @@ class Network:
             ports.append((arm, sides))
         return ports
 
-    def _crossings(self, junction: int) -> list[tuple[Polyline, Hashable, Hashable]]:
+    def _crossings(self, junction: int) -> list[tuple[Polyline, Hashable, Hashable, float]]:
+        """Ways over every arm and around every corner: line, ports, and how high it lies."""
         ports = self.ports_m(junction)
         lines = []
         for (arm, here), (following, there) in zip(ports, ports[1:] + ports[:1]):
             left, right = (junction, arm.street, 1), (junction, arm.street, -1)
-            lines.append((np.stack([here[-1], here[1]]), right, left))
+            rise_m = CROSSING_RISE_M if arm.profile.has_crossings else ROAD_RISE_M
+            lines.append((np.stack([here[-1], here[1]]), right, left, rise_m))
             corner = self.corner_m(arm, following, here[1], there[-1])
-            lines.append((corner, left, (junction, following.street, -1)))
+            paved = max(arm.profile.pavement_m, following.profile.pavement_m) > 0
+            rise_m = PAVEMENT_RISE_M if paved else ROAD_RISE_M
+            lines.append((corner, left, (junction, following.street, -1), rise_m))
         return lines
 
     @staticmethod
@@ -205,6 +219,7 @@ class _Way:
     end: Hashable
     half_width_m: float
     speed_mps: float
+    rise_m: float
 
 
 def _crossing(come_m: Polyline, go_m: Polyline) -> Float[np.ndarray, "2"]:
@@ -229,6 +244,7 @@ def _joined(ways: Sequence[_Way]) -> tuple[Path, ...]:
             way.half_width_m,
             way.speed_mps,
             tuple(k for k in starts.get(way.end, ()) if ways[k].end != way.start),
+            way.rise_m,
         )
         for way in ways
     )

@@ -10,12 +10,16 @@ from ..assets import furniture
 from ..assets.parts import extent_m
 from ..layout import GroundPatch
 from ..solid import Solid
-from .network import Profile, Street
+from .network import (
+    CROSSING_RISE_M,
+    JUNCTION_RISE_M,
+    PAVEMENT_RISE_M,
+    ROAD_RISE_M,
+    Profile,
+    Street,
+)
 from .polyline import Polyline, arc_m, heading_at, parallel, point_at
 from .site import Site
-
-ROAD_RISE_M, JUNCTION_RISE_M, CROSSING_RISE_M, PAVEMENT_RISE_M = 0.04, 0.08, 0.12, 0.16
-"""Heights of the surfaces above the terrain; neighbours differ by more than a patch can sag."""
 
 KERB_M = 0.3
 BASE_TILE_M = 32.0
@@ -80,7 +84,7 @@ def _lay_junction(site: Site, junction: int) -> None:
         overrun = arm.profile.road_m / 2 if len(ports) == 2 else 0.0
         start = centre - overrun * (end - centre) / np.linalg.norm(end - centre)
         _lay_strip(site, np.stack([start, end]), arm.profile.road_m, rise, plate)
-        if arm.profile.road.startswith("road"):
+        if arm.profile.has_crossings:
             along = point_at(arm.points_m, radius + np.array([0.2, 3.2]))
             _lay_strip(site, along, arm.profile.road_m, CROSSING_RISE_M, "crossing")
     for (arm, here), (following, there) in zip(ports, ports[1:] + ports[:1]):

@@ -1,0 +1,49 @@
+"""A very small data set from the real generator, made once for all tests that need one."""
+
+import copy
+
+import pytest
+
+from src.data.manifest import DatasetSpec, write_manifest
+from src.data.split import make_split
+from src.sim.generate import frames_per_clip, generate, plan_clips
+
+MINI_SIM = {
+    "seed": 0,
+    "towns": ["suburb"],
+    "clips_per_town": 2,
+    "weathers": ["clear", "rain"],
+    "capture_hz": 2.5,
+    "lidar_hz": 2.5,
+    "lidar_rays": 4000,
+    "range_m": 60.0,
+    "camera_stride": 2,
+    "renderer": "tiny",
+    "image": {"width": 96, "height": 64, "hfov_deg": 90.0},
+    "camera": {"position_m": [0.1, 0.0, -0.05], "pitch_deg": 0.0},
+    "grid": {"lower_m": [0.0, -25.0, -20.0], "upper_m": [50.0, 25.0, 10.0], "shape": [25, 25, 15]},
+    "flight": {},
+    "traffic": {},
+    "save_aux": True,
+    "workers": 2,
+    "dry_run": False,
+}
+
+
+@pytest.fixture
+def mini_sim():
+    """The composed ``sim`` configuration of the smallest data set; yours to change."""
+    return copy.deepcopy(MINI_SIM)
+
+
+@pytest.fixture(scope="session")
+def mini_dataset(tmp_path_factory):
+    """The root of two generated clips of 30 frames with aux images; not to be changed."""
+    spec = DatasetSpec.of("mini", MINI_SIM)
+    root = spec.root(tmp_path_factory.mktemp("generated"))
+    generate(MINI_SIM, root)
+    clip_ids = [plan.clip_id for plan in plan_clips(MINI_SIM)]
+    frames, capture_hz = frames_per_clip(MINI_SIM["capture_hz"]), MINI_SIM["capture_hz"]
+    split = make_split(clip_ids, frames, capture_hz, [], clip_ids[-1:])
+    write_manifest(root, spec, clip_ids, split)
+    return root

@@ -1,0 +1,104 @@
+"""The mirror: an exact symmetry of image, geometry and labels."""
+
+import pytest
+import torch
+
+from src.data.batch import mirrored
+from src.data.clip import ClipMeta
+from src.data.dataset import OccupancyDataset
+from src.geometry import (
+    camera_from_occ,
+    euler_from_rotation,
+    in_image,
+    project,
+    rotation_from_euler,
+    transform,
+)
+from src.ontology import UNKNOWN
+
+ACROSS = torch.tensor([1.0, -1.0, 1.0])
+"""The mirror of the occ frame: left and right change places."""
+
+
+@pytest.fixture
+def sample(clips):
+    """Off the axis: a mount to the left, a camera that looks aside, a skewed and shifted image."""
+    sample = OccupancyDataset(clips, [("downtown/clip00", 20)], 4, 0.2)[0]
+    aside = rotation_from_euler(*torch.tensor([0.05, 0.2, 0.1]))
+    mount = sample["body_from_camera"].clone()
+    mount[:3, :3] = aside @ mount[:3, :3]
+    mount[1, 3] = 0.3
+    pix_from_camera = sample["pix_from_camera"].clone()
+    pix_from_camera[:, 0, 1], pix_from_camera[:, 0, 2] = 1.5, 41.0
+    return {**sample, "body_from_camera": mount, "pix_from_camera": pix_from_camera}
+
+
+def pixels(sample, points_occ, step=-1):
+    chain = camera_from_occ(sample["occ_from_body"][step], sample["body_from_camera"])
+    return project(points_occ, chain, sample["pix_from_camera"][step])
+
+
+def random_points(count=200):
+    generator = torch.Generator().manual_seed(0)
+    low, high = torch.tensor([2.0, -20.0, -15.0]), torch.tensor([50.0, 20.0, 8.0])
+    return low + (high - low) * torch.rand(count, 3, generator=generator)
+
+
+@pytest.mark.parametrize("step", range(4))
+def test_mirrored_points_fall_on_mirrored_pixels(sample, step):
+    points_occ = random_points()
+    pix, depth_m = pixels(sample, points_occ, step)
+    mirror_pix, mirror_depth_m = pixels(mirrored(sample), points_occ * ACROSS, step)
+    expected = torch.stack([sample["image"].shape[-1] - pix[:, 0], pix[:, 1]], dim=-1)
+    torch.testing.assert_close(mirror_pix, expected, atol=2e-3, rtol=1e-4)
+    torch.testing.assert_close(mirror_depth_m, depth_m, atol=1e-4, rtol=0)
+
+
+def test_labels_still_stand_in_the_image(clips):
+    """Supervised voxels are those whose centre is in the image; the mirror keeps that exactly."""
+    meta: ClipMeta = clips["downtown/clip00"].meta
+    sample = mirrored(OccupancyDataset(clips, [("downtown/clip00", 20)], 4, 0.2)[0])
+    pix, depth_m = pixels(sample, meta.grid.centers().flatten(0, 2))
+    seen = in_image(pix, depth_m, meta.width, meta.height).view(meta.grid.shape)
+    supervised = sample["semantics"] != UNKNOWN
+    assert torch.equal(sample["visible"], supervised)
+    # A centre on the very edge may round to either side.
+    assert (seen != supervised).sum() <= 2
+    assert (sample["semantics"].flip(1) != sample["semantics"]).any()
+
+
+def test_labels_and_image_are_swapped_from_left_to_right(sample):
+    mirror = mirrored(sample)
+    assert torch.equal(mirror["semantics"][:, 0], sample["semantics"][:, -1])
+    assert torch.equal(mirror["visible"][:, 3], sample["visible"][:, -4])
+    assert torch.equal(mirror["image"][..., 0], sample["image"][..., -1])
+
+
+def test_the_past_is_aligned_as_before(sample):
+    points_past = random_points()
+    for step in range(4):
+        now = transform(sample["occ_from_past_occ"][step], points_past)
+        mirror_now = transform(mirrored(sample)["occ_from_past_occ"][step], points_past * ACROSS)
+        torch.testing.assert_close(mirror_now, now * ACROSS, atol=1e-4, rtol=1e-5)
+
+
+def test_roll_and_sideways_speed_change_sign_and_nothing_else(sample):
+    mirror = mirrored(sample)
+    assert torch.equal(mirror["attitude_rad"], sample["attitude_rad"] * torch.tensor([-1, 1]))
+    assert torch.equal(mirror["velocity_mps"], sample["velocity_mps"] * ACROSS)
+    roll, pitch, _ = euler_from_rotation(mirror["occ_from_body"][-1, :3, :3])
+    torch.testing.assert_close(torch.stack([roll, pitch]), mirror["attitude_rad"])
+
+
+def test_transforms_stay_rigid(sample):
+    mirror = mirrored(sample)
+    for name in ("body_from_camera", "occ_from_body", "occ_from_past_occ"):
+        rotation = mirror[name][..., :3, :3]
+        assert torch.allclose(torch.linalg.det(rotation), torch.ones(rotation.shape[:-2]))
+
+
+def test_a_mirror_of_the_mirror_is_the_sample(sample):
+    twice = mirrored(mirrored(sample))
+    for name, value in sample.items():
+        same = torch.equal(twice[name], value) if torch.is_tensor(value) else twice[name] == value
+        assert same, name

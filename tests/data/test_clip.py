@@ -1,0 +1,349 @@
+"""One clip on disk: whole or not at all, the same bytes for the same input, and honest errors."""
+
+import errno
+import json
+import multiprocessing
+import pickle
+import zipfile
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from src.data import clip as clip_module
+from src.data.clip import (
+    ACTOR_COLUMNS,
+    FRAME_COLUMNS,
+    SUMS,
+    Clip,
+    ClipMeta,
+    ClipWriter,
+    damaged_files,
+    poses_of,
+    recorded_sums,
+)
+from src.data.files import sha256_of
+from src.errors import UserError
+from src.geometry import VoxelGrid, front_mount, pinhole
+
+FRAMES = 30
+SHAPE = (5, 4, 3)
+META = ClipMeta(
+    town="suburb",
+    weather="fog",
+    seed=3,
+    capture_hz=2.5,
+    width=64,
+    height=32,
+    pix_from_camera=pinhole(64, 32, 1.4),
+    body_from_camera=front_mount((0.1, 0.0, -0.05), 0.2),
+    grid=VoxelGrid((0, -2, -1), (5, 2, 2), SHAPE),
+)
+
+
+def content(seed=0):
+    """Everything that a writer is given."""
+    rng = np.random.default_rng(seed)
+    frames = pd.DataFrame(rng.standard_normal((FRAMES, len(FRAME_COLUMNS))), columns=FRAME_COLUMNS)
+    frames["frame"], frames["time_s"] = np.arange(FRAMES), np.arange(FRAMES) / 2.5
+    actors = pd.DataFrame(rng.standard_normal((4, len(ACTOR_COLUMNS))), columns=ACTOR_COLUMNS)
+    actors["type"] = "car"
+    return {
+        "images": rng.integers(0, 256, (FRAMES, 32, 64, 3), dtype=np.uint8) // 8 + 100,
+        "semantics": rng.choice(np.array([0, 5, 8, 255], np.uint8), (FRAMES, *SHAPE)),
+        "visible": rng.random((FRAMES, *SHAPE)) < 0.5,
+        "depth": rng.random((FRAMES, 32, 64), dtype=np.float32) * 50,
+        "frames": frames,
+        "actors": actors,
+    }
+
+
+def fill(writer, what, aux=True):
+    for frame in range(FRAMES):
+        writer.add_image(frame, what["images"][frame])
+        writer.add_labels(frame, what["semantics"][frame], what["visible"][frame])
+        if aux:
+            writer.add_aux(frame, depth=what["depth"][frame])
+    writer.add_tables(what["frames"], what["actors"])
+
+
+def write(folder, what=None, aux=True):
+    with ClipWriter(folder, META) as writer:
+        fill(writer, what or content(), aux)
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return write(tmp_path / "suburb/clip00")
+
+
+# ------------------------------------------------------------------------------- round trip
+
+
+def test_what_is_written_is_read(folder):
+    what, clip = content(), Clip(folder)
+    assert clip.clip_id == "suburb/clip00"
+    assert len(clip) == FRAMES
+    pd.testing.assert_frame_equal(clip.frames, what["frames"], check_exact=True)
+    pd.testing.assert_frame_equal(clip.actors, what["actors"], check_exact=True)
+    assert torch.equal(clip.world_from_body, poses_of(what["frames"]))
+    for frame in (7, 0, 29):
+        np.testing.assert_array_equal(clip.semantics(frame), what["semantics"][frame])
+        np.testing.assert_array_equal(clip.visible(frame), what["visible"][frame])
+        np.testing.assert_array_equal(clip.aux("depth", frame), what["depth"][frame])
+        error = np.abs(clip.image(frame).astype(int) - what["images"][frame])
+        assert error.mean() < 6
+    assert clip.semantics(0).dtype == np.uint8
+    assert clip.visible(0).dtype == bool
+
+
+def test_the_meta_data_round_trip(folder):
+    meta = Clip(folder).meta
+    assert meta.to_json() == META.to_json()
+    assert torch.equal(meta.pix_from_camera, META.pix_from_camera)
+    assert torch.equal(meta.body_from_camera, META.body_from_camera)
+    assert meta.grid == META.grid
+    keys = "town, weather, seed, capture_hz, image, pix_from_camera, body_from_camera, grid"
+    assert ", ".join(json.loads((folder / "clip.json").read_text())) == keys
+
+
+def test_plain_tools_read_it(folder):
+    with zipfile.ZipFile(folder / "rgb.zip") as archive:
+        assert archive.namelist()[:2] == ["000000.jpg", "000001.jpg"]
+        members = archive.infolist()
+    assert {member.compress_type for member in members} == {zipfile.ZIP_STORED}
+    assert {member.date_time for member in members} == {(1980, 1, 1, 0, 0, 0)}
+    with np.load(folder / "occupancy.npz", allow_pickle=False) as arrays:
+        assert {"semantics_000000", "visible_000029"} <= set(arrays.files)
+        assert len(arrays.files) == 2 * FRAMES
+    names = {path.name for path in folder.iterdir()}
+    assert names == {
+        *("clip.json", "frames.csv", "actors.csv", "rgb.zip", "occupancy.npz", "aux.npz", SUMS)
+    }
+
+
+def test_without_aux_there_is_no_such_file(tmp_path):
+    folder = write(tmp_path / "t/c", aux=False)
+    assert not (folder / "aux.npz").exists()
+
+
+def test_identical_input_gives_identical_bytes(folder, tmp_path):
+    again, other = write(tmp_path / "b/clip00"), write(tmp_path / "c/clip00", content(1))
+    for name, digest in recorded_sums(folder).items():
+        assert (again / name).read_bytes() == (folder / name).read_bytes()
+        assert digest == sha256_of(folder / name)
+        if name != "clip.json":
+            assert (other / name).read_bytes() != (folder / name).read_bytes()
+
+
+# ------------------------------------------------------------------------ whole or not at all
+
+
+def test_an_interrupted_clip_leaves_nothing(tmp_path):
+    def interrupted():
+        with ClipWriter(tmp_path / "t/c", META) as writer:
+            writer.add_image(0, content()["images"][0])
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert not list((tmp_path / "t").iterdir())
+
+
+def test_the_folder_appears_when_all_is_in_it_and_on_the_disk(tmp_path, monkeypatch):
+    folder, events = tmp_path / "t/c", []
+    rename, flush = clip_module.os.rename, clip_module.flush_to_disk
+    monkeypatch.setattr(
+        clip_module, "flush_to_disk", lambda path: (events.append(path.name), flush(path))
+    )
+    monkeypatch.setattr(
+        clip_module.os, "rename", lambda *paths: (events.append("rename"), rename(*paths))
+    )
+    with ClipWriter(folder, META) as writer:
+        fill(writer, content())
+        assert not folder.exists()
+    assert events[-1] == "rename"
+    assert set(events[:-1]) == {".c.part", *(path.name for path in folder.iterdir())}
+    assert damaged_files(folder) == []
+
+
+def test_leftovers_of_a_killed_writer_do_no_harm(folder, tmp_path):
+    part = tmp_path / "b/.clip00.part"
+    part.mkdir(parents=True)
+    (part / "old.bin").write_bytes(b"rubbish")
+    (part / "rgb.zip").write_bytes(b"half")
+    again = write(tmp_path / "b/clip00")
+    assert recorded_sums(again) == recorded_sums(folder)
+    assert [path.name for path in again.parent.iterdir()] == ["clip00"]
+
+
+class FullDisk:
+    """A file on a disk that is full after some bytes."""
+
+    def __init__(self, file, room):
+        self.file, self.room = file, room
+
+    def write(self, data):
+        self.room -= len(data)
+        if self.room < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return self.file.write(data)
+
+    def __getattr__(self, name):
+        return getattr(self.file, name)
+
+
+@pytest.mark.parametrize("room", [0, 200, 20_000])
+@pytest.mark.parametrize("name", ["rgb.zip", "occupancy.npz", "aux.npz"])
+def test_a_full_disk_is_named_and_leaves_nothing(tmp_path, monkeypatch, name, room):
+    real = zipfile.io.open
+
+    def opened(path, *args, **kwargs):
+        file = real(path, *args, **kwargs)
+        return FullDisk(file, room) if str(path).endswith(name) else file
+
+    what = content()
+    what["semantics"] = np.random.default_rng(0).integers(0, 255, (FRAMES, 60, 60, 4), np.uint8)
+    monkeypatch.setattr(zipfile.io, "open", opened)
+    with pytest.raises(OSError, match="No space left") as error:
+        write(tmp_path / "t/c", what)
+    assert error.value.errno == errno.ENOSPC
+    assert str(error.value.filename).endswith(name)
+    assert not list((tmp_path / "t").iterdir())
+
+
+def test_a_disk_that_is_full_at_the_end_is_named_too(tmp_path, monkeypatch):
+    def full(path, *args, **kwargs):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(clip_module.Path, "write_text", full)
+    with pytest.raises(OSError, match=r"frames\.csv"):
+        write(tmp_path / "t/c")
+    assert not list((tmp_path / "t").iterdir())
+
+
+# ---------------------------------------------------------------------------- damaged files
+
+
+def read_all(folder):
+    clip = Clip(folder)
+    clip.actors.to_numpy()
+    for frame in range(FRAMES):
+        clip.image(frame)
+        clip.semantics(frame)
+        clip.visible(frame)
+
+
+READ = ("clip.json", "frames.csv", "actors.csv", "rgb.zip", "occupancy.npz")
+
+
+@pytest.mark.parametrize("name", READ)
+@pytest.mark.parametrize("keep", [0.0, 0.3, 0.9])
+def test_a_truncated_file_is_named(folder, name, keep):
+    path = folder / name
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(keep * len(whole))])
+    with pytest.raises(UserError, match="cannot be read") as error:
+        read_all(folder)
+    message = str(error.value)
+    assert str(path) in message
+    assert f"delete the folder {folder}" in message
+    assert "\n" not in message
+    assert damaged_files(folder) == [name]
+
+
+@pytest.mark.parametrize("name", READ)
+def test_a_missing_file_is_named(folder, name):
+    (folder / name).unlink()
+    with pytest.raises(UserError, match=name):
+        read_all(folder)
+    assert damaged_files(folder) == [name]
+
+
+@pytest.mark.parametrize("name", READ)
+def test_whatever_bytes_are_wrong_no_other_error_escapes(folder, name):
+    path = folder / name
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    messages = []
+    for _ in range(40):
+        broken = np.frombuffer(whole, np.uint8).copy()
+        start = int(rng.integers(len(broken)))
+        broken[start : start + 40] = rng.integers(0, 256, len(broken[start : start + 40]))
+        path.write_bytes(broken.tobytes())
+        assert damaged_files(folder) == [name]
+        try:
+            read_all(folder)
+        except UserError as error:
+            messages.append(str(error))
+    assert all(name in message for message in messages)
+    assert len(messages) > (20 if name.endswith(("zip", "npz")) else 5)
+
+
+def test_an_archive_that_claims_to_be_encrypted_is_refused(folder):
+    path = folder / "rgb.zip"
+    data = bytearray(path.read_bytes())
+    data[data.index(b"PK\x01\x02") + 8] |= 1
+    path.write_bytes(bytes(data))
+    with pytest.raises(UserError, match=r"rgb\.zip.*encrypted"):
+        Clip(folder).image(0)
+
+
+@pytest.mark.parametrize("text", ["[]", "{}", "null", '{"town": 3}'])
+def test_other_json_is_refused(folder, text):
+    (folder / "clip.json").write_text(text)
+    with pytest.raises(UserError, match=r"clip\.json"):
+        Clip(folder)
+
+
+def test_a_table_without_its_last_row_is_refused(folder):
+    path = folder / "frames.csv"
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
+    with pytest.raises(UserError, match=r"frames\.csv.*frames 0 to 29"):
+        Clip(folder)
+
+
+def test_a_frame_that_is_not_there_is_an_error_that_names_the_file(folder):
+    with pytest.raises(UserError, match=r"rgb\.zip"):
+        Clip(folder).image(FRAMES)
+
+
+# ---------------------------------------------------------------------------- many processes
+
+
+def sums_in_child(clip, queue):
+    queue.put([int(clip.semantics(frame).sum()) for frame in range(FRAMES)])
+
+
+def test_an_open_archive_survives_a_fork(folder):
+    clip = Clip(folder)
+    expected = [int(clip.semantics(frame).sum()) for frame in range(FRAMES)]
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    children = [context.Process(target=sums_in_child, args=(clip, queue)) for _ in range(3)]
+    for child in children:
+        child.start()
+    for _ in range(5):
+        assert [int(clip.semantics(frame).sum()) for frame in range(FRAMES)] == expected
+    assert [queue.get(timeout=30) for _ in children] == [expected] * 3
+    for child in children:
+        child.join()
+
+
+def test_no_process_reads_through_another_s_file(folder, monkeypatch):
+    clip = Clip(folder)
+    clip.image(0)
+    mine = clip._archive("rgb.zip")
+    assert clip._archive("rgb.zip") is mine
+    monkeypatch.setattr(clip_module.os, "getpid", lambda: -7)
+    assert clip._archive("rgb.zip") is not mine
+
+
+def test_an_open_clip_can_be_pickled(folder):
+    clip = Clip(folder)
+    clip.image(0)
+    copy = pickle.loads(pickle.dumps(clip))
+    np.testing.assert_array_equal(copy.image(3), clip.image(3))
+    assert copy.meta.grid == clip.meta.grid

@@ -1,0 +1,98 @@
+"""The data set as the trainer sees it."""
+
+import pytest
+import torch
+
+from src.data.datamodule import SkyShieldData
+from src.errors import UserError
+from tests.synthetic import compose_config, mini_overrides, write_dataset
+
+OPTIONS = {
+    **{"val_clips": [], "test_clips": ["suburb/clip00"], "frames": 4, "history_step_s": 0.4},
+    **{"history": "open", "mirror": True, "batch_size": 8, "workers": 0, "seed": 0},
+}
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    return write_dataset(compose_config(*mini_overrides(tmp_path_factory.mktemp("data"))))
+
+
+def data_of(root, **options):
+    return SkyShieldData(root, **{**OPTIONS, **options})
+
+
+def same(batch, other):
+    assert batch.keys() == other.keys()
+    return all(
+        torch.equal(value, other[key]) if torch.is_tensor(value) else value == other[key]
+        for key, value in batch.items()
+    )
+
+
+def test_every_part_has_its_frames(root):
+    """At 2.5 Hz a clip has 30 frames: 25 for training, 3 for validation and 2 for test."""
+    data = data_of(root)
+    assert {part: len(data.dataset(part)) for part in data.split} == {
+        "train": 25,
+        "val": 3,
+        "test": 32,
+    }
+    assert {clip for clip, _ in data.split["train"]} == {"downtown/clip00"}
+
+
+def test_images_stay_bytes(root):
+    batch = next(iter(data_of(root).train_dataloader()))
+    assert batch["image"].dtype == torch.uint8
+    assert batch["image"].shape == (8, 4, 3, 64, 96)
+    assert len(batch["clip"]) == 8
+
+
+def test_batches_do_not_depend_on_the_number_of_workers(root):
+    alone, helped = (list(data_of(root, workers=n).train_dataloader()) for n in (0, 2))
+    assert len(alone) == 3
+    assert all(map(same, alone, helped))
+
+
+def test_the_last_short_batch_is_dropped_unless_it_is_all(root):
+    assert len(data_of(root).train_dataloader()) == 25 // 8
+    assert [len(b["frame"]) for b in data_of(root, batch_size=64).train_dataloader()] == [25]
+
+
+def test_validation_and_test_are_whole_in_order_and_not_mirrored(root):
+    data = data_of(root)
+    for part, loader in (("val", data.val_dataloader()), ("test", data.test_dataloader())):
+        seen = [pair for b in loader for pair in zip(b["clip"], b["frame"].tolist())]
+        assert seen == data.split[part]
+    batch = next(iter(data.test_dataloader()))
+    assert torch.equal(batch["image"][0], data.dataset("test")[0]["image"])
+
+
+def test_labels_are_those_of_the_samples(root):
+    data = data_of(root)
+    samples = data.dataset("val")
+    for index, (semantics, velocity_mps) in enumerate(data.labels("val")):
+        assert torch.equal(semantics, samples[index]["semantics"])
+        assert velocity_mps.norm() == pytest.approx(samples[index]["velocity_mps"].norm().item())
+
+
+def test_a_part_without_frames_is_refused(root):
+    with pytest.raises(UserError, match="no frame for train"):
+        data_of(root, val_clips=["downtown/clip00"])
+
+
+def test_a_grid_that_is_no_mirror_of_itself_is_refused(tmp_path):
+    lopsided = ("grid.lower_m=[0.0,-20.0,-20.0]", "grid.upper_m=[50.0,30.0,10.0]")
+    root = write_dataset(compose_config(*mini_overrides(tmp_path, *lopsided)))
+    with pytest.raises(UserError, match=r"set data\.mirror=false"):
+        data_of(root)
+    assert len(data_of(root, mirror=False).dataset("train")) == 25
+
+
+def test_a_broken_file_is_named_even_from_a_worker(root, tmp_path):
+    root = write_dataset(compose_config(*mini_overrides(tmp_path)))
+    path = root / "downtown/clip00/rgb.zip"
+    path.write_bytes(path.read_bytes()[:3000])
+    for workers in (0, 1):
+        with pytest.raises(UserError, match=r"rgb\.zip: cannot be read"):
+            list(data_of(root, workers=workers).train_dataloader())

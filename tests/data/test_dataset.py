@@ -1,0 +1,198 @@
+"""Windows of frames, their ego-motion and the order of an epoch."""
+
+import math
+
+import pytest
+import torch
+
+from src.data.clip import Clip
+from src.data.dataset import EpochSampler, OccupancyDataset, history_stride
+from src.errors import UserError
+from src.geometry import euler_from_rotation, inverse, transform, world_from_occ
+from tests.synthetic import write_clip
+
+CLIP = "downtown/clip00"
+
+
+def window(clips, frame, frames=4, history_step_s=0.2, clip=CLIP, **options):
+    return OccupancyDataset(clips, [(clip, frame)], frames, history_step_s, **options)[0]
+
+
+def test_a_sample_has_the_shapes_and_types_of_the_contract(clips):
+    sample = window(clips, 20)
+    kinds = {
+        key: (value.dtype, tuple(value.shape))
+        for key, value in sample.items()
+        if isinstance(value, torch.Tensor)
+    }
+    assert kinds == {
+        "image": (torch.uint8, (4, 3, 64, 96)),
+        "pix_from_camera": (torch.float32, (4, 3, 3)),
+        "body_from_camera": (torch.float32, (4, 4)),
+        "occ_from_body": (torch.float32, (4, 4, 4)),
+        "occ_from_past_occ": (torch.float32, (4, 4, 4)),
+        "history_valid": (torch.bool, (4,)),
+        "velocity_mps": (torch.float32, (3,)),
+        "attitude_rad": (torch.float32, (2,)),
+        "semantics": (torch.uint8, (25, 25, 15)),
+        "visible": (torch.bool, (25, 25, 15)),
+    }
+    assert (sample["clip"], sample["frame"]) == (CLIP, 20)
+
+
+@pytest.mark.parametrize(("history_step_s", "stride"), [(0.2, 1), (0.4, 2), (1.0, 5)])
+def test_frames_are_the_history_step_apart_oldest_first(clips, history_step_s, stride):
+    sample = window(clips, 20, history_step_s=history_step_s)
+    for place, age in enumerate((3, 2, 1, 0)):
+        image = torch.from_numpy(clips[CLIP].image(20 - stride * age).copy()).permute(2, 0, 1)
+        assert torch.equal(sample["image"][place], image)
+
+
+@pytest.mark.parametrize("capture_hz", [5, 10, 25])
+def test_the_history_step_is_a_time_at_any_capture_rate(capture_hz):
+    assert history_stride(0.2, capture_hz) == capture_hz / 5
+
+
+@pytest.mark.parametrize(
+    ("history_step_s", "capture_hz"), [(0.2, 2.5), (0.3, 5), (0.0, 5), (-0.2, 5)]
+)
+def test_a_step_that_falls_between_frames_is_refused(history_step_s, capture_hz):
+    with pytest.raises(UserError, match=r"data\.history_step_s"):
+        history_stride(history_step_s, capture_hz)
+
+
+def test_an_unknown_history_is_refused(clips):
+    with pytest.raises(UserError, match=r"data\.history: 'closed'"):
+        window(clips, 20, history="closed")
+
+
+@pytest.mark.parametrize("frame", range(5))
+def test_a_window_is_padded_where_the_clip_begins(clips, frame):
+    sample = window(clips, frame)
+    assert sample["history_valid"].tolist() == [frame >= age for age in (3, 2, 1, 0)]
+
+
+def test_a_padded_frame_does_not_come_from_another_clip(clips):
+    both = [(clip, frame) for clip in clips for frame in range(len(clips[clip]))]
+    dataset = OccupancyDataset(clips, both, frames=4, history_step_s=0.2)
+    first_of_second = dataset[len(clips[CLIP])]
+    assert first_of_second["clip"] == "suburb/clip00"
+    assert first_of_second["history_valid"].tolist() == [False, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("frame", "seen"),
+    [(49, [1, 1, 1, 1]), (50, [0, 0, 0, 1]), (52, [0, 1, 1, 1]), (55, [0, 0, 0, 1])],
+)
+def test_strict_history_stops_at_a_split_boundary(clips, frame, seen):
+    """At 5 Hz validation begins with frame 50 and test with frame 55."""
+    assert window(clips, frame, history="strict")["history_valid"].int().tolist() == seen
+    assert window(clips, frame, history="open")["history_valid"].all()
+
+
+def test_strict_history_does_not_cut_a_clip_that_is_held_out(clips):
+    sample = window(clips, 50, history="strict", held_out=[CLIP])
+    assert sample["history_valid"].all()
+
+
+@pytest.mark.parametrize("frame", [20, 37])
+def test_a_resting_point_keeps_its_place_when_the_past_is_aligned(clips, frame):
+    """The point as each past occ frame sees it lands on the point as the current one does."""
+    sample = window(clips, frame)
+    points_world = torch.tensor([[12.0, 4.0, 0.0], [30.0, -12.0, 5.0], [60.0, 1.0, -2.0]])
+    pose = clips[CLIP].world_from_body
+    now = transform(inverse(world_from_occ(pose[frame])), points_world.double())
+    for place, age in enumerate((3, 2, 1, 0)):
+        past = transform(inverse(world_from_occ(pose[frame - age])), points_world.double())
+        aligned = transform(sample["occ_from_past_occ"][place].double(), past)
+        torch.testing.assert_close(aligned, now, atol=1e-4, rtol=0)
+
+
+def test_alignment_is_yaw_and_translation_by_hand(clips):
+    """Two frames ago, in the current frame: the way back, turned by the current yaw."""
+    sample = window(clips, 20)
+    rows = clips[CLIP].frames.loc[[18, 20]]
+    back_m = rows[["x_m", "y_m", "z_m"]].to_numpy()
+    back_m = torch.from_numpy(back_m[0] - back_m[1])
+    yaw = torch.tensor(rows["yaw_rad"].to_numpy())
+    cos, sin = torch.cos(yaw[1]), torch.sin(yaw[1])
+    expected = [cos * back_m[0] + sin * back_m[1], cos * back_m[1] - sin * back_m[0], back_m[2]]
+    actual = sample["occ_from_past_occ"][1].double()
+    torch.testing.assert_close(actual[:3, 3], torch.stack(expected), atol=1e-5, rtol=0)
+    turn = torch.stack(euler_from_rotation(actual[:3, :3]))
+    expected_turn = torch.stack([yaw[0] * 0, yaw[0] * 0, yaw[0] - yaw[1]])
+    torch.testing.assert_close(turn, expected_turn, atol=1e-6, rtol=0)
+    assert torch.equal(sample["occ_from_past_occ"][-1], torch.eye(4))
+
+
+def test_occ_from_body_holds_each_frame_s_roll_and_pitch_and_no_yaw(clips):
+    sample = window(clips, 20)
+    angles = torch.stack(euler_from_rotation(sample["occ_from_body"][:, :3, :3].double()), dim=-1)
+    table = clips[CLIP].frames.loc[17:20, ["roll_rad", "pitch_rad"]].to_numpy(copy=True)
+    torch.testing.assert_close(angles[:, :2], torch.from_numpy(table), atol=1e-6, rtol=0)
+    assert angles[:, 2].abs().max() < 1e-6
+    assert sample["occ_from_body"][:, :3, 3].abs().max() == 0
+    torch.testing.assert_close(sample["attitude_rad"].double(), angles[-1, :2], atol=1e-6, rtol=0)
+
+
+def test_velocity_is_in_the_occ_frame(clips):
+    sample = window(clips, 20)
+    row = clips[CLIP].frames.loc[20]
+    forward = row["vx_mps"] * math.cos(row["yaw_rad"]) + row["vy_mps"] * math.sin(row["yaw_rad"])
+    assert abs(row["yaw_rad"]) > 0.1
+    assert sample["velocity_mps"][0].item() == pytest.approx(forward, abs=1e-6)
+    assert sample["velocity_mps"][2].item() == pytest.approx(row["vz_mps"], abs=1e-6)
+    speed = (row[["vx_mps", "vy_mps", "vz_mps"]] ** 2).sum() ** 0.5
+    assert sample["velocity_mps"].norm().item() == pytest.approx(speed, abs=1e-6)
+
+
+def test_a_mirrored_key_gives_the_mirrored_sample(clips):
+    dataset = OccupancyDataset(clips, [(CLIP, 20)], 4, 0.2)
+    assert torch.equal(dataset[0, True]["image"], dataset[0]["image"].flip(-1))
+    assert torch.equal(dataset[0, False]["image"], dataset[0]["image"])
+
+
+def test_a_broken_file_is_named(tmp_path):
+    write_clip(tmp_path / "downtown/clip00")
+    path = tmp_path / "downtown/clip00/occupancy.npz"
+    path.write_bytes(path.read_bytes()[:2000])
+    clips = {CLIP: Clip(tmp_path / "downtown/clip00")}
+    with pytest.raises(UserError, match=r"occupancy\.npz: cannot be read"):
+        window(clips, 5, history_step_s=0.4)
+
+
+# ------------------------------------------------------------------------------ the order of epochs
+
+
+def orders(seed, epochs, mirror=True, length=50):
+    sampler = EpochSampler(length, seed, mirror)
+    found = []
+    for epoch in epochs:
+        sampler.set_epoch(epoch)
+        found.append(list(sampler))
+    return found
+
+
+def test_an_epoch_visits_every_sample_once():
+    (order,) = orders(0, [0])
+    assert sorted(index for index, _ in order) == list(range(50))
+
+
+def test_the_order_depends_on_seed_and_epoch_alone():
+    undisturbed = orders(3, range(4))
+    torch.manual_seed(1)
+    torch.rand(7)
+    assert orders(3, [2, 3]) == undisturbed[2:]
+    assert len({str(order) for order in undisturbed}) == 4
+
+
+def test_zero_is_a_seed_like_any_other():
+    assert orders(0, [0, 1]) == orders(0, [0, 1])
+    assert orders(0, [0]) != orders(1, [0])
+
+
+def test_half_of_the_samples_are_mirrored_and_none_without_mirror():
+    (order,) = orders(0, [0], length=2000)
+    assert 850 < sum(mirror for _, mirror in order) < 1150
+    (order,) = orders(0, [0], mirror=False)
+    assert not any(mirror for _, mirror in order)

@@ -1,0 +1,187 @@
+"""The LightningModule: steps, schedule, and what happens when the loss is not finite."""
+
+import lightning
+import pytest
+import torch
+from torch import nn
+from torch.utils.data import DataLoader
+from torchmetrics import Metric
+
+from src.errors import UserError
+from src.models.module import OccupancyModule, rate_share
+from src.tasks.model import load_weights
+
+OPTIMIZER = {"lr": 0.1, "weight_decay": 0.01, "warmup": 0.25}
+
+
+class Shift(nn.Module):
+    """The smallest network: one number, added to every logit of class 1."""
+
+    def __init__(self):
+        super().__init__()
+        self.shift = nn.Parameter(torch.zeros(1))
+        self.matrix = nn.Parameter(torch.ones(1, 1))
+
+    def forward(self, batch):
+        shape = (len(batch["frame"]), 1, *batch["semantics"].shape[1:])
+        return torch.cat([torch.zeros(shape), self.matrix * self.shift.expand(shape)], dim=1)
+
+
+class MeanLogit(nn.Module):
+    """A loss that turns NaN at the calls asked for."""
+
+    def __init__(self, broken_calls=()):
+        super().__init__()
+        self.calls, self.broken_calls = 0, broken_calls
+
+    def forward(self, logits, target):
+        total = (1 - logits[:, 1]).square().mean()
+        if self.calls in self.broken_calls:
+            total = total * torch.nan
+        self.calls += 1
+        return {"cross_entropy": total, "total": total}
+
+
+class Hits(Metric):
+    """Share of voxels that are right, under the name that checkpoints are chosen by."""
+
+    def __init__(self):
+        super().__init__()
+        self.add_state("right", torch.zeros(2), dist_reduce_fx="sum")
+
+    def update(self, preds, target, velocity):
+        labels = preds if preds.ndim == target.ndim else preds.argmax(dim=1)
+        self.right += torch.tensor([(labels == target).sum(), target.numel()])
+
+    def compute(self):
+        return {"kar_miou": self.right[0] / self.right[1]}
+
+
+def samples(count=8):
+    return [
+        {
+            "semantics": torch.full((2, 2, 2), int(index < 2), dtype=torch.uint8),
+            "velocity_mps": torch.ones(3),
+            "clip": "town/held" if index < 2 else "town/seen",
+            "frame": index,
+        }
+        for index in range(count)
+    ]
+
+
+def build(broken_calls=()):
+    parts = {
+        "test": lambda clip: True,
+        "test_unseen_clips": lambda clip: clip == "town/held",
+        "test_seen_clips": lambda clip: clip != "town/held",
+    }
+    return OccupancyModule(Shift(), MeanLogit(broken_calls), Hits, OPTIMIZER, parts)
+
+
+def train(module, folder, epochs=3, **options):
+    checkpoint = lightning.pytorch.callbacks.ModelCheckpoint(
+        folder, "best", "val/kar_miou", mode="max", save_last=True
+    )
+    trainer = lightning.Trainer(
+        accelerator="cpu",
+        max_epochs=epochs,
+        logger=False,
+        callbacks=[checkpoint],
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        num_sanity_val_steps=0,
+        log_every_n_steps=1,
+        **options,
+    )
+    loader = DataLoader(samples(), batch_size=2)
+    trainer.fit(module, loader, DataLoader(samples(4), batch_size=2))
+    return trainer
+
+
+def test_training_lowers_the_loss(tmp_path):
+    module = build()
+    trainer = train(module, tmp_path)
+    assert module.network.shift.item() > 0.2
+    assert trainer.global_step == 3 * 4
+
+
+def test_the_rate_rises_over_the_warm_up_and_ends_at_zero(tmp_path):
+    rates = []
+
+    class Recorder(lightning.Callback):
+        def on_train_batch_start(self, trainer, module, batch, index):
+            rates.append(trainer.optimizers[0].param_groups[0]["lr"])
+
+    module = build()
+    trainer = lightning.Trainer(
+        accelerator="cpu",
+        max_epochs=5,
+        logger=False,
+        callbacks=[Recorder()],
+        enable_checkpointing=False,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+    )
+    trainer.fit(module, DataLoader(samples(), batch_size=2))
+    # A quarter of the 20 steps on a line up, then half a cosine.
+    assert rates[:6] == pytest.approx([0.1 / 6 * n for n in range(1, 6)] + [0.1])
+    assert rates[5:] == sorted(rates[5:], reverse=True)
+    assert rates[12] + rates[13] == pytest.approx(0.1)
+    assert 0 < rates[-1] < 0.002
+
+
+def test_weight_decay_spares_biases_and_norms():
+    module = build()
+    module._schedule = lambda optimizer: None
+    decayed, spared = module.configure_optimizers()["optimizer"].param_groups
+    assert [p.ndim for p in decayed["params"]] == [2]
+    assert decayed["weight_decay"] == OPTIMIZER["weight_decay"]
+    assert [p.ndim for p in spared["params"]] == [1]
+    assert spared["weight_decay"] == 0
+
+
+def test_parts_of_the_test_split_are_scored_apart(tmp_path):
+    module = build()
+    trainer = train(module, tmp_path, epochs=1)
+    with torch.no_grad():
+        module.network.shift.fill_(1.0)  # class 1 everywhere: right on the two held-out frames
+    trainer.test(module, DataLoader(samples(), batch_size=3), verbose=False)
+    scores = {part: s.compute()["kar_miou"].item() for part, s in module.test_scores.items()}
+    assert scores == {"test": 0.25, "test_unseen_clips": 1.0, "test_seen_clips": 0.0}
+
+
+@pytest.mark.parametrize("total", range(1, 41))
+@pytest.mark.parametrize("warmup", [0.0, 0.05, 0.25])
+def test_the_schedule_holds_for_every_length(total, warmup):
+    shares = [rate_share(step, total, warmup) for step in range(total + 1)]
+    assert all(0 < share <= 1 for share in shares[:-1])
+    assert shares[-1] == pytest.approx(0)
+
+
+@pytest.mark.parametrize(
+    ("broken_call", "epoch", "step", "frames"),
+    # An epoch is four calls in training and two in validation.
+    [(9, 1, 7, "town/seen:6, town/seen:7"), (10, 1, 8, "town/held:0, town/held:1")],
+)
+def test_a_loss_that_is_not_finite_stops_and_names_the_batch(
+    tmp_path, broken_call, epoch, step, frames
+):
+    module = build(broken_calls=(broken_call,))
+    with pytest.raises(UserError) as caught:
+        train(module, tmp_path)
+    message = str(caught.value)
+    assert f"epoch {epoch}, step {step}, in the batch {frames};" in message
+    assert "total=nan" in message
+    assert "\n" not in message
+    kept = build()
+    load_weights(kept, tmp_path / "last.ckpt")
+    assert torch.load(tmp_path / "last.ckpt", weights_only=True)["epoch"] == epoch - 1
+    assert kept.network.shift.isfinite().all()
+
+
+def test_the_weights_are_not_touched_by_a_broken_batch(tmp_path):
+    module = build(broken_calls=(0,))
+    with pytest.raises(UserError, match="epoch 0, step 0"):
+        train(module, tmp_path)
+    assert module.network.shift.item() == 0
+    assert not list(tmp_path.iterdir())

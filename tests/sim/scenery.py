@@ -1,0 +1,100 @@
+"""Hand-made scenes of a few boxes, and what a camera and LiDARs would sense of them."""
+
+import numpy as np
+import torch
+
+from src.geometry import front_mount, pinhole, pixel_centres, rigid, rotation_from_euler, unproject
+from src.ontology import CAR, GROUND
+from src.sim.annotation import ActorMap, StaticMap, View, label_frame
+from src.sim.scene import Body, Scene, parts_of
+from src.sim.sensors import scan
+from src.sim.solid import Solid
+
+WIDTH, HEIGHT = 96, 64
+PIX_FROM_CAMERA = pinhole(WIDTH, HEIGHT, np.deg2rad(90))
+BODY_FROM_CAMERA = front_mount((0.1, 0.0, -0.05))
+RANGE_M = 60.0
+
+
+def solid(class_id, size_m, centre_m, shape="box", yaw_rad=0.0, material="asphalt"):
+    place = np.eye(4)
+    place[:2, :2] = [[np.cos(yaw_rad), -np.sin(yaw_rad)], [np.sin(yaw_rad), np.cos(yaw_rad)]]
+    place[:3, 3] = centre_m
+    return Solid(shape, class_id, tuple(map(float, size_m)), place, material)
+
+
+def ground(top_m=0.0, size_m=160.0):
+    return solid(GROUND, (size_m, size_m, 1.0), (0, 0, top_m - 0.5))
+
+
+def actor(places_m, size_m=(4.0, 2.0, 1.6), class_id=CAR, actor_id=1, yaw_rad=0.0):
+    """A box that stands at one place after the other."""
+    world_from_actor = np.tile(np.eye(4), (len(places_m), 1, 1))
+    world_from_actor[:, 0, :2] = np.cos(yaw_rad), -np.sin(yaw_rad)
+    world_from_actor[:, 1, :2] = np.sin(yaw_rad), np.cos(yaw_rad)
+    world_from_actor[:, :3, 3] = places_m
+    parts = parts_of([solid(class_id, size_m, (0, 0, size_m[2] / 2))])
+    velocity_mps = np.zeros((len(places_m), 3))
+    return Body(actor_id, "car", class_id, size_m, parts, world_from_actor, velocity_mps)
+
+
+def pose(position_m, roll=0.0, pitch=0.0, yaw=0.0):
+    """world_from_body."""
+    angles = torch.tensor([roll, pitch, yaw], dtype=torch.float64)
+    return rigid(rotation_from_euler(*angles), torch.tensor(position_m, dtype=torch.float64))
+
+
+def camera_rays(world_from_body):
+    """Origin and unit direction in the world of every pixel's ray, and its z-depth per metre."""
+    pix = pixel_centres(WIDTH, HEIGHT).reshape(-1, 2)
+    through = unproject(pix, torch.ones(len(pix), dtype=torch.float64), PIX_FROM_CAMERA)
+    reach = through.norm(dim=-1, keepdim=True)
+    world_from_camera = (world_from_body @ BODY_FROM_CAMERA).numpy()
+    directions = (through / reach).numpy() @ world_from_camera[:3, :3].T
+    origins_m = np.broadcast_to(world_from_camera[:3, 3], directions.shape)
+    return origins_m, directions, 1 / reach[:, 0].numpy()
+
+
+def view_of(scene, step, world_from_body):
+    """What a perfect renderer would say: every pixel is a ray cast."""
+    origins_m, directions, depth_per_m = camera_rays(world_from_body)
+    hits = scene.cast(step, origins_m, directions)
+    shape = (HEIGHT, WIDTH)
+    return View(
+        world_from_body,
+        BODY_FROM_CAMERA,
+        PIX_FROM_CAMERA,
+        (hits.distance_m * depth_per_m).astype(np.float32).reshape(shape),
+        hits.class_id.reshape(shape),
+        hits.actor_id.reshape(shape),
+    )
+
+
+class Stage:
+    """A scene, the maps fused of it so far, and its labels."""
+
+    def __init__(self, grid, static=(), bodies=(), lower_m=(-20, -40, -22), upper_m=(70, 40, 40)):
+        self.grid = grid
+        self.scene = Scene(parts_of(static), tuple(bodies))
+        self.static = StaticMap(lower_m, upper_m, grid.voxel_m / 2)
+        self.actors = ActorMap()
+
+    def sense(self, step, world_from_body, rays=4000):
+        """Fuses a scan of both LiDARs; returns how often each actor was met."""
+        returns = {}
+        for each in scan(self.scene, step, world_from_body.numpy(), rays, step, RANGE_M):
+            self.static.add(each, RANGE_M)
+            self.actors.add(each, self.scene.bodies, step)
+            for actor_id in each.hits.actor_id[each.hits.actor_id > 0].tolist():
+                returns[actor_id] = returns.get(actor_id, 0) + 1
+        return returns
+
+    def freeze(self):
+        self.static.freeze()
+        self.actors.freeze()
+
+    def label(self, step, world_from_body, returns, view=None):
+        view = view or view_of(self.scene, step, world_from_body)
+        return label_frame(
+            view, self.grid, self.static, self.actors, self.scene.bodies, step, returns
+        )

@@ -1,0 +1,361 @@
+"""The annotation chain (App. A.3), stage by stage, in scenes of a few boxes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from src.geometry import VoxelGrid, inverse, transform, world_from_occ
+from src.ontology import BUILDING, CAR, FREE, GROUND, UNKNOWN, VEGETATION, VRU
+from src.sim.annotation import (
+    FUSED_POINT_M,
+    MIN_LIDAR_RETURNS,
+    MIN_VISIBLE_PIXELS,
+    ActorMap,
+    elect,
+    in_box,
+    sees_through,
+    visible_pixels,
+)
+from src.sim.scene import Hits, Scene
+from src.sim.sensors import Scan
+from tests.sim.scenery import (
+    HEIGHT,
+    PIX_FROM_CAMERA,
+    WIDTH,
+    Stage,
+    actor,
+    camera_rays,
+    ground,
+    pose,
+    solid,
+    view_of,
+)
+
+GRID = VoxelGrid((0, -12, -8), (24, 12, 4), (24, 24, 12))
+HERE = pose((0.3, 0.2, 5.3))
+WALL = solid(BUILDING, (1.0, 16.0, 9.0), (20.4, 0, 4.5))
+SCREEN = solid(VEGETATION, (1.0, 14.0, 9.0), (8.5, 0, 4.5))
+
+
+def centres_world(world_from_body, grid=GRID):
+    points = grid.centers(torch.float64).reshape(-1, 3)
+    return transform(world_from_occ(world_from_body), points).numpy().reshape(*grid.shape, 3)
+
+
+def inside(points_m, low_m, high_m):
+    return ((points_m > low_m) & (points_m < high_m)).all(axis=-1)
+
+
+def sees_from(stage, *places):
+    """Fuses a scan from every place at its step, and freezes."""
+    returns = [stage.sense(step, place) for step, place in places]
+    stage.freeze()
+    return returns[-1]
+
+
+# ----------------------------------------------------------------------------- static and free
+
+
+def test_what_is_hidden_now_is_known_from_elsewhere():
+    stage = Stage(GRID, [ground(), WALL, SCREEN])
+    behind = inside(centres_world(HERE), (19.7, -7, 1), (20.2, 7, 8))
+    beside = pose((12.0, 0.0, 5.3))
+    sees_from(stage, (0, HERE))
+    alone = stage.label(0, HERE, {}).semantics
+    assert (alone[behind] == UNKNOWN).all()
+    fused = Stage(GRID, [ground(), WALL, SCREEN])
+    sees_from(fused, (0, HERE), (0, beside))
+    labels = fused.label(0, HERE, {})
+    supervised = labels.semantics[behind] != UNKNOWN
+    assert supervised.sum() > 20
+    assert (labels.semantics[behind][supervised] == BUILDING).mean() > 0.9
+    assert not labels.visible[behind].any()
+
+
+def test_space_between_is_free_and_what_nothing_saw_is_unknown():
+    stage = Stage(GRID, [ground(), WALL])
+    sees_from(stage, (0, HERE))
+    semantics = stage.label(0, HERE, {}).semantics
+    centres_m = centres_world(HERE)
+    air = inside(centres_m, (8, -3, 3.5), (18.5, 3, 7))
+    behind = inside(centres_m, (21.6, -5, 1), (24, 5, 6))
+    below = inside(centres_m, (0, -12, -8), (24, 12, -1.1))
+    wall = inside(centres_m, (19.5, -6, 1.5), (20.4, 6, 7))
+    assert (semantics[air] == FREE).all()
+    assert (semantics[behind] == UNKNOWN).all()
+    assert (semantics[below] == UNKNOWN).all()
+    assert np.isin(semantics[wall], [BUILDING, UNKNOWN]).all()
+    assert (semantics[wall] == BUILDING).sum() > 10
+
+
+def test_static_points_are_thinned_to_one_in_a_cube_and_bar_free_space():
+    stage = Stage(GRID, [ground(), WALL])
+    stage.sense(0, HERE)
+    stage.sense(0, HERE)
+    stage.freeze()
+    once = Stage(GRID, [ground(), WALL])
+    sees_from(once, (0, HERE))
+    assert len(stage.static.points_m) == len(once.static.points_m)
+    cubes = np.floor(stage.static.points_m / FUSED_POINT_M).astype(int)
+    assert len(np.unique(np.c_[cubes, stage.static.class_id], axis=0)) == len(cubes)
+    assert not stage.static.free_at(stage.static.points_m).any()
+    assert stage.static.free_at(np.array([[5.0, 0.0, 5.0], [999.0, 0, 0]])).tolist() == [
+        True,
+        False,
+    ]
+
+
+# -------------------------------------------------------------------------------- moving actors
+
+AWAY, NEAR = (14.0, 8.0, 0.0), (14.0, -2.0, 0.0)
+CAR_M = (4.0, 2.0, 1.6)
+FINE = VoxelGrid((4, -12, -8), (24, 12, 4), (40, 48, 24))
+
+
+def car_box(place, margin_m=0.0):
+    low = np.array([place[0] - 2, place[1] - 1, 0.0]) - margin_m
+    return low, low + CAR_M + 2 * np.array(margin_m)
+
+
+def test_a_moving_actor_leaves_no_ghost():
+    stage = Stage(FINE, [ground()], [actor([AWAY, NEAR])])
+    returns = sees_from(stage, (0, HERE), (1, HERE))
+    semantics = stage.label(1, HERE, returns).semantics
+    centres_m = centres_world(HERE, FINE)
+    left = inside(centres_m, *car_box(AWAY, 0.3))
+    now = inside(centres_m, *car_box(NEAR, 0.3))
+    assert left.sum() > 100
+    assert CAR not in semantics[left]
+    assert (semantics[left & (centres_m[..., 2] > 0.6)] == FREE).mean() > 0.8
+    assert (semantics[now] == CAR).sum() > 50
+    assert (semantics == CAR).sum() == (semantics[now] == CAR).sum()
+
+
+def test_where_an_actor_is_now_is_not_free_but_where_the_camera_looks_through():
+    stage = Stage(FINE, [ground()], [actor([AWAY, NEAR])])
+    # It is scanned before it comes, when its place is free, and never again.
+    stage.sense(0, HERE)
+    stage.freeze()
+    centres_m = centres_world(HERE, FINE)
+    core = inside(centres_m, *car_box(NEAR, -0.3))
+    before = stage.label(0, HERE, {1: 99}).semantics
+    assert (before[core] == FREE).sum() > 20
+    after = stage.label(1, HERE, {1: 99}).semantics
+    assert core.any()
+    assert FREE not in after[core]
+
+
+def test_an_actor_s_points_go_where_it_is_and_turn_with_it():
+    body = actor([(10, 3, 0), (14, -2, 0.2)])
+    body.world_from_actor[1, :2, :2] = [[0, -1], [1, 0]]
+    behind_m, ahead_m = np.array([8.0, 3.0, 1.0]), np.array([12.0, 3.0, 1.0])
+    origin_m = np.array([0.0, 3.0, 1.0])
+    hits = Hits(np.array([8.0, 12.0, np.inf]), np.full(3, CAR, np.uint8), np.array([1, 1, -1]))
+    actors = ActorMap()
+    actors.add(Scan(origin_m, np.tile([1.0, 0, 0], (3, 1)), hits), [body], 0)
+    actors.freeze()
+    np.testing.assert_allclose(actors.placed(body, 0), [behind_m, ahead_m])
+    # Its tail is now south of it, its nose north.
+    np.testing.assert_allclose(actors.placed(body, 1), [(14, -4, 1.2), (14, 0, 1.2)], atol=1e-12)
+    assert len(actors.placed(replace(body, actor_id=7), 0)) == 0
+
+
+def test_all_sides_ever_seen_close_the_actor_of_now():
+    far_side = pose((22.0, -2.0, 5.3), yaw=np.pi)
+    stage = Stage(FINE, [ground()], [actor([NEAR, NEAR])])
+    returns = sees_from(stage, (0, far_side), (1, HERE))
+    semantics = stage.label(1, HERE, returns).semantics
+    one_sided = Stage(FINE, [ground()], [actor([NEAR, NEAR])])
+    returns = sees_from(one_sided, (1, HERE))
+    seen_once = one_sided.label(1, HERE, returns).semantics
+    far_face = inside(centres_world(HERE, FINE), (15.7, -3, 0.5), (16.2, -1, 1.5))
+    assert (semantics[far_face] == CAR).sum() > 4
+    assert CAR not in seen_once[far_face]
+
+
+def test_a_hidden_actor_without_support_is_unknown():
+    stage = Stage(FINE, [ground(), SCREEN], [actor([NEAR, NEAR])])
+    sees_from(stage, (0, pose((12.0, -2.0, 5.3))), (0, pose((20.0, 2.0, 5.3), yaw=np.pi)))
+    centres_m = centres_world(HERE, FINE)
+    core = inside(centres_m, *car_box(NEAR, -0.3))
+    unsupported = stage.label(1, HERE, {1: MIN_LIDAR_RETURNS - 1})
+    assert visible_pixels(view_of(stage.scene, 1, HERE), 1) == 0
+    assert CAR not in unsupported.semantics
+    assert (unsupported.semantics[core] == UNKNOWN).all()
+    supported = stage.label(1, HERE, {1: MIN_LIDAR_RETURNS})
+    assert (supported.semantics == CAR).sum() > 20
+    assert not supported.visible[supported.semantics == CAR].any()
+
+
+def test_few_visible_pixels_are_support_enough():
+    stage = Stage(FINE, [ground()], [actor([AWAY, NEAR])])
+    sees_from(stage, (0, HERE))
+    view = view_of(stage.scene, 1, HERE)
+    seen = view.actor_id == 1
+    assert visible_pixels(view, 1) == seen.sum() > 50
+    placed = []
+    for count in (MIN_VISIBLE_PIXELS, MIN_VISIBLE_PIXELS - 1):
+        mask = np.where(seen & (np.cumsum(seen).reshape(seen.shape) > count), 0, view.actor_id)
+        fewer = replace(view, actor_id=mask, class_id=np.where(seen, GROUND, view.class_id))
+        placed.append((stage.label(1, HERE, {}, fewer).semantics == CAR).sum())
+    assert placed[0] > 10
+    assert placed[1] == 0
+
+
+def test_box_of_a_turned_actor():
+    body = actor([(5.0, 1.0, 0.2)], yaw_rad=np.pi / 2)
+    points_m = np.array([(5, 2.9, 0.5), (6.5, 1, 0.5), (5, 1, 0.1), (5, 1, 1.9)])
+    assert in_box(points_m, body, 0, 0.0).tolist() == [True, False, False, False]
+    assert in_box(points_m, body, 0, 0.6).tolist() == [True, True, True, True]
+
+
+# ------------------------------------------------------------------------------ depth consistency
+
+
+def test_depth_consistency_removes_what_the_camera_looks_through():
+    scene = Stage(GRID, [ground(), WALL]).scene
+    view = view_of(scene, 0, HERE)
+    phantom, surface, behind = (12.0, 0, 5), (19.9, 0, 5), (23.0, 0, 5)
+    aside, above = (5.0, 30.0, 5), (3.0, 0.0, 60.0)
+    points_m = np.array([phantom, surface, behind, aside, above])
+    assert sees_through(view, points_m, 0.5).tolist() == [True, False, False, False, False]
+    # Nothing to be seen at all is farther than anything.
+    assert sees_through(view_of(Scene((), ()), 0, HERE), points_m[:3], 0.5).all()
+
+
+def test_depth_consistency_spares_silhouettes():
+    edge = Stage(GRID, [WALL]).scene
+    view = view_of(edge, 0, HERE)
+    across_m = np.linspace(7.0, 9.0, 41)
+    points_m = np.stack([np.full(41, 19.9), across_m, np.full(41, 5.0)], axis=1)
+    through = sees_through(view, points_m, 0.5)
+    pixel_m = 19.5 / float(PIX_FROM_CAMERA[0, 0])
+    assert not through[across_m < 8.0 + 0.4 * pixel_m].any()
+    assert through[across_m > 8.0 + 2.1 * pixel_m].all()
+
+
+def test_an_actor_that_left_is_not_drawn_from_a_wrong_pose():
+    """The simulator says where it is, but the camera looks through that place: no label there."""
+    stage = Stage(FINE, [ground()], [actor([AWAY, NEAR])])
+    returns = sees_from(stage, (0, HERE))
+    elsewhere = view_of(stage.scene, 0, HERE)
+    labels = stage.label(1, HERE, returns, elsewhere)
+    phantom = inside(centres_world(HERE, FINE), *car_box(NEAR, 0.2))
+    above_road = phantom & (centres_world(HERE, FINE)[..., 2] > 1.0)
+    assert CAR not in labels.semantics[above_road]
+
+
+# ------------------------------------------------------------------------------------- the vote
+
+
+def test_votes_count_points_ties_go_to_the_rarer_class_and_occupied_beats_free():
+    votes = np.zeros((1, 1, 6, FREE), np.int32)
+    votes[0, 0, 0, [GROUND, CAR]] = 5, 4
+    votes[0, 0, 1, [GROUND, CAR]] = 5, 5
+    votes[0, 0, 2, [CAR, VRU, BUILDING]] = 2, 2, 2
+    votes[0, 0, 3, BUILDING] = 1
+    free = np.array([[[False, False, False, True, True, False]]])
+    assert elect(votes, free)[0, 0].tolist() == [GROUND, CAR, VRU, BUILDING, FREE, UNKNOWN]
+
+
+# ---------------------------------------------------------------------- the frustum, and visible
+
+
+def by_hand(roll, pitch):
+    """Pixel and depth of every voxel centre from the body's axes alone, written out.
+
+    In the occ frame: nose down by pitch about the left axis, then right side down by roll about
+    the nose. The camera sits 0.1 m ahead and 0.05 m below the body's centre.
+    """
+    nose = np.array([np.cos(pitch), 0, -np.sin(pitch)])
+    up, left = np.array([np.sin(pitch), 0, np.cos(pitch)]), np.array([0.0, 1, 0])
+    left, up = np.cos(roll) * left + np.sin(roll) * up, np.cos(roll) * up - np.sin(roll) * left
+    away = GRID.centers(torch.float64).numpy() - (0.1 * nose - 0.05 * up)
+    depth_m = away @ nose
+    focal = WIDTH / 2  # a field of view of 90 degrees
+    with np.errstate(divide="ignore"):
+        u = WIDTH / 2 - focal * (away @ left) / depth_m
+        v = HEIGHT / 2 - focal * (away @ up) / depth_m
+    return u, v, depth_m
+
+
+def in_view(u, v, depth_m):
+    return (depth_m > 0.1) & (u >= 0) & (u < WIDTH) & (v >= 0) & (v < HEIGHT)
+
+
+@pytest.mark.parametrize(
+    ("roll", "pitch", "yaw"), [(0.35, 0.0, 0.0), (-0.3, 0.2, 2.1), (0.0, -0.25, -1.0)]
+)
+def test_labels_stand_exactly_where_the_rolled_image_is(roll, pitch, yaw):
+    """Fails if the sign of roll or pitch is flipped, or if either enters twice or not at all."""
+    here = pose((0.3, 0.2, 5.3), roll, pitch, yaw)
+    stage = Stage(GRID)
+    sees_from(stage, (0, here))
+    labels = stage.label(0, here, {})
+    expected = in_view(*by_hand(roll, pitch))
+    np.testing.assert_array_equal(labels.semantics == FREE, expected)
+    np.testing.assert_array_equal(labels.visible, expected)
+    assert (labels.semantics[~expected] == UNKNOWN).all()
+    for wrong in ((-roll, pitch), (2 * roll, pitch), (0.0, pitch)) if roll else ():
+        assert (in_view(*by_hand(*wrong)) != expected).sum() > 50
+    for wrong in ((roll, -pitch), (roll, 2 * pitch), (roll, 0.0)) if pitch else ():
+        assert (in_view(*by_hand(*wrong)) != expected).sum() > 50
+
+
+def test_visible_is_what_the_camera_sees_now():
+    roll, pitch, yaw = 0.25, 0.15, 0.4
+    here, beside = pose((0.3, 0.2, 5.3), roll, pitch, yaw), pose((12.0, 3.0, 5.3))
+    stage = Stage(GRID, [ground(), WALL, SCREEN])
+    sees_from(stage, (0, here), (0, beside))
+    view = view_of(stage.scene, 0, here)
+    labels = stage.label(0, here, {}, view)
+    semantics, visible = labels.semantics, labels.visible
+
+    u, v, depth_m = by_hand(roll, pitch)
+    seen = in_view(u, v, depth_m)
+    surface_m = np.zeros(GRID.shape)
+    surface_m[seen] = view.depth_m[v[seen].astype(int), u[seen].astype(int)]
+    seen_free = seen & (depth_m < surface_m - 3**0.5 / 2)
+    free = semantics == FREE
+    np.testing.assert_array_equal(visible[free], seen_free[free])
+    assert free[seen_free].sum() > 300
+    assert (free & ~visible).sum() > 50
+
+    held = np.zeros(GRID.shape, dtype=bool)
+    origins_m, directions, _ = camera_rays(here)
+    hits = stage.scene.cast(0, origins_m, directions)
+    hit = hits.actor_id >= 0
+    ends_m = origins_m[hit] + directions[hit] * hits.distance_m[hit, None]
+    ends_occ = transform(inverse(world_from_occ(here)), torch.from_numpy(ends_m))
+    index, within = GRID.index_of(ends_occ)
+    held[tuple(index[within].T.numpy())] = True
+    occupied = semantics < FREE
+    assert (visible[occupied] == held[occupied]).mean() > 0.995
+    assert visible[occupied].sum() > 50
+    assert (~visible[occupied]).sum() > 50
+    assert not visible[semantics == UNKNOWN].any()
+
+
+@pytest.mark.parametrize("attitude", [(0.0, 0.0, 0.0), (0.3, 0.2, 0.9), (-0.35, -0.1, -2.0)])
+def test_every_pixel_s_point_lies_in_a_voxel_of_its_class(attitude):
+    here = pose((0.3, 0.2, 5.3), *attitude)
+    boxes = [
+        solid(BUILDING, (4, 4, 8), (11 * np.cos(k), 11 * np.sin(k), 4)) for k in range(0, 6, 2)
+    ]
+    stage = Stage(FINE, [ground(), *boxes], [actor([(9.0, 5.0, 0.0)])])
+    returns = sees_from(stage, (0, here))
+    semantics = stage.label(0, here, returns).semantics
+    origins_m, directions, _ = camera_rays(here)
+    hits = stage.scene.cast(0, origins_m, directions)
+    hit = hits.actor_id >= 0
+    ends_m = origins_m[hit] + directions[hit] * hits.distance_m[hit, None]
+    ends_occ = transform(inverse(world_from_occ(here)), torch.from_numpy(ends_m))
+    index, within = FINE.index_of(ends_occ)
+    label = semantics[tuple(index[within].T.numpy())]
+    own = hits.class_id[hit][within.numpy()]
+    supervised = label != UNKNOWN
+    assert supervised.mean() > 0.9
+    assert (label[supervised] < FREE).mean() > 0.999
+    assert (label[supervised] == own[supervised]).mean() > 0.97

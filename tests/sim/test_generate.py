@@ -1,0 +1,328 @@
+"""The generator as a whole: the same bytes whatever happens, and labels that agree with truth."""
+
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from src.data.check import Agreement, agreement_of, problems_of
+from src.data.clip import SUMS, Clip
+from src.data.files import sha256_of
+from src.errors import UserError
+from src.ontology import ACTOR_TYPES, FREE, UNKNOWN
+from src.sim.generate import LOCK, generate, plan_clips
+from src.sim.weather import WEATHERS
+
+ROOT = Path(__file__).parents[2]
+DRIVER = """
+import json, sys
+from pathlib import Path
+from src.sim.generate import generate
+if __name__ == "__main__":
+    generate(json.loads(sys.argv[1]), Path(sys.argv[2]))
+"""
+
+
+def hashes(root):
+    """Clip to the hash of its sums, which name every byte."""
+    return {
+        f"{folder.parent.name}/{folder.name}": sha256_of(folder / SUMS)
+        for folder in sorted(root.glob("*/clip*"))
+    }
+
+
+def start(sim, root, tmp_path):
+    """The generator as a process of its own."""
+    driver = tmp_path / "driver.py"
+    driver.write_text(DRIVER)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(
+        [sys.executable, str(driver), json.dumps(sim), str(root)],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+
+
+def wait_for(condition, patience_s=60.0):
+    deadline = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def workers_of(pid):
+    """Process ids of the spawned workers of a process."""
+    task = Path(f"/proc/{pid}/task/{pid}/children")
+    pids = [int(child) for child in task.read_text().split()]
+    return [p for p in pids if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
+
+
+def is_running(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+# ------------------------------------------------------------------------------- what is made
+
+
+def test_clips_are_whole_and_nothing_is_left_over(mini_dataset, mini_sim):
+    plans = plan_clips(mini_sim)
+    assert list(hashes(mini_dataset)) == [plan.clip_id for plan in plans]
+    assert not list(mini_dataset.glob("*/.*"))
+    for plan in plans:
+        assert list(problems_of(mini_dataset / plan.clip_id)) == []
+        clip = Clip(mini_dataset / plan.clip_id)
+        assert (clip.meta.town, clip.meta.weather) == (plan.town, plan.weather)
+        assert len(clip) == 30
+        assert clip.frames["time_s"].to_numpy() == pytest.approx(np.arange(30) / 2.5)
+
+
+def test_a_frame_holds_what_the_contract_says(mini_dataset):
+    clip = Clip(mini_dataset / "suburb/clip00")
+    labels = np.stack([clip.semantics(frame) for frame in range(len(clip))])
+    assert labels.shape == (30, 25, 25, 15)
+    assert set(np.unique(labels)) <= {*range(FREE + 1), UNKNOWN}
+    assert len(set(np.unique(labels)) - {FREE, UNKNOWN}) >= 5
+    assert (labels != UNKNOWN).mean() > 0.1
+    visible = np.stack([clip.visible(frame) for frame in range(len(clip))])
+    assert not visible[labels == UNKNOWN].any()
+    assert visible[labels == FREE].any()
+    assert clip.image(3).shape == (64, 96, 3)
+    attitude_rad = clip.frames[["roll_rad", "pitch_rad"]].to_numpy()
+    assert np.degrees(np.abs(attitude_rad)).max() > 5
+
+
+def test_actors_are_those_of_the_instance_image(mini_dataset):
+    for name in ("clip00", "clip01"):
+        clip = Clip(mini_dataset / "suburb" / name)
+        assert (clip.actors["class_id"] == clip.actors["type"].map(ACTOR_TYPES)).all()
+        for frame, rows in clip.actors.groupby("frame"):
+            instance, class_id = clip.aux("instance", frame), clip.aux("class", frame)
+            for row in rows.itertuples():
+                mask = instance == row.actor_id
+                assert row.visible_pixels == mask.sum()
+                assert (class_id[mask] == row.class_id).all()
+            assert set(np.unique(instance)) <= {-1, 0, *rows["actor_id"]}
+            np.testing.assert_array_equal(instance == -1, np.isinf(clip.aux("depth", frame)))
+
+
+def test_labels_agree_with_depth_and_class(mini_dataset):
+    total = Agreement()
+    for name in ("clip00", "clip01"):
+        clip = Clip(mini_dataset / "suburb" / name)
+        for frame in range(len(clip)):
+            agreement_of(clip, frame, total)
+    assert total.pixels > 50_000
+    shares = total.shares()
+    assert shares["pixels in an occupied voxel"] >= 0.97
+    assert shares["pixels in a voxel of their class"] >= 0.90
+    assert shares["free voxels that hold a pixel's point"] <= 0.01
+
+
+@pytest.mark.slow
+def test_labels_agree_with_truth_at_the_small_scale(tmp_path, mini_sim):
+    mini_sim |= {"towns": ["downtown", "park"], "clips_per_town": 1, "lidar_rays": 16000}
+    mini_sim["image"] = {"width": 224, "height": 128, "hfov_deg": 90.0}
+    mini_sim["grid"] = {**mini_sim["grid"], "shape": [50, 50, 30]}
+    generate(mini_sim, tmp_path)
+    total = Agreement()
+    for clip_id in hashes(tmp_path):
+        clip = Clip(tmp_path / clip_id)
+        for frame in range(len(clip)):
+            agreement_of(clip, frame, total)
+    shares = total.shares()
+    assert shares["pixels in an occupied voxel"] >= 0.97
+    assert shares["pixels in a voxel of their class"] >= 0.90
+    assert shares["free voxels that hold a pixel's point"] <= 0.01
+
+
+# ------------------------------------------------------------------------------ the same bytes
+
+
+@pytest.mark.slow
+def test_one_worker_makes_the_same_bytes_as_two(mini_dataset, mini_sim, tmp_path):
+    assert generate(mini_sim | {"workers": 1}, tmp_path) == 2
+    assert hashes(tmp_path) == hashes(mini_dataset)
+    assert generate(mini_sim, tmp_path) == 0
+
+
+@pytest.mark.slow
+def test_a_clip_does_not_depend_on_the_others_and_another_seed_makes_others(
+    mini_dataset, mini_sim, tmp_path
+):
+    wanted = mini_sim | {"clips_per_town": 1}
+    generate(wanted, tmp_path / "alone")
+    generate(wanted | {"seed": 1}, tmp_path / "other")
+    alone, other = hashes(tmp_path / "alone"), hashes(tmp_path / "other")
+    assert alone["suburb/clip00"] == hashes(mini_dataset)["suburb/clip00"]
+    assert other["suburb/clip00"] != alone["suburb/clip00"]
+    mine, theirs = (Clip(tmp_path / name / "suburb/clip00") for name in ("alone", "other"))
+    assert (mine.frames["x_m"] - theirs.frames["x_m"]).abs().max() > 1
+
+
+@pytest.mark.slow
+def test_killed_at_any_point_it_goes_on_to_the_same_bytes(mini_dataset, mini_sim, tmp_path):
+    root = tmp_path / "data"
+    sim = mini_sim | {"workers": 1}
+    process = start(sim, root, tmp_path)
+    wait_for(lambda: list(root.glob("*/.clip*.part/rgb.zip")))
+    workers = workers_of(process.pid)
+    process.kill()
+    process.wait()
+    assert workers
+    wait_for(lambda: not any(is_running(pid) for pid in workers))
+    assert list(root.glob("*/.clip*.part"))
+    generate(mini_sim, root)
+    assert hashes(root) == hashes(mini_dataset)
+    assert not list(root.glob("*/.*"))
+
+
+@pytest.mark.slow
+def test_a_dead_worker_is_told_in_one_line_and_leaves_nothing_running(mini_sim, tmp_path):
+    root = tmp_path / "data"
+    process = start(mini_sim, root, tmp_path)
+    wait_for(lambda: len(list(root.glob("*/.clip*.part"))) == 2)
+    workers = workers_of(process.pid)
+    os.kill(workers[0], signal.SIGKILL)
+    message = process.communicate(timeout=60)[1].decode().strip().splitlines()[-1]
+    assert "sim.workers: a worker died" in message
+    assert "fewer workers" in message
+    wait_for(lambda: not any(is_running(pid) for pid in workers))
+    assert not list(root.glob("*/.*"))
+
+
+@pytest.mark.slow
+def test_ctrl_c_leaves_nothing_running_and_nothing_partial(mini_sim, tmp_path):
+    root = tmp_path / "data"
+    process = start(mini_sim, root, tmp_path)
+    wait_for(lambda: list(root.glob("*/.clip*.part")))
+    workers = workers_of(process.pid)
+    process.send_signal(signal.SIGINT)
+    assert b"KeyboardInterrupt" in process.communicate(timeout=60)[1]
+    wait_for(lambda: not any(is_running(pid) for pid in workers))
+    assert not list(root.glob("*/.*"))
+
+
+def test_a_failing_clip_ends_it_and_leaves_nothing(mini_sim, tmp_path):
+    (tmp_path / "suburb").write_text("a file where a folder should be")
+    with pytest.raises(OSError, match="suburb") as error:
+        generate(mini_sim, tmp_path)
+    assert str(tmp_path / "suburb") in str(error.value)
+    assert not multiprocessing.active_children()
+    assert {path.name for path in tmp_path.iterdir()} == {"suburb", LOCK}
+
+
+def test_what_is_there_is_left_alone_and_no_worker_starts(mini_dataset, mini_sim, monkeypatch):
+    monkeypatch.setattr("src.sim.generate.import_bullet", lambda: pytest.fail("not needed"))
+    before = {path: path.stat().st_mtime_ns for path in mini_dataset.rglob("*")}
+    assert generate(mini_sim, mini_dataset) == 0
+    assert before == {path: path.stat().st_mtime_ns for path in mini_dataset.rglob("*")}
+
+
+def test_without_pybullet_nothing_is_begun(mini_sim, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    with pytest.raises(UserError, match="pybullet is not installed"):
+        generate(mini_sim, tmp_path / "data")
+    assert not (tmp_path / "data").exists()
+
+
+# --------------------------------------------------------------------------------- a false pose
+
+
+def edited(source, target, edit):
+    """A copy of a clip whose table was edited, with sums that hide it."""
+    target.mkdir(parents=True)
+    for path in source.iterdir():
+        (target / path.name).write_bytes(path.read_bytes())
+    frames = pd.read_csv(target / "frames.csv", float_precision="round_trip")
+    edit(frames)
+    frames.to_csv(target / "frames.csv", index=False)
+    names = sorted(path.name for path in target.iterdir() if path.name != SUMS)
+    (target / SUMS).write_text("".join(f"{sha256_of(target / n)}  {n}\n" for n in names))
+    return target
+
+
+def negate_roll(frames):
+    frames["roll_rad"] *= -1
+
+
+def negate_roll_and_quaternion(frames):
+    """The mirror image of an attitude: roll and yaw turn the other way, then yaw back."""
+    roll, pitch, yaw = (frames[f"{name}_rad"].to_numpy() / 2 for name in ("roll", "pitch", "yaw"))
+    roll = -roll
+    cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (np.cos, np.sin))
+    frames["qx"], frames["qy"] = sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy
+    frames["qz"], frames["qw"] = cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
+    frames["roll_rad"] *= -1
+
+
+def test_a_negated_roll_is_found(mini_dataset, tmp_path):
+    source = mini_dataset / "suburb/clip00"
+    plain = edited(source, tmp_path / "a/clip00", lambda frames: None)
+    assert list(problems_of(plain)) == []
+    table = edited(source, tmp_path / "b/clip00", negate_roll)
+    assert any("quaternion" in problem for problem in problems_of(table))
+    both = edited(source, tmp_path / "c/clip00", negate_roll_and_quaternion)
+    found = list(problems_of(both))
+    assert not any("quaternion" in problem for problem in found)
+    assert sum("outside the image" in problem for problem in found) > 15
+
+
+# ---------------------------------------------------------------------------------- the settings
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"towns": ["atlantis"]}, r"sim\.towns.*atlantis.*downtown"),
+        ({"towns": []}, r"sim\.towns.*empty"),
+        ({"towns": ["park", "park"]}, r"sim\.towns.*twice"),
+        ({"weathers": ["sunny"]}, r"sim\.weathers.*sunny.*clear"),
+        ({"capture_hz": 7}, r"sim\.capture_hz: 7 .*2\.5, 5, 10"),
+        ({"lidar_hz": 0}, r"sim\.lidar_hz: 0 "),
+        ({"clips_per_town": 0}, r"sim\.clips_per_town: 0"),
+        ({"workers": 0}, r"sim\.workers"),
+        ({"seed": -1}, r"sim\.seed: -1"),
+        ({"lidar_rays": 0}, r"sim\.lidar_rays"),
+        ({"camera_stride": 0}, r"sim\.camera_stride"),
+        ({"renderer": "egl"}, r"sim\.renderer: egl.*tiny"),
+        ({"image": {"width": 96, "height": 64, "hfov_deg": 180}}, r"sim\.image\.hfov_deg"),
+        ({"flight": {"ceiling": 3}}, r"sim\.flight\.ceiling.*ceiling_m"),
+        ({"traffic": {"cars": 3}}, r"sim\.traffic\.cars.*counts"),
+        ({"traffic": {"counts": {"tram": 1}}}, r"sim\.traffic\.counts.*tram.*bus"),
+        (
+            {"grid": {"lower_m": [0, 0, 0], "upper_m": [9, 9, 9], "shape": [3, 3, 2]}},
+            r"grid\.shape.*cubes",
+        ),
+    ],
+)
+def test_settings_that_cannot_be_made_are_refused_before_any_work(
+    mini_sim, tmp_path, change, message
+):
+    with pytest.raises(UserError, match=message) as error:
+        generate(mini_sim | change, tmp_path / "data")
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "data").exists()
+
+
+def test_the_paper_s_plan_has_ten_weathers_twelve_times_each(mini_sim):
+    towns = ["downtown", "suburb", "old_town", "park"]
+    mini_sim |= {"towns": towns, "clips_per_town": 30, "weathers": list(WEATHERS)}
+    plans = plan_clips(mini_sim)
+    assert len({plan.clip_id for plan in plans}) == 120
+    count = pd.Series([plan.weather for plan in plans]).value_counts()
+    assert len(count) == 10
+    assert (count == 12).all()
+    per_town = pd.crosstab([plan.town for plan in plans], [plan.weather for plan in plans])
+    assert (per_town == 3).all(axis=None)

@@ -1,0 +1,126 @@
+"""Meshes: closed, outward, of the right size, and the same shape as the solid says."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from src.sim.layout import GroundPatch
+from src.sim.mesh import ROUND_SIDES, SKIRT_M, merge, mesh_of_patch, mesh_of_solid
+from src.sim.rays import RayScene
+from tests.sim.scenery import solid
+
+SHAPES = ("box", "cylinder", "cone", "ellipsoid")
+SIZE_M, CENTRE_M = (3.0, 2.0, 5.0), (4.0, -1.0, 2.0)
+POLYGON = ROUND_SIDES / 2 * np.sin(2 * np.pi / ROUND_SIDES)
+"""Area of the polygon whose corners lie on the unit circle."""
+
+
+def placed(shape):
+    return solid(0, SIZE_M, CENTRE_M, shape, yaw_rad=0.6)
+
+
+def triangles(mesh):
+    return mesh.vertices_m[mesh.faces]
+
+
+def volume_m3(mesh):
+    """By the divergence theorem; positive where the triangles run counter-clockwise outside."""
+    a, b, c = triangles(mesh).transpose(1, 0, 2)
+    return float((np.cross(a, b) * c).sum() / 6)
+
+
+def frustum_share(bottom, top):
+    """Volume between two similar polygons in [-1, 1]^3, as a share of the height between them."""
+    return POLYGON * (bottom**2 + bottom * top + top**2) / 3
+
+
+def ellipsoid_volume():
+    up = np.linspace(-np.pi / 2, np.pi / 2, ROUND_SIDES // 2 + 1)
+    rings = zip(np.cos(up[:-1]), np.cos(up[1:]), np.diff(np.sin(up)))
+    return sum(frustum_share(a, b) * height for a, b, height in rings)
+
+
+VOLUMES = {
+    "box": 8.0,
+    "cylinder": 2 * POLYGON,
+    "cone": 2 * POLYGON / 3,
+    "ellipsoid": ellipsoid_volume(),
+}
+"""Of the tessellated solid of size 2 x 2 x 2, worked out by hand."""
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_volume_is_the_analytic_one_and_positive(shape):
+    expected_m3 = VOLUMES[shape] * np.prod(SIZE_M) / 8
+    assert volume_m3(mesh_of_solid(placed(shape))) == pytest.approx(expected_m3)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_every_edge_is_walked_once_each_way(shape):
+    edges = Counter()
+    for corners in triangles(mesh_of_solid(placed(shape))).round(6):
+        points = [tuple(corner) for corner in corners]
+        if len(set(points)) == 3:
+            edges.update(zip(points, points[1:] + points[:1]))
+    assert len(edges) >= 18
+    assert all(edges[b, a] == count for (a, b), count in edges.items())
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_normals_point_away_from_the_middle(shape):
+    mesh = mesh_of_solid(placed(shape))
+    a, b, c = triangles(mesh).transpose(1, 0, 2)
+    # At a tip one side of a quad has no length, so one of its triangles is no triangle.
+    drawn = np.unique(mesh.faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9])
+    outward = ((mesh.vertices_m - CENTRE_M) * mesh.normals).sum(axis=1)
+    assert outward[drawn].min() > 0
+    assert np.linalg.norm(mesh.normals[drawn], axis=1) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_rays_find_the_surface_where_the_solid_says(shape):
+    it = placed(shape)
+    rng = np.random.default_rng(0)
+    origins_m = CENTRE_M + rng.uniform(-2.5, 2.5, (4000, 3))
+    directions = rng.standard_normal((4000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    rays = RayScene(triangles(mesh_of_solid(it)))
+    distance_m, _ = rays.cast(origins_m, directions)
+    hit = np.isfinite(distance_m)
+    ends_m = origins_m[hit] + directions[hit] * distance_m[hit, None]
+    assert hit.sum() > 500
+    assert it.contains(ends_m, margin_m=1e-4).all()
+    # A tessellated circle cuts at most (1 - cos(pi / 8)) of its radius off, a sphere twice that.
+    assert not it.contains(ends_m, margin_m=-0.2 * min(SIZE_M)).any()
+    middle = it.contains(origins_m, margin_m=-0.25 * min(SIZE_M))
+    assert hit[middle].all()
+
+
+def test_a_patch_follows_the_terrain_and_has_a_skirt():
+    def terrain(x, y):
+        return 0.3 * np.sin(x / 9) + 0.2 * np.cos(y / 7)
+
+    patch = GroundPatch((5.0, -3.0), 0.4, 20.0, 6.0, 0.16, "asphalt")
+    mesh = mesh_of_patch(patch, terrain)
+    x, y, z = mesh.vertices_m.T
+    above_m = z - terrain(x, y) - patch.rise_m
+    assert above_m.max() == pytest.approx(0, abs=1e-9)
+    assert above_m.min() == pytest.approx(-SKIRT_M)
+    along = np.cos(0.4) * (x - 5) + np.sin(0.4) * (y + 3)
+    across = -np.sin(0.4) * (x - 5) + np.cos(0.4) * (y + 3)
+    assert (np.abs(along).max(), np.abs(across).max()) == pytest.approx((10, 3))
+    a, b, c = triangles(mesh).transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    walls = np.abs(normals[:, 2]) < 1e-9
+    assert (normals[~walls, 2] > 0).all()
+    outward = ((a + b + c) / 3 - (5, -3, 0)) * normals
+    assert walls.sum() >= 8
+    assert (outward[walls, :2].sum(axis=1) > 0).all()
+
+
+def test_merging_keeps_every_triangle():
+    meshes = [mesh_of_solid(placed(shape)) for shape in SHAPES]
+    both = merge(meshes)
+    np.testing.assert_array_equal(triangles(both), np.concatenate([triangles(m) for m in meshes]))
+    assert volume_m3(both) == pytest.approx(sum(volume_m3(m) for m in meshes))

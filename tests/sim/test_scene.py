@@ -1,0 +1,98 @@
+"""What rays meet in a scene, and the actors on a real town's surfaces."""
+
+import numpy as np
+import pytest
+
+from src.ontology import BUILDING, CAR, GROUND, UNKNOWN, VEGETATION
+from src.sim.layout import GroundPatch, Town
+from src.sim.scene import PATCH_M, Hits, Scene, parts_of, pieces_of, static_parts
+from src.sim.towns import build_town
+from tests.sim.scenery import actor, ground, solid
+
+DOWN, EAST = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
+WALL = solid(BUILDING, (1.0, 20.0, 8.0), (30.5, 0, 4))
+STATIC = parts_of([ground(), WALL])
+BEHIND_M = np.array([8.0, 0, 0])
+PLACES_M = np.array([(10.0, 0, 0), (20.0, 0, 0), (40.0, 0, 0)])
+
+
+def cast(scene, step, *rays):
+    origins_m, directions = (np.array(columns, dtype=float) for columns in zip(*rays))
+    return scene.cast(step, origins_m, directions)
+
+
+def test_every_ray_meets_what_is_nearest_and_its_class():
+    scene = Scene(STATIC, (actor(PLACES_M),))
+    rays = (((0, 0, 1), EAST), ((0, 5, 1), EAST), ((3, 0, 7), DOWN), ((0, 0, 9), EAST))
+    hits = cast(scene, 0, *rays)
+    assert hits.distance_m == pytest.approx([8, 30, 7, np.inf], abs=1e-4)
+    assert hits.class_id.tolist() == [CAR, BUILDING, GROUND, UNKNOWN]
+    assert hits.actor_id.tolist() == [1, 0, 0, -1]
+
+
+def test_an_actor_is_where_it_is_at_that_step():
+    scene = Scene(STATIC, (actor(PLACES_M),))
+    ahead = ((0, 0, 1), EAST)
+    found = [cast(scene, step, ahead) for step in range(3)]
+    assert [float(hits.distance_m[0]) for hits in found] == pytest.approx([8, 18, 30], abs=1e-4)
+    assert [int(hits.actor_id[0]) for hits in found] == [1, 1, 0]
+    origin_m, direction = np.array([[0.0, 0, 1]]), np.array([EAST])
+    assert scene.cast_static(origin_m, direction) == pytest.approx([30], abs=1e-4)
+
+
+def test_of_two_actors_the_nearer_one_is_met():
+    scene = Scene(STATIC, (actor(PLACES_M), actor(PLACES_M + BEHIND_M, actor_id=2)))
+    assert cast(scene, 0, ((0, 0, 1), EAST), ((29, 0, 1), (-1, 0, 0))).actor_id.tolist() == [1, 2]
+
+
+def test_an_actor_alone_and_nothing_at_all():
+    hits = cast(Scene((), (actor(PLACES_M),)), 0, ((0, 0, 1), EAST), ((0, 0, 1), DOWN))
+    assert hits.class_id.tolist() == [CAR, UNKNOWN]
+    assert cast(Scene((), ()), 0, ((0, 0, 1), EAST)).actor_id.tolist() == [-1]
+
+
+def test_beyond_the_range_there_is_nothing():
+    distance_m = np.array([3.0, 60.0, 60.1, np.inf])
+    hits = Hits(distance_m, np.array([1, 2, 3, 255], np.uint8), np.array([0, 4, 0, -1]))
+    near = hits.within(60.0)
+    assert near.distance_m.tolist() == [3, 60, np.inf, np.inf]
+    assert near.class_id.tolist() == [1, 2, UNKNOWN, UNKNOWN]
+    assert near.actor_id.tolist() == [0, 4, -1, -1]
+
+
+def test_only_what_is_near_the_way_is_kept():
+    far = solid(VEGETATION, (2.0, 2.0, 2.0), (70, 0, 1))
+    town = Town(
+        "t",
+        lambda x, y: 0 * x,
+        (WALL, far),
+        (GroundPatch((0, 0), 0.0, 200.0, 10.0, 0.0, "asphalt"),),
+        (),
+        (),
+        (),
+    )
+    pieces = pieces_of(town)
+    whole, near = static_parts(pieces), static_parts(pieces, np.zeros((1, 2)), 30.0)
+    assert {part.class_id for part in whole} == {BUILDING, GROUND, VEGETATION}
+    assert {part.class_id for part in near} == {BUILDING, GROUND}
+    road = next(part for part in near if part.class_id == GROUND)
+    assert 30 <= np.abs(road.mesh.vertices_m[:, 0]).max() <= 30 + PATCH_M
+    whole_road = next(part for part in whole if part.class_id == GROUND)
+    assert np.abs(whole_road.mesh.vertices_m[:, 0]).max() == pytest.approx(100)
+
+
+@pytest.mark.parametrize("name", ["park", "suburb"])
+def test_paths_lie_on_the_surface_that_actors_are_put_on(name):
+    town = build_town(name, np.random.default_rng(0))
+    surface = Scene(static_parts([p for p in pieces_of(town) if p.class_id == GROUND]), ())
+    for paths in (town.lanes, town.walks):
+        points_m = np.concatenate([path.points_m[:-1] for path in paths])
+        steps_m = np.concatenate([np.diff(path.points_m, axis=0) for path in paths])
+        rise_m = np.concatenate([np.full(len(p.points_m) - 1, p.rise_m) for p in paths])
+        middle_m = points_m + steps_m / 2
+        origins_m = np.c_[middle_m, np.full(len(middle_m), 50.0)]
+        down = np.tile(DOWN, (len(middle_m), 1)).astype(float)
+        height_m = 50 - surface.cast_static(origins_m, down)
+        above_m = town.terrain(*middle_m.T) + rise_m - height_m
+        assert np.abs(above_m).max() < 0.13
+        assert np.quantile(np.abs(above_m), 0.8) < 0.05

@@ -1,0 +1,130 @@
+"""Every experiment at every scale composes and instantiates; the rungs differ in their factors."""
+
+from pathlib import Path
+
+import lightning
+import pytest
+import torch
+from hydra.utils import instantiate
+from omegaconf import OmegaConf
+from torchmetrics import Metric
+
+from src.data.dataset import history_stride
+from src.geometry import VoxelGrid
+from src.models.losses import OccupancyLoss
+from src.ontology import NUM_CLASSES
+from src.run_folder import differences
+from src.tasks.dataset import root_of
+from tests.synthetic import CONF, compose_config
+
+RUNGS = ("baseline", "attitude", "weights", "skyocc")
+SCALES = ("tiny", "small", "ladder", "paper")
+FACTORS = {  # projection, class weights, Lovasz: the table of the design
+    "baseline": ("level", False, 0.0),
+    "attitude": ("attitude", False, 0.0),
+    "weights": ("attitude", True, 0.0),
+    "skyocc": ("attitude", True, 1.0),
+}
+
+
+def names_in(group):
+    return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+
+
+def test_the_lists_of_this_test_are_complete():
+    assert names_in("experiment") == sorted(RUNGS)
+    assert names_in("scale") == sorted(SCALES)
+
+
+def test_experiments_are_added_on_the_command_line():
+    """Listed in the defaults, +experiment=x would fail."""
+    listed = OmegaConf.load(CONF / "config.yaml").defaults
+    assert not any("experiment" in entry for entry in listed)
+    assert compose_config().name == "custom"
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("rung", RUNGS)
+def test_everything_instantiates(rung, scale, tmp_path):
+    cfg = compose_config(f"+experiment={rung}", f"scale={scale}", f"paths.runs={tmp_path}")
+    cfg.trainer.accelerator, cfg.trainer.precision = "cpu", "32-true"
+    with torch.device("meta"):
+        network = instantiate(cfg.model, decoder={"class_prior": [1] * NUM_CLASSES})
+    assert network.encoder.references.projection == FACTORS[rung][0]
+    weighted, lovasz = FACTORS[rung][1:]
+    assert (cfg.loss.class_weights is not None) == weighted
+    weights = cfg.loss.class_weights and instantiate(cfg.loss.class_weights)([1] * NUM_CLASSES)
+    loss = instantiate(cfg.loss)(class_weights=weights)
+    assert isinstance(loss, OccupancyLoss)
+    assert loss.lovasz_weight == lovasz
+    scores = instantiate(cfg.metric)(VoxelGrid(**cfg.grid))
+    assert isinstance(scores, Metric)
+    callbacks = instantiate(cfg.callbacks)
+    trainer = instantiate(
+        cfg.trainer, callbacks=list(callbacks.values()), logger=instantiate(cfg.logger)
+    )
+    assert isinstance(trainer, lightning.Trainer)
+    assert callable(instantiate(cfg.task))
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_a_scale_holds_together(scale):
+    cfg = compose_config(f"scale={scale}")
+    assert cfg.scale_name == scale
+    assert cfg.sim.image.width % 32 == cfg.sim.image.height % 32 == 0
+    assert cfg.sim.grid == cfg.grid
+    assert VoxelGrid(**cfg.grid) == instantiate(cfg.model.decoder.grid)
+    assert history_stride(cfg.data.history_step_s, cfg.sim.capture_hz) >= 1
+    clips = {f"{t}/clip{i:02d}" for t in cfg.sim.towns for i in range(cfg.sim.clips_per_town)}
+    held_out = [*cfg.data.val_clips, *cfg.data.test_clips]
+    assert set(held_out) <= clips
+    assert len(set(held_out)) == len(held_out)
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_the_rungs_differ_in_their_factors_and_in_nothing_else(scale):
+    """So they share data, schedule, seeds and sizes."""
+    reference = compose_config("+experiment=baseline", f"scale={scale}")
+    reference = OmegaConf.to_container(reference, resolve=False)
+    for rung in RUNGS[1:]:
+        cfg = compose_config(f"+experiment={rung}", f"scale={scale}")
+        changed = {key for key, _, _ in differences(reference, OmegaConf.to_container(cfg))}
+        expected = {"name", "model.encoder.projection"}
+        expected |= {"loss.class_weights"} if FACTORS[rung][1] else set()
+        expected |= {"loss.lovasz_weight"} if FACTORS[rung][2] else set()
+        assert changed == expected
+        assert cfg.name == rung
+
+
+@pytest.mark.parametrize("rung", RUNGS)
+def test_every_rung_states_its_three_factors_and_inherits_from_none(rung):
+    """Inheritance between rungs could silently undo a factor."""
+    stated = OmegaConf.load(CONF / "experiment" / f"{rung}.yaml")
+    assert set(stated) == {"defaults", "name"}
+    assert [key for entry in stated.defaults for key in entry] == [
+        "override /model/projection",
+        "override /loss/class_weights",
+        "override /loss/lovasz",
+    ]
+
+
+def test_the_factors_can_be_chosen_one_by_one():
+    cfg = compose_config("+experiment=skyocc", "loss/lovasz=off")
+    assert cfg.loss.lovasz_weight == 0
+    assert cfg.loss.class_weights is not None
+
+
+def test_a_training_seed_changes_no_data():
+    root = root_of(compose_config())
+    assert root_of(compose_config("seed=1", "sim.workers=7", "sim.dry_run=true")) == root
+    assert root_of(compose_config("sim.seed=1")) != root
+
+
+def test_runs_are_named_after_scale_experiment_and_seed():
+    cfg = compose_config("+experiment=weights", "scale=tiny", "seed=3")
+    assert Path(cfg.paths.run) == Path("runs/tiny/weights/seed3")
+
+
+def test_a_debug_run_leaves_real_runs_alone():
+    cfg = compose_config("+experiment=skyocc", "+debug=fast")
+    assert Path(cfg.paths.run) == Path("runs/debug/small/skyocc/seed0")

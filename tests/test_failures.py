@@ -1,0 +1,102 @@
+"""A user's mistake is one line; a bug keeps its traceback."""
+
+import errno
+
+import pytest
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+from torch.utils.data import DataLoader
+
+from src.errors import UserError
+from src.failures import DISK, one_line, told_in_one_line
+from tests.synthetic import compose_config
+
+
+def caught(action, *arguments):
+    with pytest.raises(Exception) as info:  # noqa: PT011
+        action(*arguments)
+    return info.value
+
+
+def leave(error, capsys):
+    with pytest.raises(SystemExit) as info, told_in_one_line():
+        raise error
+    return info.value.code, capsys.readouterr().err
+
+
+def test_a_user_error_is_one_line_and_status_two(capsys):
+    assert leave(UserError("key: wrong; do x"), capsys) == (2, "error: key: wrong; do x\n")
+
+
+def test_ctrl_c_is_one_line_too(capsys):
+    status, line = leave(KeyboardInterrupt(), capsys)
+    assert status == 130
+    assert line.startswith("error: interrupted")
+    assert line.count("\n") == 1
+
+
+def test_a_bug_keeps_its_traceback():
+    with pytest.raises(ZeroDivisionError), told_in_one_line():
+        raise ZeroDivisionError
+    assert one_line(KeyError("x")) is None
+    assert one_line(FileNotFoundError(errno.ENOENT, "gone", "x")) is None
+
+
+def test_a_key_that_the_program_asks_for_in_vain_is_a_bug():
+    cfg = OmegaConf.create({"a": 1})
+    OmegaConf.set_struct(cfg, True)
+    assert one_line(caught(lambda: cfg.b)) is None
+
+
+@pytest.mark.parametrize("code", DISK)
+def test_a_disk_that_cannot_be_written_names_the_file(code):
+    message = one_line(OSError(code, "text", "/data/clip/rgb.zip"))
+    assert message.startswith("/data/clip/rgb.zip: ")
+    assert message == f"/data/clip/rgb.zip: {DISK[code]}"
+
+
+def test_the_cause_counts_however_deep_it_lies():
+    def wrapped():
+        try:
+            raise UserError("file: broken")
+        except UserError as error:
+            raise RuntimeError("loader") from error
+
+    assert one_line(caught(wrapped)) == "file: broken"
+
+
+class Broken:
+    def __len__(self):
+        return 2
+
+    def __getitem__(self, index):
+        try:
+            raise OSError("short read")
+        except OSError as error:
+            raise UserError("rgb.zip: cannot be read; delete it") from error
+
+
+def test_a_message_from_a_loader_s_worker_arrives_whole():
+    error = caught(lambda: list(DataLoader(Broken(), num_workers=1)))
+    assert one_line(error) == "rgb.zip: cannot be read; delete it"
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("+experiment=skyoc", "experiment: there is no 'skyoc'; did you mean 'skyocc'? there are"),
+        ("scale=smal", "scale: there is no 'smal'; did you mean 'small'? there are ladder, paper"),
+        ("trainer.max_epoch=3", "trainer.max_epoch: no such key; did you mean 'max_epochs'?"),
+        ("sede=3", "sede: no such key; did you mean 'seed'?"),
+        ("experiment=skyocc", "use +experiment=skyocc"),
+        ("nonsense", "nonsense"),
+    ],
+)
+def test_a_misspelt_word_of_the_command_line_is_named_with_what_there_is(override, said):
+    message = one_line(caught(compose_config, override))
+    assert said in message
+    assert "\n" not in message
+
+
+def test_other_messages_of_the_configuration_are_put_on_one_line():
+    assert one_line(HydraException("first\n  second\n")) == "first second"

@@ -1,0 +1,414 @@
+"""The program as its user meets it: commands, what they leave behind, and what they refuse."""
+
+import logging
+import os
+import re
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import torch
+import yaml
+from hydra.core.global_hydra import GlobalHydra
+from lightning.pytorch.loggers.csv_logs import ExperimentWriter
+
+from src.errors import UserError
+from src.failures import one_line
+from src.models.module import OccupancyModule, rate_share
+from src.ontology import CLASSES
+from src.report.results import SCORES, read_results
+from src.tasks import evaluate
+from src.tasks.dataset import data_of, root_of
+from src.tasks.fit import fit
+from src.tasks.model import module_of, prior_of
+from src.tasks.test import test as score
+from tests.synthetic import compose_config, mini_overrides, write_dataset
+
+ROOT = Path(__file__).parent.parent
+FIT = ("+experiment=skyocc", "trainer.accelerator=cpu")
+
+
+def command(*words, start=("run.py",)):
+    """``python run.py <words>``, with the output of a pipe."""
+    return subprocess.run(
+        [sys.executable, *start, *words],
+        cwd=ROOT,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+@pytest.fixture
+def refusal(monkeypatch, capsys):
+    """Runs a command in this process and returns the one line with which it is refused."""
+
+    def refused(*words):
+        GlobalHydra.instance().clear()
+        monkeypatch.setattr(sys, "argv", ["run.py", *words])
+        with pytest.raises(SystemExit) as info:
+            runpy.run_path(str(ROOT / "run.py"), run_name="__main__")
+        assert info.value.code == 2
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1
+        assert said.startswith("error: ")
+        return said
+
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    yield refused
+    GlobalHydra.instance().clear()
+    logging.disable(logging.NOTSET)
+
+
+@pytest.fixture(autouse=True)
+def _small_figure(monkeypatch):
+    monkeypatch.setattr(evaluate, "SHOWN_FRAMES", 1)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with a finished data set of synthetic clips."""
+    folder = tmp_path_factory.mktemp("place")
+    write_dataset(compose_config(*mini_overrides(folder)))
+    return folder
+
+
+@pytest.fixture
+def here(place, tmp_path):
+    """A fresh folder for runs beside the shared data set."""
+    return [*mini_overrides(place, *FIT), f"paths.runs={tmp_path}/runs"]
+
+
+@pytest.fixture(scope="module")
+def finished(place):
+    """The folder of one finished run, and the words that made it."""
+    words = mini_overrides(place, *FIT)
+    fit(compose_config(*words))
+    return place / "runs/tiny/skyocc/seed0", words
+
+
+def folder_of(words):
+    return Path(compose_config(*words).paths.run)
+
+
+def weights(path):
+    return torch.load(path, weights_only=True)["state_dict"]
+
+
+class Stop(Exception):
+    """Stands for whatever ends a run."""
+
+
+def stop_at(monkeypatch, epoch, batch):
+    """Ends training there, as a power cut would."""
+    step = OccupancyModule.training_step
+
+    def training_step(self, data, index):
+        if (self.current_epoch, index) == (epoch, batch):
+            raise Stop
+        return step(self, data, index)
+
+    monkeypatch.setattr(OccupancyModule, "training_step", training_step)
+
+
+# -------------------------------------------------------------------------------- what a run leaves
+
+
+def test_a_run_leaves_its_folder_complete(finished):
+    folder, _ = finished
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    assert names == {
+        *("config.yaml", ".version", "class_weights.json", "metrics.csv", "results.csv"),
+        *("checkpoints/best.ckpt", "checkpoints/last.ckpt"),
+        *("figures/curves.png", "figures/qualitative.png"),
+        "sessions/version_0/metrics.csv",
+    }
+    assert yaml.safe_load((folder / "config.yaml").read_text())["name"] == "skyocc"
+    assert set(yaml.safe_load((folder / "class_weights.json").read_text())) == set(CLASSES)
+
+
+def test_results_hold_every_score_of_the_model_and_the_anchors_on_every_part(finished):
+    table = read_results(finished[0] / "results.csv")
+    parts = ("test", "test_unseen_clips", "test_seen_clips")
+    assert set(zip(table["experiment"], table["split"])) == {
+        (name, part) for name in ("skyocc", "all_free", "voxel_prior") for part in parts
+    }
+    assert len(table) == 9
+    assert set(SCORES) <= set(table)
+    assert table[["miou", "miou_occupied", "kar_miou"]].notna().all(axis=None)
+    assert table["code_version"].str.fullmatch(r"[0-9a-f]{12}").all()
+    assert table["dataset"].str.fullmatch(r"tiny-[0-9a-f]{12}").all()
+    assert (table.loc[table["experiment"] == "skyocc", "parameters"] > 1000).all()
+    free = table[table["experiment"] == "all_free"].iloc[0]
+    assert free["miou_occupied"] == 0
+    assert free["iou/free"] > 0.3
+    protocol = yaml.safe_load(table["protocol"].iloc[0])
+    assert protocol["grid"]["shape"] == [25, 25, 15]
+    assert protocol["horizon_s"] == 5.0
+
+
+def test_metrics_have_a_row_an_epoch_of_training_and_validation(finished):
+    table = pd.read_csv(finished[0] / "metrics.csv")
+    assert table.dropna(subset=["val/kar_miou"])["epoch"].tolist() == [0, 1]
+
+
+def test_checkpoints_hold_plain_tensors(finished):
+    for path in (finished[0] / "checkpoints").iterdir():
+        assert weights(path)  # torch.load refuses a pickle of anything else
+
+
+def test_the_same_command_again_shows_the_finished_run(finished, capsys, monkeypatch):
+    folder, words = finished
+    stop_at(monkeypatch, 0, 0)
+    before = (folder / "results.csv").stat().st_mtime_ns
+    fit(compose_config(*words))
+    shown = capsys.readouterr().out
+    assert "already finished" in shown
+    assert "voxel_prior" in shown
+    assert (folder / "results.csv").stat().st_mtime_ns == before
+
+
+def test_it_says_what_it_trains_and_needs_no_simulator_where_the_data_exist(here):
+    """As a whole program: first what is trained, nothing from libraries, no part of src.sim."""
+    script = (
+        "import runpy, sys\n"
+        "for name in ('pybullet', 'embreex', 'src.sim'): sys.modules[name] = None\n"
+        "runpy.run_path('run.py', run_name='__main__')\n"
+    )
+    done = command(*here, "trainer.max_epochs=1", start=("-c", script))
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    first, second, *_ = done.stdout.splitlines()
+    assert re.fullmatch(r"skyocc, scale tiny, seed 0: 0\.\d+ M parameters on cpu, 1 epochs", first)
+    assert second.endswith(": 25 / 3 / 32 frames to train / validate / test")
+    assert "voxel_prior" in done.stdout
+
+
+# -------------------------------------------------------------------------- interrupted and resumed
+
+
+@pytest.mark.parametrize(("epoch", "batch"), [(1, 0), (1, 2)])
+def test_a_half_done_run_goes_on_as_if_undisturbed(finished, here, monkeypatch, epoch, batch):
+    """Same order, same mirrors, same schedule: the same weights, and every epoch logged once."""
+    with monkeypatch.context() as patched:
+        stop_at(patched, epoch, batch)
+        with pytest.raises(Stop):
+            fit(compose_config(*here))
+    folder = folder_of(here)
+    assert not (folder / "results.csv").exists()
+    fit(compose_config(*here))
+    undisturbed = weights(finished[0] / "checkpoints/last.ckpt")
+    resumed = weights(folder / "checkpoints/last.ckpt")
+    assert all(torch.equal(resumed[name], value) for name, value in undisturbed.items())
+    pd.testing.assert_frame_equal(
+        pd.read_csv(folder / "metrics.csv"), pd.read_csv(finished[0] / "metrics.csv")
+    )
+
+
+def test_last_goes_on_and_another_configuration_is_refused(here, monkeypatch):
+    with monkeypatch.context() as patched:
+        stop_at(patched, 1, 1)
+        with pytest.raises(Stop):
+            fit(compose_config(*here))
+    with pytest.raises(UserError, match=r"optimizer\.lr=0\.002, and now it is 0\.1"):
+        fit(compose_config(*here, "ckpt_path=last", "optimizer.lr=0.1"))
+    fit(compose_config(*here, "ckpt_path=last"))
+    table = pd.read_csv(folder_of(here) / "metrics.csv")
+    assert table.dropna(subset=["val/kar_miou"])["epoch"].tolist() == [0, 1]
+
+
+def test_there_is_nothing_to_resume_before_the_first_run(here):
+    with pytest.raises(UserError, match=r"ckpt_path: no checkpoint .*last\.ckpt"):
+        fit(compose_config(*here, "ckpt_path=last"))
+
+
+def test_fit_does_not_go_on_from_another_run(finished, here):
+    with pytest.raises(UserError, match="belongs to another run"):
+        fit(compose_config(*here, f"ckpt_path={finished[0]}/checkpoints/last.ckpt"))
+
+
+def test_overwriting_keeps_the_old_run_aside(place, here):
+    words = [*here, "trainer.max_epochs=1"]
+    fit(compose_config(*words))
+    fit(compose_config(*words, "overwrite=true"))
+    assert (folder_of(words).with_name("seed0.before1") / "results.csv").is_file()
+    assert (folder_of(words) / "results.csv").is_file()
+
+
+# ----------------------------------------------------------------------------- scoring a checkpoint
+
+
+def test_scoring_a_checkpoint_repeats_the_run_s_own_scores(finished):
+    folder, words = finished
+    score(compose_config(*words, "task=test", "ckpt_path=best"))
+    again, first = (read_results(path / "results.csv") for path in (folder / "test", folder))
+    columns = ["experiment", "split", *SCORES, "dataset", "code_version"]
+    pd.testing.assert_frame_equal(again[columns], first[columns])
+
+
+def test_a_checkpoint_is_not_scored_as_another_rung(finished):
+    """The weights would fit: the baseline differs in the projection alone."""
+    folder, words = finished
+    words = ["+experiment=baseline" if "experiment" in word else word for word in words]
+    path = folder / "checkpoints/best.ckpt"
+    with pytest.raises(UserError, match=r'projection="attitude", and now it is "level"'):
+        score(compose_config(*words, "task=test", f"ckpt_path={path}"))
+
+
+@pytest.mark.parametrize("content", [b"", b"not a checkpoint", None])
+def test_a_file_that_is_no_checkpoint_is_named(finished, tmp_path, content):
+    path = tmp_path / "some.ckpt"
+    best = (finished[0] / "checkpoints/best.ckpt").read_bytes()
+    path.write_bytes(best[: len(best) // 2] if content is None else content)
+    with pytest.raises(UserError, match=r"ckpt_path: .*some\.ckpt is no readable") as info:
+        score(compose_config(*finished[1], "task=test", f"ckpt_path={path}"))
+    assert "\n" not in str(info.value)
+
+
+def test_a_checkpoint_of_another_architecture_is_named(finished, tmp_path):
+    path = tmp_path / "wide.ckpt"
+    path.write_bytes((finished[0] / "checkpoints/best.ckpt").read_bytes())
+    words = [*finished[1], "task=test", f"ckpt_path={path}", "model.encoder.dim=32"]
+    with pytest.raises(UserError, match=r"another architecture .*parameters differ"):
+        score(compose_config(*words))
+
+
+def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
+    with monkeypatch.context() as patched:
+        stop_at(patched, 1, 0)
+        with pytest.raises(Stop):
+            fit(compose_config(*here))
+    last = folder_of(here) / "checkpoints/last.ckpt"
+    last.write_bytes(last.read_bytes()[:1000])
+    with pytest.raises(UserError, match=r"last\.ckpt is no readable checkpoint"):
+        fit(compose_config(*here))
+    assert last.stat().st_size == 1000
+
+
+# ---------------------------------------------------------------------------------------- bad input
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["+experiment=skyoc"], "did you mean 'skyocc'?"),
+        (["scale=tinny"], "did you mean 'tiny'?"),
+        (["trainer.max_epoch=3"], "trainer.max_epoch: no such key; did you mean 'max_epochs'?"),
+        (["+max_epochs=3"], "max_epochs: nothing reads this key"),
+        (["+sim.fogg=1"], "sim.fogg: nothing reads this key"),
+        (["trainer.max_epochs=lots"], "trainer.max_epochs: 'lots' is not an integer"),
+        (["data.mirror=3"], "data.mirror: 3 is not true or false"),
+        (["seed=-1"], "seed: -1 is too small"),
+        (["sim.image.width=100"], "sim.image.width: 100 is not a multiple of 32"),
+        (["grid.shape=[50,50,31]"], "grid.shape: [50, 50, 31] does not divide the range"),
+        (["data.history_step_s=0.3"], "data.history_step_s: 0.3 s is no multiple"),
+        (["sim.towns=[atlantis]"], "sim.towns: ['atlantis']; there are"),
+        (["data.test_clips=[park/clip99]"], "no clip 'park/clip99'"),
+    ],
+)
+def test_a_mistake_in_a_command_is_one_line_and_makes_nothing(words, said, tmp_path, refusal):
+    line = refusal(*words, f"paths.data={tmp_path}/data", f"paths.runs={tmp_path}/runs")
+    assert said in line
+    assert not list(tmp_path.iterdir())
+
+
+def test_data_made_under_another_configuration_are_refused(place, here, refusal):
+    (made,) = (place / "data").iterdir()
+    manifest = (made / "manifest.json").read_bytes()
+    asked = (f"paths.dataset={made}", "sim.seed=7")
+    assert "sim.seed=0, and this run asks for 7" in refusal(*here, *asked)
+    assert "paths.dataset" in refusal(*here, *asked, "task=generate")
+    assert (made / "manifest.json").read_bytes() == manifest
+    assert not folder_of(here).exists()
+
+
+def test_a_broken_clip_stops_training_with_its_name(tmp_path, refusal):
+    words = mini_overrides(tmp_path, *FIT, "data.workers=1")
+    root = write_dataset(compose_config(*words))
+    path = root / "downtown/clip00/rgb.zip"
+    path.write_bytes(path.read_bytes()[:5000])
+    line = refusal(*words)
+    assert str(path) in line
+    assert "delete the folder" in line
+
+
+def test_no_pybullet_and_no_data_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    with pytest.raises(UserError, match="pybullet") as info:
+        fit(compose_config(*mini_overrides(tmp_path, *FIT)))
+    assert "\n" not in str(info.value)
+
+
+@pytest.mark.parametrize("key", ["paths.data", "paths.runs"])
+def test_a_place_that_cannot_be_written_is_named(here, tmp_path, key, refusal):
+    """Below a file nobody can make a folder, not even root."""
+    (tmp_path / "file").write_text("")
+    line = refusal(*here, f"{key}={tmp_path}/file/below")
+    assert str(tmp_path / "file") in line
+
+
+def test_a_full_disk_is_one_line_and_leaves_the_checkpoint(here, monkeypatch):
+    def save(self):
+        raise OSError(28, "No space left on device", "metrics.csv")
+
+    monkeypatch.setattr(ExperimentWriter, "save", save)
+    with pytest.raises(OSError, match="No space") as info:
+        fit(compose_config(*here))
+    assert one_line(info.value) == "metrics.csv: the disk is full; free some space and run it again"
+
+
+def test_a_loss_that_is_not_finite_keeps_the_last_good_checkpoint(here, monkeypatch):
+    forward = OccupancyModule.forward
+
+    def poisoned(self, batch):
+        broken = self.training and self.current_epoch == 1
+        return forward(self, batch) * (torch.nan if broken else 1)
+
+    monkeypatch.setattr(OccupancyModule, "forward", poisoned)
+    with pytest.raises(UserError, match=r"not finite .* epoch 1, step 3, in the batch downtown"):
+        fit(compose_config(*here))
+    for name in ("best", "last"):
+        kept = weights(folder_of(here) / f"checkpoints/{name}.ckpt")
+        assert all(value.isfinite().all() for value in kept.values())
+
+
+# ----------------------------------------------------------------------------------------- learning
+
+
+@pytest.mark.slow
+def test_the_ladder_leaves_four_folders(place, tmp_path):
+    words = mini_overrides(place, "trainer.accelerator=cpu", f"paths.runs={tmp_path}/runs")
+    rungs = ["attitude", "baseline", "skyocc", "weights"]
+    done = command("-m", f"+experiment={','.join(rungs)}", *words)
+    assert done.returncode == 0, done.stderr
+    results = sorted((tmp_path / "runs/tiny").glob("*/seed0/results.csv"))
+    assert [path.parent.parent.name for path in results] == rungs
+    for path, rung in zip(results, rungs):
+        assert rung in set(read_results(path)["experiment"])
+
+
+@pytest.mark.slow
+def test_four_samples_can_be_learnt_by_heart(place):
+    """The real network, loss and scores: the loss falls tenfold, miou_occupied passes 0.9."""
+    cfg = compose_config(*mini_overrides(place, *FIT), "data.mirror=false", "data.batch_size=4")
+    data = data_of(cfg, root_of(cfg))
+    data.split["train"] = [("downtown/clip00", frame) for frame in (4, 10, 16, 22)]
+    module = module_of(cfg, data, prior_of(cfg, data))
+    batch = next(iter(data.train_dataloader()))
+    optimizer = torch.optim.AdamW(module.network.parameters())
+    losses = []
+    for step in range(300):
+        optimizer.param_groups[0]["lr"] = 5e-3 * rate_share(step, 300, 0.1)
+        loss = module.loss(module(batch), batch["semantics"])["total"]
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        losses.append(loss.item())
+    scores = module.val_scores
+    scores.update(module.eval()(batch).detach(), batch["semantics"], batch["velocity_mps"])
+    assert losses[-1] < losses[0] / 10
+    assert scores.compute()["miou_occupied"] > 0.9

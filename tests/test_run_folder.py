@@ -1,0 +1,187 @@
+"""What is in a run's folder, and whether a run may go on there."""
+
+import pandas as pd
+import pytest
+import yaml
+
+from src.errors import UserError
+from src.run_folder import RunFolder, differences, require_same_config, shaping
+
+
+def config(folder, **changes):
+    return {
+        "name": "skyocc",
+        "seed": 0,
+        "model": {"dim": 16, "projection": "attitude"},
+        "paths": {"run": str(folder)},
+        "callbacks": {"save": {"dirpath": f"{folder}/checkpoints", "monitor": "val/kar_miou"}},
+        "data": {"workers": 1, "batch_size": 8},
+        "sim": {"workers": None, "dry_run": False, "seed": 0},
+        "threads": None,
+        **changes,
+    }
+
+
+def folder_of(path, **changes):
+    return RunFolder(path, config(path, **changes))
+
+
+def half_done(path, **changes):
+    folder = folder_of(path, **changes)
+    assert folder.open(afresh=False) is None
+    folder.last_checkpoint.parent.mkdir()
+    folder.last_checkpoint.write_text("weights")
+    return folder
+
+
+def session(folder, number, rows):
+    path = folder.path / "sessions" / f"version_{number}"
+    path.mkdir(parents=True)
+    pd.DataFrame(rows).to_csv(path / "metrics.csv", index=False)
+    return path / "metrics.csv"
+
+
+def test_a_new_run_begins_at_the_beginning_and_records_its_configuration(tmp_path):
+    folder = folder_of(tmp_path / "a" / "seed0")
+    assert folder.open(afresh=False) is None
+    assert yaml.safe_load((folder.path / "config.yaml").read_text()) == folder.config
+    assert not folder.is_finished()
+
+
+def test_a_half_done_run_goes_on(tmp_path):
+    folder = half_done(tmp_path / "seed0")
+    assert folder_of(tmp_path / "seed0").open(afresh=False) == folder.last_checkpoint
+
+
+def test_another_configuration_moves_the_old_run_aside(tmp_path):
+    half_done(tmp_path / "seed0")
+    other = folder_of(tmp_path / "seed0", seed=1)
+    assert other.open(afresh=False) is None
+    assert not other.last_checkpoint.exists()
+    aside = tmp_path / "seed0.before1"
+    assert (aside / "checkpoints/last.ckpt").read_text() == "weights"
+    assert folder_of(tmp_path / "seed0", seed=2).open(afresh=False) is None
+    assert (tmp_path / "seed0.before2/config.yaml").is_file()
+    assert (aside / "checkpoints/last.ckpt").is_file()
+
+
+def test_afresh_moves_the_same_run_aside_too(tmp_path):
+    folder = half_done(tmp_path / "seed0")
+    assert folder.open(afresh=True) is None
+    assert (tmp_path / "seed0.before1/checkpoints/last.ckpt").is_file()
+
+
+def test_finished_means_results_of_this_very_configuration(tmp_path):
+    folder = half_done(tmp_path / "seed0")
+    folder.results.write_text("experiment\n")
+    assert folder_of(tmp_path / "seed0").is_finished()
+    assert not folder_of(tmp_path / "seed0", seed=1).is_finished()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"data": {"workers": 4, "batch_size": 8}},
+        {"sim": {"workers": 2, "dry_run": True, "seed": 0}},
+        {"threads": 2},
+        {"ckpt_path": "last"},
+    ],
+)
+def test_what_shapes_no_result_does_not_change_the_version(tmp_path, changes):
+    assert folder_of(tmp_path, **changes).version == folder_of(tmp_path).version
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"seed": 1}, {"model": {"dim": 32}}, {"data": {"workers": 1, "batch_size": 4}}],
+)
+def test_what_shapes_a_result_does(tmp_path, changes):
+    assert folder_of(tmp_path, **changes).version != folder_of(tmp_path).version
+
+
+def test_a_run_may_be_moved_to_another_place(tmp_path):
+    half_done(tmp_path / "here")
+    (tmp_path / "here").rename(tmp_path / "there")
+    assert folder_of(tmp_path / "there").open(afresh=False) is not None
+
+
+def test_a_checkpoint_of_another_configuration_is_refused_by_its_key(tmp_path):
+    folder = half_done(tmp_path / "seed0")
+    require_same_config(folder.last_checkpoint, folder.config)
+    other = config(tmp_path / "seed0", model={"dim": 16, "projection": "level"})
+    with pytest.raises(UserError, match=r'model\.projection="attitude", and now it is "level"'):
+        require_same_config(folder.last_checkpoint, other)
+
+
+def test_only_the_part_that_matters_is_compared(tmp_path):
+    folder = half_done(tmp_path / "seed0")
+    other = config(tmp_path / "seed0", seed=5)
+    require_same_config(folder.last_checkpoint, other, part="model")
+    with pytest.raises(UserError, match="seed=0, and now it is 5"):
+        require_same_config(folder.last_checkpoint, other)
+
+
+@pytest.mark.parametrize("content", [None, "", "- a list", "{", "name: x"])
+def test_an_unreadable_config_is_named(tmp_path, content):
+    folder = half_done(tmp_path / "seed0")
+    path = folder.path / "config.yaml"
+    path.unlink() if content is None else path.write_text(content)
+    with pytest.raises(UserError, match=r"config\.yaml: cannot be read") as caught:
+        require_same_config(folder.last_checkpoint, folder.config)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_checkpoint_is_named_or_a_file(tmp_path):
+    folder = half_done(tmp_path / "seed0")
+    assert folder.checkpoint("last") == folder.last_checkpoint
+    assert folder.checkpoint(str(folder.last_checkpoint)) == folder.last_checkpoint
+    with pytest.raises(UserError, match=r"ckpt_path: no checkpoint .*best\.ckpt"):
+        folder.checkpoint("best")
+
+
+def test_metrics_of_sessions_are_joined_and_lost_steps_left_out(tmp_path):
+    """The second session goes on from step 10, so what the first logged beyond that was lost."""
+    folder = half_done(tmp_path / "seed0")
+    session(folder, 0, {"step": [4, 9, 14], "epoch": [0, 0, 1], "train/total": [5.0, 4.0, -1.0]})
+    session(folder, 1, {"step": [12, 19], "epoch": [1, 1], "train/total": [3.0, 2.0]})
+    folder.merge_metrics()
+    table = pd.read_csv(folder.metrics)
+    assert table["step"].tolist() == [4, 9, 12, 19]
+    assert table["train/total"].tolist() == [5.0, 4.0, 3.0, 2.0]
+
+
+def test_training_and_validation_of_a_step_share_a_row(tmp_path):
+    folder = half_done(tmp_path / "seed0")
+    session(folder, 0, {"step": [9, 9], "train/total": [4.0, None], "val/kar_miou": [None, 0.5]})
+    folder.merge_metrics()
+    (row,) = pd.read_csv(folder.metrics).to_dict("records")
+    assert row == {"step": 9, "train/total": 4.0, "val/kar_miou": 0.5}
+
+
+def test_the_tenth_session_follows_the_ninth(tmp_path):
+    folder = half_done(tmp_path / "seed0")
+    for number in range(12):
+        session(folder, number, {"step": [number], "value": [number]})
+    folder.merge_metrics()
+    assert pd.read_csv(folder.metrics)["value"].tolist() == list(range(12))
+
+
+def test_a_session_that_logged_nothing_loses_nothing(tmp_path):
+    folder = half_done(tmp_path / "seed0")
+    session(folder, 0, {"step": [1], "value": [1]})
+    session(folder, 1, {"step": [], "value": []})
+    session(folder, 2, {"step": [2], "value": [2]}).write_text("")
+    folder.merge_metrics()
+    assert pd.read_csv(folder.metrics)["value"].tolist() == [1]
+
+
+def test_differences_are_dotted_keys():
+    before, after = {"a": {"b": 1, "c": 2}, "d": 1}, {"a": {"b": 1, "c": 3}, "e": None, "d": 1}
+    assert differences(before, after) == [("a.c", 2, 3)]
+
+
+def test_places_are_no_part_of_what_shapes_a_run(tmp_path):
+    kept = shaping(config(tmp_path))
+    assert not {"paths", "name", "threads"} & set(kept)
+    assert kept["callbacks"]["save"] == {"dirpath": "/checkpoints", "monitor": "val/kar_miou"}
+    assert kept["data"] == {"batch_size": 8}
