@@ -210,6 +210,8 @@ def test_ctrl_c_leaves_nothing_running_and_nothing_partial(mini_sim, tmp_path):
     workers = workers_of(process.pid)
     process.send_signal(signal.SIGINT)
     assert b"KeyboardInterrupt" in process.communicate(timeout=60)[1]
+    # Nobody waited for the clips to be finished either.
+    assert not list(root.glob("*/clip*"))
     wait_for(lambda: not any(is_running(pid) for pid in workers))
     assert not list(root.glob("*/.*"))
 
