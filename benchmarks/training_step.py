@@ -21,6 +21,7 @@ from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
+from src.failures import told_in_one_line
 from src.models.losses import OccupancyLoss
 from src.ontology import NUM_CLASSES
 from src.tasks.dataset import data_of, ready_dataset
@@ -81,4 +82,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with told_in_one_line():
+        main()

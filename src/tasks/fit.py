@@ -18,6 +18,7 @@ from ..run_folder import RunFolder, require_same_config
 from .dataset import data_of, ready_dataset
 from .evaluate import evaluate
 from .model import load_weights, module_of, prior_of
+from .progress import EpochLines
 
 
 def fit(cfg: DictConfig) -> None:
@@ -55,12 +56,12 @@ def trainer_of(cfg: DictConfig) -> lightning.Trainer:
         torch.set_num_threads(cfg.threads)
     callbacks = instantiate(cfg.callbacks)
     if not sys.stdout.isatty():
-        callbacks.pop("progress", None)
+        callbacks["progress"] = EpochLines()
     return instantiate(
         cfg.trainer,
         callbacks=list(callbacks.values()),
         logger=instantiate(cfg.logger),
-        enable_progress_bar="progress" in callbacks,
+        enable_progress_bar=sys.stdout.isatty(),
     )
 
 

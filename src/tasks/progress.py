@@ -1,0 +1,27 @@
+"""What a training says in a log file, where a progress bar would only leave rubbish."""
+
+import time
+
+import lightning
+from lightning.pytorch.callbacks import Callback
+
+
+class EpochLines(Callback):
+    """Prints one line after every validation: the loss, the scores, and the time that is left."""
+
+    def on_train_start(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
+        self._start_s, self._first_epoch = time.perf_counter(), trainer.current_epoch
+
+    def on_validation_end(
+        self, trainer: lightning.Trainer, module: lightning.LightningModule
+    ) -> None:
+        done = trainer.current_epoch + 1
+        spent_s = time.perf_counter() - self._start_s
+        left_s = spent_s / (done - self._first_epoch) * (trainer.max_epochs - done)
+        scores = trainer.callback_metrics
+        print(
+            f"epoch {done}/{trainer.max_epochs}: "
+            f"train loss {scores['train/loss']:.3f}, val loss {scores['val/loss']:.3f}, "
+            f"val KAR-mIoU {100 * scores['val/kar_miou']:.1f} %, {left_s / 60:.1f} min left",
+            flush=True,
+        )
