@@ -103,7 +103,7 @@ class ClipMaker:
     def make(self, plan: ClipPlan, on_frame: Callable[[], None]) -> None:
         """Writes the clip's folder; ``on_frame`` is called as frames are finished."""
         with ClipWriter(self.root / plan.clip_id, self._meta(plan)) as writer:
-            flight, scene = self._fly(plan)
+            flight, scene = self.stage(plan)
             frames = frame_table(flight, self.sim["capture_hz"])
             static, actors = self._maps(flight)
             returns = self._scan(flight, scene, static, actors)
@@ -114,7 +114,7 @@ class ClipMaker:
             static.freeze()
             actors.freeze()
             for frame, signal in enumerate(signals):
-                step = self._step(frame)
+                step = self.step_of(frame)
                 labels = label_frame(
                     signal.view, self.grid, static, actors, scene.bodies, step, signal.lidar_returns
                 )
@@ -136,7 +136,8 @@ class ClipMaker:
 
     # ------------------------------------------------------------------------ flight and scene
 
-    def _fly(self, plan: ClipPlan) -> tuple[Flight, Scene]:
+    def stage(self, plan: ClipPlan) -> tuple[Flight, Scene]:
+        """The clip's flight, and the scene that it flies through: town near the route, actors."""
         seed = self.sim["seed"]
         place = place_of(plan.town, seed)
         flight = fly(
@@ -155,7 +156,8 @@ class ClipMaker:
         parts = static_parts(place.pieces, flight.position_m[::STEP_HZ, :2], DRAWN_RADIUS_M)
         return flight, Scene(parts, tuple(bodies_of(traffic)))
 
-    def _step(self, frame: int) -> int:
+    def step_of(self, frame: int) -> int:
+        """The simulation's step at which a frame is captured."""
         return round(frame * STEP_HZ / self.sim["capture_hz"])
 
     def _scan_index(self, frame: int) -> int:
@@ -196,7 +198,7 @@ class ClipMaker:
         """Fuses the camera at no more than the LiDARs' rate."""
         if frame % math.ceil(self.sim["capture_hz"] / self.sim["lidar_hz"]) == 0:
             rays = view.rays(self.sim["camera_stride"], self.range_m)
-            self._fuse(rays, self._step(frame), scene, static, actors)
+            self._fuse(rays, self.step_of(frame), scene, static, actors)
 
     def _fuse(
         self, rays: Scan, step: int, scene: Scene, static: StaticMap, actors: ActorMap
@@ -221,7 +223,7 @@ class ClipMaker:
         with World(scene, self.pix_from_camera, *self.size) as world:
             for frame, pose in enumerate(world_from_body):
                 world_from_camera = pose @ self.body_from_camera
-                rendering = world.render(self._step(frame), world_from_camera, weather)
+                rendering = world.render(self.step_of(frame), world_from_camera, weather)
                 upwards = (through @ world_from_camera[2, :3]).numpy().reshape(self.size[::-1])
                 rng = generator_for(self.sim["seed"], "air", plan.town, plan.index, frame)
                 image = apply_weather(rendering.rgb, rendering.depth_m, upwards, weather, rng)
@@ -238,7 +240,7 @@ class ClipMaker:
     def _actor_table(self, scene: Scene, signals: list[Signals]) -> pd.DataFrame:
         rows = []
         for frame, signal in enumerate(signals):
-            step = self._step(frame)
+            step = self.step_of(frame)
             for body in scene.bodies:
                 pose = body.world_from_actor[step]
                 yaw_rad = math.atan2(pose[1, 0], pose[0, 0])
