@@ -17,9 +17,10 @@ from ..data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses
 from ..errors import UserError
 from ..geometry import VoxelGrid, front_mount, pinhole, pixel_centres, unproject
 from ..ontology import ACTOR_TYPES
-from .annotation import ActorMap, StaticMap, View, label_frame, visible_pixels
+from .annotation import View, label_frame
 from .assets import ACTORS
 from .flight import Flight, FlightConfig, fly
+from .fusion import ActorMap, StaticMap
 from .layout import Town
 from .pilot import STEP_HZ
 from .scene import Body, Piece, Scene, parts_of, pieces_of, static_parts
@@ -195,10 +196,13 @@ class ClipMaker:
     def _fuse_view(
         self, view: View, frame: int, scene: Scene, static: StaticMap, actors: ActorMap
     ) -> None:
-        """Fuses the camera at no more than the LiDARs' rate."""
+        """Fuses the camera at no more than the LiDARs' rate: points of all its pixels, free space
+        along every ``camera_stride``-th of them."""
         if frame % math.ceil(self.sim["capture_hz"] / self.sim["lidar_hz"]) == 0:
-            rays = view.rays(self.sim["camera_stride"], self.range_m)
-            self._fuse(rays, self.step_of(frame), scene, static, actors)
+            static.add(view.rays(self.sim["camera_stride"], self.range_m), self.range_m)
+            every = view.rays(1, self.range_m)
+            static.add_points(every)
+            actors.add(every, scene.bodies, self.step_of(frame))
 
     def _fuse(
         self, rays: Scan, step: int, scene: Scene, static: StaticMap, actors: ActorMap
@@ -238,17 +242,21 @@ class ClipMaker:
                 yield View(pose, self.body_from_camera, self.pix_from_camera, *seen)
 
     def _actor_table(self, scene: Scene, signals: list[Signals]) -> pd.DataFrame:
-        rows = []
-        for frame, signal in enumerate(signals):
-            step = self.step_of(frame)
-            for body in scene.bodies:
-                pose = body.world_from_actor[step]
-                yaw_rad = math.atan2(pose[1, 0], pose[0, 0])
-                pixels = visible_pixels(signal.view, body.actor_id)
-                what = (frame, body.actor_id, body.type, body.class_id)
-                where = (*pose[:3, 3].tolist(), *body.velocity_mps[step].tolist())
-                rows.append((*what, *where, *body.size_m, yaw_rad, pixels))
-        return pd.DataFrame(rows, columns=ACTOR_COLUMNS)
+        """Every actor at every frame: the rows of ``actors.csv``."""
+        steps = [self.step_of(frame) for frame in range(len(signals))]
+        tables = []
+        for body in scene.bodies:
+            pose, velocity_mps = body.world_from_actor[steps], body.velocity_mps[steps]
+            pixels = [signal.view.visible_pixels.get(body.actor_id, 0) for signal in signals]
+            columns = (
+                *(np.arange(len(steps)), body.actor_id, body.type, body.class_id),
+                *(*pose[:, :3, 3].T, *velocity_mps.T, *body.size_m),
+                *(np.arctan2(pose[:, 1, 0], pose[:, 0, 0]), pixels),
+            )
+            tables.append(pd.DataFrame(dict(zip(ACTOR_COLUMNS, columns))))
+        if not tables:
+            return pd.DataFrame(columns=ACTOR_COLUMNS)
+        return pd.concat(tables).sort_values(["frame", "actor_id"], ignore_index=True)
 
 
 def _configured(kind: type[Config], key: str, settings: Mapping) -> Config:

@@ -5,7 +5,8 @@ import torch
 
 from src.geometry import front_mount, pinhole, pixel_centres, rigid, rotation_from_euler, unproject
 from src.ontology import CAR, GROUND
-from src.sim.annotation import ActorMap, StaticMap, View, label_frame
+from src.sim.annotation import View, label_frame
+from src.sim.fusion import ActorMap, StaticMap
 from src.sim.scene import Body, Scene, parts_of
 from src.sim.sensors import scan
 from src.sim.solid import Solid

@@ -9,15 +9,14 @@ import torch
 from src.geometry import VoxelGrid, inverse, transform, world_from_occ
 from src.ontology import BUILDING, CAR, FREE, GROUND, UNKNOWN, VEGETATION, VRU
 from src.sim.annotation import (
-    FUSED_POINT_M,
     MIN_LIDAR_RETURNS,
     MIN_VISIBLE_PIXELS,
-    ActorMap,
     elect,
-    in_box,
     sees_through,
-    visible_pixels,
+    space_of,
 )
+from src.sim.fusion import ActorMap
+from src.sim.point_set import POINT_CUBE_M
 from src.sim.scene import Hits, Scene
 from src.sim.sensors import Scan
 from tests.sim.scenery import (
@@ -98,13 +97,27 @@ def test_static_points_are_thinned_to_one_in_a_cube_and_bar_free_space():
     once = Stage(GRID, [ground(), WALL])
     sees_from(once, (0, HERE))
     assert len(stage.static.points_m) == len(once.static.points_m)
-    cubes = np.floor(stage.static.points_m / FUSED_POINT_M).astype(int)
+    cubes = np.floor(stage.static.points_m / POINT_CUBE_M).astype(int)
     assert len(np.unique(np.c_[cubes, stage.static.class_id], axis=0)) == len(cubes)
-    assert not stage.static.free_at(stage.static.points_m).any()
-    assert stage.static.free_at(np.array([[5.0, 0.0, 5.0], [999.0, 0, 0]])).tolist() == [
-        True,
-        False,
-    ]
+    cell = np.floor((stage.static.points_m - stage.static.lower_m) / stage.static.cell_m)
+    cell = cell[((cell >= 0) & (cell < stage.static.free.shape)).all(axis=1)].astype(int)
+    assert len(cell) > 1000
+    assert not stage.static.free[tuple(cell.T)].any()
+
+
+def test_free_is_a_voxel_whose_centre_lies_in_a_cell_that_a_ray_passed():
+    stage = Stage(GRID, [ground(), WALL])
+    sees_from(stage, (0, HERE))
+    for yaw in (0.0, 0.7, -2.5):
+        here = pose((0.3, 0.2, 5.3), yaw=yaw)
+        found = stage.static.free_in(GRID, world_from_occ(here).numpy())
+        cell = np.floor((centres_world(here) - stage.static.lower_m) / stage.static.cell_m)
+        cell = cell.astype(int)
+        inside_map = ((cell >= 0) & (cell < stage.static.free.shape)).all(axis=-1)
+        expected = np.zeros(GRID.shape, dtype=bool)
+        expected[inside_map] = stage.static.free[tuple(cell[inside_map].T)] == 1
+        np.testing.assert_array_equal(found, expected)
+        assert 100 < found.sum() < found.size
 
 
 # -------------------------------------------------------------------------------- moving actors
@@ -181,7 +194,7 @@ def test_a_hidden_actor_without_support_is_unknown():
     centres_m = centres_world(HERE, FINE)
     core = inside(centres_m, *car_box(NEAR, -0.3))
     unsupported = stage.label(1, HERE, {1: MIN_LIDAR_RETURNS - 1})
-    assert visible_pixels(view_of(stage.scene, 1, HERE), 1) == 0
+    assert view_of(stage.scene, 1, HERE).visible_pixels == {}
     assert CAR not in unsupported.semantics
     assert (unsupported.semantics[core] == UNKNOWN).all()
     supported = stage.label(1, HERE, {1: MIN_LIDAR_RETURNS})
@@ -194,7 +207,8 @@ def test_few_visible_pixels_are_support_enough():
     sees_from(stage, (0, HERE))
     view = view_of(stage.scene, 1, HERE)
     seen = view.actor_id == 1
-    assert visible_pixels(view, 1) == seen.sum() > 50
+    assert view.visible_pixels == {1: seen.sum()}
+    assert seen.sum() > 50
     placed = []
     for count in (MIN_VISIBLE_PIXELS, MIN_VISIBLE_PIXELS - 1):
         mask = np.where(seen & (np.cumsum(seen).reshape(seen.shape) > count), 0, view.actor_id)
@@ -204,11 +218,15 @@ def test_few_visible_pixels_are_support_enough():
     assert placed[1] == 0
 
 
-def test_box_of_a_turned_actor():
-    body = actor([(5.0, 1.0, 0.2)], yaw_rad=np.pi / 2)
-    points_m = np.array([(5, 2.9, 0.5), (6.5, 1, 0.5), (5, 1, 0.1), (5, 1, 1.9)])
-    assert in_box(points_m, body, 0, 0.0).tolist() == [True, False, False, False]
-    assert in_box(points_m, body, 0, 0.6).tolist() == [True, True, True, True]
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.6, np.pi / 2, -2.0])
+def test_the_space_of_an_actor_is_its_box_grown_by_half_a_voxel(yaw_rad):
+    here = pose((0.3, 0.2, 5.3), 0.1, -0.2, 0.8)
+    body = actor([(9.0, 5.0, 0.2)], size_m=(6.0, 2.2, 2.8), yaw_rad=yaw_rad)
+    view = view_of(Scene((), ()), 0, here)
+    away_m = (centres_world(here, FINE) - (9.0, 5.0, 0.2 + 1.4)) @ body.world_from_actor[0, :3, :3]
+    expected = (np.abs(away_m) <= np.array((6.0, 2.2, 2.8)) / 2 + FINE.voxel_m / 2).all(axis=-1)
+    np.testing.assert_array_equal(space_of([body], 0, view, FINE), expected)
+    assert expected.sum() > 100
 
 
 # ------------------------------------------------------------------------------ depth consistency

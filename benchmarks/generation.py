@@ -1,0 +1,131 @@
+"""Where the time of generation goes: one clip on one core, stage by stage.
+
+    python -m benchmarks.generation --width 384 --height 224 --capture-hz 25
+
+Prints milliseconds a frame of every stage, frames a second of one core, and the peak memory. The
+first frames compile the kernels; a short clip before the measured one pays for that.
+"""
+
+import argparse
+import platform
+import resource
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pandas as pd
+import torch
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from src.data.clip import ClipWriter
+from src.sim import clip_maker
+from src.sim.clip_maker import ClipMaker
+from src.sim.fusion import ActorMap, StaticMap
+from src.sim.generate import plan_clips
+from src.sim.world import World
+
+STAGES: list[tuple[str, object, str]] = [
+    ("town, flight, traffic", ClipMaker, "stage"),
+    ("LiDAR rays", clip_maker, "scan"),
+    ("meshes into bullet", World, "__enter__"),
+    ("rendering", World, "render"),
+    ("weather", clip_maker, "apply_weather"),
+    ("fusion of points and free space", StaticMap, "add"),
+    ("fusion of points and free space", StaticMap, "add_points"),
+    ("fusion of points and free space", ActorMap, "add"),
+    ("fusion of points and free space", StaticMap, "freeze"),
+    ("labels", clip_maker, "label_frame"),
+    ("writing images", ClipWriter, "add_image"),
+    ("writing labels", ClipWriter, "add_labels"),
+    ("writing tables, sums, sync", ClipWriter, "_seal"),
+]
+"""What is timed: the name in the table, and where the function is found."""
+
+
+@contextmanager
+def timed() -> Iterator[dict[str, float]]:
+    """Wall-clock seconds of every stage while the context is open."""
+    seconds: dict[str, float] = defaultdict(float)
+    kept = [(owner, name, getattr(owner, name)) for _, owner, name in STAGES]
+    for (stage, owner, name), (_, _, function) in zip(STAGES, kept):
+        setattr(owner, name, _timing(function, stage, seconds))
+    try:
+        yield seconds
+    finally:
+        for owner, name, function in kept:
+            setattr(owner, name, function)
+
+
+def _timing(function: Callable, stage: str, seconds: dict[str, float]) -> Callable:
+    def call(*args, **kwargs):
+        start = time.perf_counter()
+        try:
+            return function(*args, **kwargs)
+        finally:
+            seconds[stage] += time.perf_counter() - start
+
+    return call
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--width", type=int, default=384)
+    parser.add_argument("--height", type=int, default=224)
+    parser.add_argument("--capture-hz", type=float, default=25)
+    parser.add_argument("--towns", nargs="+", default=["downtown"])
+    parser.add_argument("overrides", nargs="*", help="any other setting, such as sim.lidar_hz=10")
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    sim = _sim(args)
+    _make(_sim(args, "sim.capture_hz=2.5", f"sim.towns=[{args.towns[0]}]"))
+    print(f"{platform.processor() or platform.machine()}, one thread, 1 clip a town, sim.seed=0")
+    print(f"{args.width}x{args.height}, grid {sim['grid']['shape']}, {args.capture_hz:g} Hz")
+    columns = {town: _measure(_sim(args, f"sim.towns=[{town}]")) for town in args.towns}
+    table = pd.DataFrame(columns)
+    table["mean"] = table.mean(axis=1)
+    print(table.to_string(float_format="{:.1f}".format))
+    print(f"labelled frames a second of one core: {1000 / table.loc['in all', 'mean']:.1f}")
+    peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    print(f"peak memory {peak_kib / 2**20:.2f} GiB")
+
+
+def _sim(args: argparse.Namespace, *more: str) -> dict:
+    settings = [
+        "scale=paper",
+        "sim.clips_per_town=1",
+        f"sim.image.width={args.width}",
+        f"sim.image.height={args.height}",
+        f"sim.capture_hz={args.capture_hz}",
+    ]
+    conf = Path(__file__).parent.parent / "conf"
+    with initialize_config_dir(str(conf), version_base="1.3"):
+        cfg = compose("config", [*settings, *args.overrides, *more])
+    return OmegaConf.to_container(cfg.sim, resolve=True)
+
+
+def _make(sim: dict) -> int:
+    """Makes the one clip of these settings and returns its number of frames."""
+    frames = []
+    with tempfile.TemporaryDirectory() as folder:
+        ClipMaker(sim, Path(folder)).make(plan_clips(sim)[0], lambda: frames.append(1))
+    return len(frames)
+
+
+def _measure(sim: dict) -> pd.Series:
+    """Milliseconds a frame by stage, and in all."""
+    with timed() as seconds:
+        start = time.perf_counter()
+        frames = _make(sim)
+        total_s = time.perf_counter() - start
+    rows = {stage: seconds[stage] for stage, _, _ in STAGES}
+    rows["the rest"] = total_s - sum(rows.values())
+    rows["in all"] = total_s
+    return 1000 * pd.Series(rows) / frames
+
+
+if __name__ == "__main__":
+    main()
