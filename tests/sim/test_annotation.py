@@ -89,6 +89,24 @@ def test_space_between_is_free_and_what_nothing_saw_is_unknown():
     assert (semantics[wall] == BUILDING).sum() > 10
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.3, np.pi / 4, 1.2])
+def test_no_rotation_of_the_frame_opens_holes_in_a_fused_surface(yaw):
+    """Fails if voxels of a fused grid were carried over by their centres instead of points."""
+    far_wall = solid(BUILDING, (0.8, 60.0, 30.0), (14.0 * np.cos(yaw), 14.0 * np.sin(yaw), 0.0))
+    far_wall.scene_from_solid[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+    stage = Stage(FINE, [far_wall])
+    for k in range(6):
+        stage.sense(0, pose((0.2 * k, 0.0, 5.3), yaw=yaw), rays=16_000)
+    stage.freeze()
+    here = pose((0.3, 0.1, 5.3), yaw=yaw + 0.35)
+    votes = np.zeros((*FINE.shape, FREE), np.int32)
+    stage.static.vote(votes, FINE, inverse(world_from_occ(here)).numpy())
+    occupied = votes[..., BUILDING] > 0
+    # Along every line of voxels straight ahead that meets the wall, some voxel must hold it.
+    ahead = occupied.any(axis=0)[8:-8, 4:-4]
+    assert ahead.mean() > 0.99
+
+
 def test_static_points_are_thinned_to_one_in_a_cube_and_bar_free_space():
     stage = Stage(GRID, [ground(), WALL])
     stage.sense(0, HERE)
