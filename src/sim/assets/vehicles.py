@@ -93,7 +93,7 @@ def truck(rng: np.random.Generator) -> tuple[Solid, ...]:
         part("box", LARGE_VEHICLE, colours.TYRE, (length - 0.6, 1.2, 0.45), (0, 0, 0.78)),
     ]
     solids += _wheels(LARGE_VEHICLE, [front - 0.1, back, back - 0.3 * cargo], width, 0.95)
-    return tuple(solids + _lights(LARGE_VEHICLE, length, width, 0.85))
+    return tuple(solids + _lights(LARGE_VEHICLE, length, width, 1.0))
 
 
 def bus(rng: np.random.Generator) -> tuple[Solid, ...]:

@@ -6,13 +6,17 @@ import numpy as np
 
 from ...errors import UserError
 from ..layout import Town
-from . import downtown, old_town, park, suburb
+from . import campus, downtown, industrial, market, old_town, park, suburb, waterfront
 
 TOWNS: dict[str, Callable[[np.random.Generator], Town]] = {
     "downtown": downtown.build,
     "suburb": suburb.build,
     "old_town": old_town.build,
     "park": park.build,
+    "industrial": industrial.build,
+    "campus": campus.build,
+    "waterfront": waterfront.build,
+    "market": market.build,
 }
 
 

@@ -8,6 +8,7 @@ from ..assets import buildings, furniture, vegetation
 from ..layout import Town
 from ..solid import Solid
 from .network import Network, Street
+from .parking import park
 from .site import Site
 from .streetscape import FOUR_LANES, TWO_LANES, frontage, lay_ground, outskirts, row, signals
 from .terrain import rolling
@@ -28,7 +29,7 @@ def _network(rng: np.random.Generator) -> Network:
         if k // 3 < 2:
             wide = FOUR_LANES if k % 3 == 1 else TWO_LANES
             streets.append(Street(k, k + 3, junctions[[k, k + 3]], wide))
-    return Network(junctions, tuple(streets))
+    return Network(junctions, tuple(streets), signals=True)
 
 
 def _block(rng: np.random.Generator) -> list[Solid]:
@@ -41,6 +42,7 @@ def _furnish(site: Site, street: Street, rng: np.random.Generator) -> None:
     row(site, street, 0.55, 27.0, furniture.lamp_post, rng)
     row(site, street, 0.9, 11.0, vegetation.street_tree, rng)
     row(site, street, 0.5, 38.0, furniture.sign_post, rng)
+    park(site, street, rng, 0.6)
     row(site, street, 0.7, 33.0, furniture.litter_bin, rng)
     row(site, street, 0.7, 40.0, furniture.bench, rng)
     row(site, street, 0.4, 45.0, partial(furniture.railing, length_m=6.0), rng)

@@ -10,13 +10,24 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..layout import Path
-from .polyline import Polyline, parallel, trimmed, turn
+from ..layout import Gate, Path
+from .polyline import Polyline, arc_m, parallel, trimmed, turn
 
 ROAD_RISE_M, JUNCTION_RISE_M, CROSSING_RISE_M, PAVEMENT_RISE_M = 0.04, 0.08, 0.12, 0.16
 """Heights of the surfaces above the terrain; neighbours differ by more than a patch can sag."""
 
-WALK_MPS = 1.4
+CROSSING_OUT_M, STOP_LINE_OUT_M = 1.7, 3.8
+"""Distance of a crossing's middle, and of the line before it, from where a street ends."""
+
+KERB_STAND_M = 0.3
+"""How far from the kerb people wait to cross."""
+
+OPPOSING_RAD = np.deg2rad(45)
+"""Arms that are straight on from each other, give or take this, have green together."""
+
+WALK_MPS = 2.5
+"""A limit for bicycles; nobody walks as fast."""
+
 WALK_HALF_WIDTH_M = 0.4
 LANE_HALF_WIDTH_M = 1.4
 TURN_SLOWDOWN = 0.6
@@ -50,7 +61,7 @@ class Profile:
     @property
     def walk_m(self) -> float:
         """Distance of the walking line from the middle of the street."""
-        return self.road_m / 2 + 0.62 * self.pavement_m if self.pavement_m else self.road_m / 4
+        return self.road_m / 2 + 0.75 * self.pavement_m if self.pavement_m else self.road_m / 4
 
 
 @dataclass(frozen=True)
@@ -79,10 +90,14 @@ class Arm:
 
 @dataclass(frozen=True)
 class Network:
-    """Junctions and the streets between them; at each junction at least two streets meet."""
+    """Junctions and the streets between them; at each junction at least two streets meet.
+
+    With ``signals`` all junctions have traffic lights; without, who comes first goes first.
+    """
 
     junctions_m: Float[np.ndarray, "j 2"]
     streets: tuple[Street, ...]
+    signals: bool = False
 
     def arms(self, junction: int) -> list[Arm]:
         """The streets at a junction, counter-clockwise."""
@@ -116,9 +131,31 @@ class Network:
             line, right = self.open_m(street), -street.profile.road_m / 4
             there, back = parallel(line, right), parallel(line[::-1], right)
             room = (LANE_HALF_WIDTH_M, street.profile.lane_mps, ROAD_RISE_M)
-            ways.append(_Way(there, ("from", *start), ("to", *end), *room))
-            ways.append(_Way(back, ("from", *end), ("to", *start), *room))
+            gates = [self._stop_line(k, here, lane) for lane, here in ((there, end), (back, start))]
+            ways.append(_Way(there, ("from", *start), ("to", *end), *room, gates[0]))
+            ways.append(_Way(back, ("from", *end), ("to", *start), *room, gates[1]))
         return _joined(ways + self._turns(ways, JUNCTION_RISE_M))
+
+    def _stop_line(self, street: int, port: tuple[int, int], lane_m: Polyline) -> Gate:
+        phase, phases = self._phases(port[0])[street]
+        at_m = max(arc_m(lane_m)[-1] - STOP_LINE_OUT_M, 0.0)
+        return Gate(port[0], at_m, STOP_LINE_OUT_M, False, phase, phases)
+
+    def _phases(self, junction: int) -> dict[int, tuple[int | None, int]]:
+        """For each street with lanes at a junction: its phase of the signals, of how many.
+
+        Opposing arms share a phase. Where there is but one phase, people have another.
+        """
+        arms = [arm for arm in self.arms(junction) if arm.profile.lane_mps is not None]
+        if not self.signals:
+            return {arm.street: (None, 0) for arm in arms}
+        leaders: list[Arm] = []
+        phase = {}
+        for arm in arms:
+            facing = [k for k, other in enumerate(leaders) if _opposing(arm, other)]
+            phase[arm.street] = facing[0] if facing else len(leaders)
+            leaders += [] if facing else [arm]
+        return {street: (k, max(len(leaders), 2)) for street, k in phase.items()}
 
     def corridors(self) -> tuple[Path, ...]:
         """Centre lines over the streets, both ways, joined by turns at the junctions."""
@@ -154,43 +191,61 @@ class Network:
 
     def walks(self) -> tuple[Path, ...]:
         """Pavements on both sides, the ways around corners and the crossings, both ways."""
-        lines = []
-        for k, street in enumerate(self.streets):
-            for side in (-1, 1):
-                points = parallel(self.open_m(street), side * street.profile.walk_m)
-                rise_m = PAVEMENT_RISE_M if street.profile.pavement_m else ROAD_RISE_M
-                lines.append((points, (street.start, k, side), (street.end, k, -side), rise_m))
-        for junction in range(len(self.junctions_m)):
-            lines += self._crossings(junction)
         ways = []
-        for points, start, end, rise_m in lines:
-            ways.append(_Way(points, start, end, WALK_HALF_WIDTH_M, WALK_MPS, rise_m))
-            ways.append(_Way(points[::-1], end, start, WALK_HALF_WIDTH_M, WALK_MPS, rise_m))
+        for k, street in enumerate(self.streets):
+            radii_m = (self.radius_m(street.start), self.radius_m(street.end))
+            line = trimmed(street.points_m, *(radius + CROSSING_OUT_M for radius in radii_m))
+            for side in (-1, 1):
+                points_m = parallel(line, side * street.profile.walk_m)
+                rise_m = PAVEMENT_RISE_M if street.profile.pavement_m else ROAD_RISE_M
+                ports = (street.start, k, side), (street.end, k, -side)
+                ways += _both_ways(points_m, *ports, rise_m)
+        for junction in range(len(self.junctions_m)):
+            ways += self._corners(junction) + self._crossings(junction)
         return _joined(ways)
 
-    def ports_m(self, junction: int) -> list[tuple[Arm, dict[int, Float[np.ndarray, "2"]]]]:
-        """Where each arm's pavements begin: 1 is the left one as seen from the junction."""
+    def ports_m(
+        self, junction: int, out_m: float = 0.0
+    ) -> list[tuple[Arm, dict[int, Float[np.ndarray, "2"]]]]:
+        """Where each arm's pavements begin: 1 is the left one as seen from the junction.
+
+        ``out_m`` is for places on the pavements that far from there.
+        """
         radius = self.radius_m(junction)
         ports = []
         for arm in self.arms(junction):
-            line = trimmed(arm.points_m, radius, 0)
+            line = trimmed(arm.points_m, radius + out_m, 0)
             sides = {side: parallel(line, side * arm.profile.walk_m)[0] for side in (-1, 1)}
             ports.append((arm, sides))
         return ports
 
-    def _crossings(self, junction: int) -> list[tuple[Polyline, Hashable, Hashable, float]]:
-        """Ways over every arm and around every corner: line, ports, and how high it lies."""
-        ports = self.ports_m(junction)
-        lines = []
-        for (arm, here), (following, there) in zip(ports, ports[1:] + ports[:1]):
-            left, right = (junction, arm.street, 1), (junction, arm.street, -1)
-            rise_m = CROSSING_RISE_M if arm.profile.has_crossings else ROAD_RISE_M
-            lines.append((np.stack([here[-1], here[1]]), right, left, rise_m))
-            corner = self.corner_m(arm, following, here[1], there[-1])
+    def _corners(self, junction: int) -> list["_Way"]:
+        """Ways around the corners, each from one crossing to the next."""
+        inner, outer = self.ports_m(junction), self.ports_m(junction, CROSSING_OUT_M)
+        ways = []
+        for k, (arm, here) in enumerate(inner):
+            after = (k + 1) % len(inner)
+            following, there = inner[after]
+            corner_m = self.corner_m(arm, following, here[1], there[-1])
+            points_m = np.concatenate([outer[k][1][1][None], corner_m, outer[after][1][-1][None]])
             paved = max(arm.profile.pavement_m, following.profile.pavement_m) > 0
-            rise_m = PAVEMENT_RISE_M if paved else ROAD_RISE_M
-            lines.append((corner, left, (junction, following.street, -1), rise_m))
-        return lines
+            ports = (junction, arm.street, 1), (junction, following.street, -1)
+            ways += _both_ways(points_m, *ports, PAVEMENT_RISE_M if paved else ROAD_RISE_M)
+        return ways
+
+    def _crossings(self, junction: int) -> list["_Way"]:
+        """Ways over every arm; where vehicles come, people wait for them at the kerb."""
+        phases = self._phases(junction)
+        ways = []
+        for arm, here in self.ports_m(junction, CROSSING_OUT_M):
+            gate, profile = None, arm.profile
+            if arm.street in phases:
+                kerb_m = max(profile.walk_m - profile.road_m / 2 - KERB_STAND_M, 0.0)
+                gate = Gate(junction, kerb_m, -kerb_m, True, *phases[arm.street])
+            rise_m = CROSSING_RISE_M if profile.has_crossings else ROAD_RISE_M
+            ports = (junction, arm.street, -1), (junction, arm.street, 1)
+            ways += _both_ways(np.stack([here[-1], here[1]]), *ports, rise_m, gate)
+        return ways
 
     @staticmethod
     def corner_m(
@@ -220,6 +275,20 @@ class _Way:
     half_width_m: float
     speed_mps: float
     rise_m: float
+    gate: Gate | None = None
+
+
+def _both_ways(
+    points_m: Polyline, start: Hashable, end: Hashable, rise_m: float, gate: Gate | None = None
+) -> list[_Way]:
+    """A walk there and back."""
+    room = (WALK_HALF_WIDTH_M, WALK_MPS, rise_m, gate)
+    return [_Way(points_m, start, end, *room), _Way(points_m[::-1], end, start, *room)]
+
+
+def _opposing(one: Arm, other: Arm) -> bool:
+    turned_rad = (one.angle_rad - other.angle_rad) % (2 * np.pi)
+    return abs(turned_rad - np.pi) < OPPOSING_RAD
 
 
 def _crossing(come_m: Polyline, go_m: Polyline) -> Float[np.ndarray, "2"]:
@@ -245,6 +314,7 @@ def _joined(ways: Sequence[_Way]) -> tuple[Path, ...]:
             way.speed_mps,
             tuple(k for k in starts.get(way.end, ()) if ways[k].end != way.start),
             way.rise_m,
+            way.gate,
         )
         for way in ways
     )

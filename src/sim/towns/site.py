@@ -60,7 +60,7 @@ class Site:
         self._flight = Keepout(corridors, _FLIGHT_M, 0.8)
         self._flight_but_overhead = Keepout(corridors, _FLIGHT_BUT_OVERHEAD_M, 0.8)
         self._traffic = (
-            Keepout(self.town.lanes, _LANE_M, 0.8),
+            Keepout(self.town.lanes, _LANE_M, 0.4),
             Keepout(self.town.walks, _WALK_M, 0.4),
         )
         self._footprints: Float[np.ndarray, "n 4 2"] = np.zeros((0, 4, 2))
@@ -89,16 +89,19 @@ class Site:
         self._boxes_m = np.concatenate([self._boxes_m, boxes_m])
         return True
 
-    def hang(self, solids: Sequence[Solid], ground_m: float) -> bool:
-        """Add what hangs between things that stand, given in the world, if nothing flies there."""
-        if any(self._in_the_way(solid, ground_m) for solid in solids):
+    def hang(self, solids: Sequence[Solid], ground_m: float, overhead: bool = False) -> bool:
+        """Add what hangs between things that stand, given in the world, if nothing flies there.
+
+        What is ``overhead`` may cross corridors like a wire does: a bridge.
+        """
+        if any(self._in_the_way(solid, ground_m, overhead) for solid in solids):
             return False
         self.solids += solids
         return True
 
-    def _in_the_way(self, solid: Solid, ground_m: float) -> bool:
-        thin = solid.class_id == THIN_STRUCTURE
-        flight = self._flight_but_overhead if thin else self._flight
+    def _in_the_way(self, solid: Solid, ground_m: float, overhead: bool = False) -> bool:
+        overhead |= solid.class_id == THIN_STRUCTURE
+        flight = self._flight_but_overhead if overhead else self._flight
         return any(keepout.blocked_by(solid, ground_m) for keepout in (flight, *self._traffic))
 
     def _taken(

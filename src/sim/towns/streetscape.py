@@ -236,8 +236,17 @@ def in_gardens(
         site.place(make(rng), float(x), float(y), rng.uniform(0, 2 * np.pi))
 
 
-def outskirts(site: Site, count: int, make: Maker, rng: np.random.Generator) -> None:
-    """Things around the streets, looking inwards, so that no street ends in an empty horizon."""
+def outskirts(
+    site: Site,
+    count: int,
+    make: Maker,
+    rng: np.random.Generator,
+    south_m: float = -np.inf,
+) -> None:
+    """Things around the streets, looking inwards, so that no street ends in an empty horizon.
+
+    None stands south of ``south_m``: there may be water.
+    """
     lower, upper = site.network.junctions_m.min(axis=0), site.network.junctions_m.max(axis=0)
     middle = (lower + upper) / 2
     reach = (upper - lower) / 2 + MARGIN_M / 2
@@ -246,7 +255,8 @@ def outskirts(site: Site, count: int, make: Maker, rng: np.random.Generator) -> 
         # On the rim of a rectangle, jittered inwards and outwards.
         x, y = middle + ray / np.abs(ray / reach).max() * rng.uniform(0.9, 1.1)
         yaw = np.round((angle + np.pi) / (np.pi / 2)) * np.pi / 2
-        site.place(make(rng), float(x), float(y), float(yaw))
+        if y > south_m:
+            site.place(make(rng), float(x), float(y), float(yaw))
 
 
 TWO_LANES = Profile(7.0, "road_2lane", 3.4, "paving", 9.0, 2.4, 7.0)

@@ -8,6 +8,7 @@ from ..assets import buildings, furniture, vegetation
 from ..layout import Town
 from ..solid import Solid
 from .network import Network, Profile, Street
+from .parking import parked
 from .polyline import turn
 from .site import Site
 from .streetscape import frontage, in_gardens, lay_ground, outskirts, row, wired_poles
@@ -44,6 +45,7 @@ def build(rng: np.random.Generator) -> Town:
     for k, street in enumerate(site.network.streets):
         wired_poles(site, street, side=1 if k % 2 else -1, rng=rng)
         frontage(site, street, _house, rng, setback_m=(5.0, 8.0), gap_m=(4.0, 9.0))
+        row(site, street, edge + 3.0, 17.0, partial(parked, truck_share=0.0), rng)
         row(site, street, edge + 0.9, 7.0, partial(furniture.fence, length_m=6.0), rng)
         row(site, street, edge + 1.1, 9.0, partial(vegetation.hedge, length_m=5.0), rng)
         row(site, street, 0.4, 36.0, furniture.lamp_post, rng)
