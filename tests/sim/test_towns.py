@@ -22,8 +22,10 @@ from src.sim.towns import TOWNS, build_town
 from src.sim.towns.network import PAVEMENT_RISE_M
 from src.sim.towns.polyline import arc_m, parallel, point_at
 
-SEEDS = (0, 1)
-ALL = pytest.mark.parametrize(("name", "seed"), [(n, s) for n in TOWNS for s in SEEDS])
+ALL = pytest.mark.parametrize(
+    ("name", "seed"),
+    [*((n, 0) for n in TOWNS), *(pytest.param(n, 1, marks=pytest.mark.slow) for n in TOWNS)],
+)
 
 
 @cache

@@ -1,0 +1,1 @@
+"""Labels against exact geometry: what the scene truly holds, and how the annotation differs."""

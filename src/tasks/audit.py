@@ -1,0 +1,125 @@
+"""task=audit: the labels of a data set against the exact geometry of the scenes they came from."""
+
+import multiprocessing
+import os
+import platform
+import shlex
+import sys
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from omegaconf import DictConfig, OmegaConf
+from rich.console import Console
+from rich.progress import track
+
+from ..atomic import replacing
+from ..audit.agreement import Agreement
+from ..audit.truth import Camera, Truth
+from ..data.clip import Clip
+from ..data.manifest import DatasetSpec, missing_clips, read_manifest, require_same_data
+from ..errors import UserError
+from ..provenance import git_commit
+from ..sim.clip_maker import ClipMaker, ClipPlan
+from ..sim.generate import plan_clips
+from .dataset import root_of, spec_of
+
+
+def audit(cfg: DictConfig, frames_per_clip: int, out: str | None) -> None:
+    """Prints precision, recall, ghosts and free-space errors, and writes them as ``audit.csv`` and
+    ``audit.md`` to ``out`` (null: ``audit/`` under the data set).
+
+    ``frames_per_clip`` frames of every clip are compared, spread evenly. Raises `UserError` for a
+    data set that is not finished, or that other settings or other code made: its scenes could not
+    be built again.
+    """
+    if frames_per_clip < 1:
+        raise UserError(f"task.frames_per_clip: {frames_per_clip} is too small; give 1 or more")
+    root, spec = root_of(cfg), spec_of(cfg)
+    _require_rebuildable(root, spec)
+    sim = OmegaConf.to_container(cfg.sim, resolve=True)
+    plans, total = plan_clips(sim), Agreement()
+    workers = min(len(plans), sim["workers"] or os.cpu_count() or 1)
+    context = multiprocessing.get_context("spawn")
+    job = partial(audit_clip, sim, root, frames_per_clip)
+    with ProcessPoolExecutor(workers, context, torch.set_num_threads, (1,)) as pool:
+        results = pool.map(job, plans)
+        quiet = not sys.stdout.isatty()
+        for result in track(results, f"auditing {root.name}", len(plans), disable=quiet):
+            total.join(result)
+    folder = Path(out) if out else root / "audit"
+    _write(folder, total, root, sim)
+    console = Console()
+    console.print(_readable(total.table()), soft_wrap=True, highlight=False)
+    console.print(f"{total.frames} frames of {root}: {folder / 'audit.md'}", soft_wrap=True)
+
+
+def audit_clip(sim: Mapping, root: Path, frames_per_clip: int, plan: ClipPlan) -> Agreement:
+    """Builds one clip's scene again and compares its labels with it."""
+    maker, clip, agreement = ClipMaker(sim, root), Clip(root / plan.clip_id), Agreement()
+    _, scene = maker.stage(plan)
+    count = min(frames_per_clip, len(clip))
+    for frame in np.unique(np.linspace(0, len(clip) - 1, count).round().astype(int)).tolist():
+        meta = clip.meta
+        mount = meta.body_from_camera, meta.pix_from_camera, meta.width, meta.height
+        camera = Camera(clip.world_from_body[frame], *mount)
+        truth = Truth.of(scene, maker.step_of(frame), camera, meta.grid)
+        agreement.add(clip.semantics(frame), truth)
+    return agreement
+
+
+def _require_rebuildable(root: Path, spec: DatasetSpec) -> None:
+    manifest = read_manifest(root)
+    require_same_data(root, spec)
+    if manifest["generator"] != spec.generator:
+        raise UserError(
+            f"{root}: was made by other code (generator {manifest['generator']}, this is "
+            f"{spec.generator}); drop paths.dataset and run task=generate, then audit that"
+        )
+    missing = missing_clips(root, list(manifest["clips"]))
+    if missing:
+        raise UserError(f"{root}: {len(missing)} clips are missing; run task=generate first")
+
+
+def _write(folder: Path, total: Agreement, root: Path, sim: Mapping) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    table = total.table()
+    with replacing(folder / "audit.csv") as temporary:
+        table.to_csv(temporary, index=False, float_format="%.6f", lineterminator="\n")
+    command = shlex.join(["python", "run.py", *sys.argv[1:]])
+    text = f"""# Label audit
+
+{total.frames} frames of `{root.name}`, {len(sim["towns"])} towns, `sim.seed={sim["seed"]}`, \
+commit {git_commit() or "unknown"}, {platform.machine()}, Python {platform.python_version()}.
+
+    {command}
+
+The truth is the scene as it is drawn: every triangle, clipped against every voxel; a class is in
+a voxel when its surface there exceeds 1 % of a voxel's face. *Visible* surfaces are those that
+some of 16 rays a pixel meet; what is visible and not labelled counts as missed.
+
+- *recall*: truly occupied voxels that are labelled occupied; *class recall*: with that class
+- *precision*: labelled voxels that truly hold a surface; *class precision*: one of that class
+- *ghosts*: labelled, and nothing of the class within 1 mm
+- *free error*: voxels labelled free that hold a surface
+
+Ghosts of moving classes among what is visible: {total.moving_ghosts}.
+
+```
+{_readable(table)}
+```
+"""
+    with replacing(folder / "audit.md") as temporary:
+        temporary.write_text(text)
+
+
+def _readable(table: pd.DataFrame) -> str:
+    columns = ["scope", "class", "true", "recall", "class_recall", "labelled", "precision"]
+    columns += ["class_precision", "ghosts", "free", "free_error"]
+    shown = table[columns].astype({"free": object})
+    shown.loc[shown["class"] != "all", ["free", "free_error"]] = ""
+    return shown.to_string(index=False, float_format="{:.4f}".format, na_rep="")
