@@ -78,7 +78,7 @@ def test_sound_labels_agree_with_the_truth(truth, labels):
     assert every["recall"] > 0.85  # of two scans, where a clip has sixty
     assert every["free_error"] < 0.01
     assert table["ghosts"].max() == 0
-    assert table.loc[("visible", "car"), "class_recall"] > 0.8
+    assert table.loc[("visible", "car"), "class_recall"] > 0.7
 
 
 def test_a_ghost_is_found_and_counted_for_its_class(truth, labels):
