@@ -12,10 +12,10 @@ from ..atomic import replacing
 from ..errors import UserError
 from ..provenance import SOURCE, code_digest, digest_of, package_versions
 from .clip import SUMS, recorded_sums, sha256_of
-from .split import Split
+from .split import Split, held_out_clips
 
 MANIFEST = "manifest.json"
-MANIFEST_KEYS = {"scale", "sim", "generator", "packages", "split", "clips"}
+MANIFEST_KEYS = {"scale", "sim", "generator", "packages", "split", "held_out", "clips"}
 GENERATOR_CODE = ("sim", "geometry.py", "ontology.py", "data/clip.py")
 NOT_SHAPING = ("workers", "dry_run")
 """Settings of ``sim`` that change no byte of a clip."""
@@ -57,6 +57,7 @@ def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split
         "generator": spec.generator,
         "packages": package_versions(),
         "split": {part: len(frames) for part, frames in split.items()},
+        "held_out": held_out_clips(split),
         "clips": {
             clip: {"sha256": sha256_of(root / clip / SUMS), "files": recorded_sums(root / clip)}
             for clip in clip_ids

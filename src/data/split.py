@@ -46,6 +46,15 @@ def make_split(
     return split
 
 
+def held_out_clips(split: Split) -> dict[str, list[str]]:
+    """The clips that belong whole to ``val`` or to ``test``, in the order of the split."""
+    trained_on = {clip for clip, _ in split["train"]}
+    return {
+        part: list(dict.fromkeys(clip for clip, _ in split[part] if clip not in trained_on))
+        for part in ("val", "test")
+    }
+
+
 def part_of_time(time_s: float) -> str:
     """The part of a frame of a clip that is not held out."""
     if time_s < TRAIN_UNTIL_S:

@@ -17,6 +17,7 @@ from src.data.manifest import (
     require_same_data,
     write_manifest,
 )
+from src.data.split import make_split
 from src.errors import UserError
 from src.provenance import SOURCE, code_digest
 
@@ -86,6 +87,7 @@ def test_the_manifest_holds_the_settings_and_every_hash(mini_dataset, mini_sim):
     assert "workers" not in manifest["sim"]
     assert {"pybullet", "numpy", "torch"} <= set(manifest["packages"])
     assert manifest["split"] == {"train": 25, "val": 3, "test": 32}
+    assert manifest["held_out"] == {"val": [], "test": ["suburb/clip01"]}
     assert list(manifest["clips"]) == ["suburb/clip00", "suburb/clip01"]
     for clip_id, listed in manifest["clips"].items():
         assert listed["sha256"] == sha256_of(mini_dataset / clip_id / SUMS)
@@ -98,7 +100,7 @@ def test_writing_it_again_changes_no_byte(mini_dataset, mini_sim, tmp_path):
     shutil.copytree(mini_dataset, root)
     before = (root / MANIFEST).read_bytes()
     clips = list(read_manifest(root)["clips"])
-    split = {part: [None] * n for part, n in read_manifest(root)["split"].items()}
+    split = make_split(clips, 30, mini_sim["capture_hz"], [], clips[-1:])
     write_manifest(root, DatasetSpec.of("mini", mini_sim), clips, split)
     assert (root / MANIFEST).read_bytes() == before
 

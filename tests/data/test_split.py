@@ -2,7 +2,7 @@
 
 import pytest
 
-from src.data.split import make_split, part_of_time
+from src.data.split import held_out_clips, make_split, part_of_time
 from src.errors import UserError
 
 PAPER = [f"town{town}/clip{clip:02d}" for town in range(8) for clip in range(15)]
@@ -31,6 +31,12 @@ def test_every_frame_is_in_exactly_one_part_and_in_its_second(capture_hz):
         assert max(times_s) < high_s
     assert {part for part in split for clip, _ in split[part] if clip == PAPER[1]} == {"val"}
     assert {part for part in split for clip, _ in split[part] if clip == PAPER[5]} == {"test"}
+
+
+def test_held_out_clips_are_found_again_in_the_split():
+    split = make_split(PAPER[:6], 30, 2.5, [PAPER[4]], [PAPER[5], PAPER[2]])
+    assert held_out_clips(split) == {"val": [PAPER[4]], "test": [PAPER[2], PAPER[5]]}
+    assert held_out_clips(make_split(PAPER[:6], 30, 2.5, [], [])) == {"val": [], "test": []}
 
 
 @pytest.mark.parametrize(("capture_hz", "first_val"), [(2.5, 25), (5, 50), (25, 250)])

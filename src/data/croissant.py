@@ -1,0 +1,278 @@
+"""Croissant 1.0 metadata of a data set: JSON-LD that tools of the field read and load.
+
+The format is MLCommons' (http://mlcommons.org/croissant/1.0). Its context stands in the file, so
+that reading it needs no network.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from ..ontology import ACTOR_TYPES, CLASSES
+from .clip import ACTOR_COLUMNS, FRAME_COLUMNS, SUMS
+from .files import sha256_of
+from .manifest import MANIFEST
+
+CONTEXT = {
+    "@language": "en",
+    "@vocab": "https://schema.org/",
+    "citeAs": "cr:citeAs",
+    "column": "cr:column",
+    "conformsTo": "dct:conformsTo",
+    "cr": "http://mlcommons.org/croissant/",
+    "data": {"@id": "cr:data", "@type": "@json"},
+    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+    "dct": "http://purl.org/dc/terms/",
+    "equivalentProperty": "cr:equivalentProperty",
+    "examples": {"@id": "cr:examples", "@type": "@json"},
+    "extract": "cr:extract",
+    "field": "cr:field",
+    "fileObject": "cr:fileObject",
+    "fileProperty": "cr:fileProperty",
+    "fileSet": "cr:fileSet",
+    "format": "cr:format",
+    "includes": "cr:includes",
+    "isLiveDataset": "cr:isLiveDataset",
+    "jsonPath": "cr:jsonPath",
+    "key": "cr:key",
+    "md5": "cr:md5",
+    "parentField": "cr:parentField",
+    "path": "cr:path",
+    "rai": "http://mlcommons.org/croissant/RAI/",
+    "recordSet": "cr:recordSet",
+    "references": "cr:references",
+    "regex": "cr:regex",
+    "repeated": "cr:repeated",
+    "replace": "cr:replace",
+    "samplingRate": "cr:samplingRate",
+    "sc": "https://schema.org/",
+    "separator": "cr:separator",
+    "source": "cr:source",
+    "subField": "cr:subField",
+    "transform": "cr:transform",
+}
+"""The context of Croissant 1.0, word for word."""
+
+FILE_SETS = {
+    "clip.json": ("application/json", "town, weather, seed, camera and voxel grid of a clip"),
+    "frames.csv": ("text/csv", "time, pose, velocity, attitude and height of every frame"),
+    "actors.csv": ("text/csv", "class, place, velocity, size of every moving actor, every frame"),
+    "rgb.zip": ("application/zip", "front images, 000000.jpg and so on"),
+    "occupancy.npz": (
+        "application/zip",
+        "NumPy arrays [X, Y, Z] of each frame: semantics_000000 (uint8, 255 is unknown) and "
+        "visible_000000 (bool)",
+    ),
+    "aux.npz": (
+        "application/zip",
+        "NumPy arrays [H, W] of each frame: depth_000000 (float32, metres), class_000000 (uint8), "
+        "instance_000000 (int32)",
+    ),
+    SUMS: ("text/plain", "SHA-256 of every other file of the clip"),
+}
+IMAGES = {
+    "@type": "cr:FileSet",
+    "@id": "images",
+    "name": "images",
+    "description": "the front images in each rgb.zip",
+    "containedIn": {"@id": "rgb.zip"},
+    "encodingFormat": "image/jpeg",
+    "includes": "*.jpg",
+}
+UNITS = {"m": "metres", "s": "seconds", "rad": "radians", "mps": "m/s", "radps": "rad/s"}
+POSES = {
+    "x_m": "position, east",
+    "y_m": "position, north",
+    "z_m": "position, up",
+    "vx_mps": "velocity, east",
+    "vy_mps": "velocity, north",
+    "vz_mps": "velocity, up",
+    "yaw_rad": "heading, counter-clockwise from east",
+}
+FRAME_MEANINGS = {
+    **POSES,
+    "frame": "number of the frame in its clip, from 0",
+    "time_s": "time since the start of the clip",
+    **{f"q{axis}": f"{axis} of the quaternion world_from_body, scalar last" for axis in "xyzw"},
+    "wx_radps": "angular velocity about the body's x axis (forward)",
+    "wy_radps": "angular velocity about the body's y axis (left)",
+    "wz_radps": "angular velocity about the body's z axis (up)",
+    "roll_rad": "roll, right side down positive",
+    "pitch_rad": "pitch, nose down positive",
+    "altitude_m": "height above the ground",
+}
+ACTOR_MEANINGS = {
+    **POSES,
+    "frame": "number of the frame in its clip, from 0",
+    "actor_id": "number of the actor in its clip",
+    "type": f"one of {', '.join(ACTOR_TYPES)}",
+    "class_id": "class of its voxels, as in the record set classes",
+    "length_m": "length of its box",
+    "width_m": "width of its box",
+    "height_m": "height of its box",
+    "visible_pixels": "pixels of the front image that show it",
+}
+CLIP_MEANINGS = {
+    "clip": "the clip's folder, <town>/<clip>",
+    "town": "name of the town",
+    "weather": "name of the illumination and weather",
+    "role": "split: divided by time into train, val and test; val or test: held out as a whole",
+    "capture_hz": "frames a second",
+    "frames": "number of frames",
+    "mean_altitude_m": "mean height above the ground",
+    "mean_speed_mps": "mean speed",
+    **{f"visible_{name}": f"visible actors, {name}, summed over frames" for name in ACTOR_TYPES},
+    **{f"share_{name}": f"share of {name} among the labelled voxels" for name in CLASSES},
+    "bytes": "size of all files",
+}
+COUNTS = [f"visible_{name}" for name in ("pixels", *ACTOR_TYPES)]
+INTEGERS = ("frame", "actor_id", "class_id", "frames", "bytes", *COUNTS)
+TEXTS = ("clip", "type", "town", "weather", "role")
+
+
+def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Path) -> dict:
+    """The metadata as plain data, to be written to ``<root>/croissant.json``.
+
+    ``clips_csv`` is a table with a row a clip, somewhere under ``root``. Every clip's files are
+    covered by the manifest's hashes, and the manifest by its own here.
+    """
+    files = next(iter(manifest["clips"].values()))["files"]
+    return {
+        "@context": CONTEXT,
+        "@type": "sc:Dataset",
+        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "name": root.name,
+        "description": description,
+        "license": "https://spdx.org/licenses/MIT.html",
+        "version": "1.0.0",
+        "keywords": ["UAV", "semantic occupancy", "3-D scene understanding", "synthetic data"],
+        "citeAs": "SkyShield: Occupancy as a Safety Interface for Low-Altitude UAV Autonomy",
+        "distribution": [
+            _file_object(root, root / MANIFEST, "application/json"),
+            _file_object(root, clips_csv, "text/csv"),
+            *(_file_set(name) for name in FILE_SETS if name in files or name == SUMS),
+            IMAGES,
+        ],
+        "recordSet": [
+            _classes(),
+            _clips(clips_csv),
+            _table("frames", "frames.csv", "A record a frame.", FRAME_COLUMNS, FRAME_MEANINGS),
+            _table(
+                "actors",
+                "actors.csv",
+                "A record a moving actor and frame.",
+                ACTOR_COLUMNS,
+                ACTOR_MEANINGS,
+            ),
+        ],
+    }
+
+
+def _file_object(root: Path, path: Path, encoding: str) -> dict:
+    return {
+        "@type": "cr:FileObject",
+        "@id": path.name,
+        "name": path.name,
+        "contentUrl": path.relative_to(root).as_posix(),
+        "contentSize": f"{path.stat().st_size} B",
+        "encodingFormat": encoding,
+        "sha256": sha256_of(path),
+    }
+
+
+def _file_set(name: str) -> dict:
+    """The files of one name, one in the folder of each clip."""
+    encoding, description = FILE_SETS[name]
+    return {
+        "@type": "cr:FileSet",
+        "@id": name,
+        "name": name,
+        "description": description,
+        "encodingFormat": encoding,
+        "includes": f"*/*/{name}",
+    }
+
+
+def _classes() -> dict:
+    """The class ids of the voxels, as an enumeration."""
+    return {
+        "@type": "cr:RecordSet",
+        "@id": "classes",
+        "name": "classes",
+        "dataType": "sc:Enumeration",
+        "key": {"@id": "classes/id"},
+        "field": [
+            _field("classes", "id", "sc:Integer", "value of a voxel"),
+            _field("classes", "name", "sc:Text", "name of the class"),
+        ],
+        "data": [{"classes/id": n, "classes/name": name} for n, name in enumerate(CLASSES)],
+    }
+
+
+def _clips(clips_csv: Path) -> dict:
+    columns = pd.read_csv(clips_csv, nrows=0).columns
+    return {
+        "@type": "cr:RecordSet",
+        "@id": "clips",
+        "name": "clips",
+        "description": "A record a clip.",
+        "key": {"@id": "clips/clip"},
+        "field": [
+            _field(
+                "clips",
+                name,
+                _type_of(name),
+                _with_unit(name, CLIP_MEANINGS[name]),
+                {"fileObject": {"@id": clips_csv.name}, "extract": {"column": name}},
+            )
+            for name in columns
+        ],
+    }
+
+
+def _table(
+    name: str, file: str, description: str, columns: list[str], meanings: Mapping[str, str]
+) -> dict:
+    """A record set over the tables of one name in all clips; the folder tells the clip."""
+    clip = {
+        "fileSet": {"@id": file},
+        "extract": {"fileProperty": "fullpath"},
+        "transform": {"regex": f"^(.*)/{file.replace('.', '[.]')}$"},
+    }
+    fields = [_field(name, "clip", "sc:Text", "the clip's folder, <town>/<clip>", clip)]
+    for column in columns:
+        source = {"fileSet": {"@id": file}, "extract": {"column": column}}
+        meaning = _with_unit(column, meanings[column])
+        fields.append(_field(name, column, _type_of(column), meaning, source))
+    return {
+        "@type": "cr:RecordSet",
+        "@id": name,
+        "name": name,
+        "description": description,
+        "field": fields,
+    }
+
+
+def _field(
+    record_set: str, name: str, data_type: str, description: str, source: Mapping | None = None
+) -> dict:
+    field = {
+        "@type": "cr:Field",
+        "@id": f"{record_set}/{name}",
+        "name": name,
+        "description": description,
+        "dataType": data_type,
+    }
+    return field | ({"source": source} if source else {})
+
+
+def _type_of(column: str) -> str:
+    if column in TEXTS:
+        return "sc:Text"
+    return "sc:Integer" if column in INTEGERS else "sc:Float"
+
+
+def _with_unit(column: str, meaning: str) -> str:
+    unit = UNITS.get(column.rpartition("_")[2]) if "_" in column else None
+    return f"{meaning} ({unit})" if unit else meaning

@@ -1,0 +1,47 @@
+"""The card of a finished data set: a page for people, figures, a table, and Croissant metadata."""
+
+import json
+import sys
+from pathlib import Path
+
+from rich.progress import Progress
+
+from ..atomic import replacing
+from ..data.croissant import croissant_of
+from ..data.manifest import read_manifest
+from ..data.statistics import statistics_of
+from .animation import draw_flight
+from .card_text import WHAT_IT_IS, card_text
+from .contact_sheet import draw_contact_sheet
+from .statistics_figure import draw_statistics
+
+CARD, FIGURES, CROISSANT = "README.md", "card", "croissant.json"
+
+
+def write_card(root: Path) -> None:
+    """Write ``README.md``, ``card/`` and ``croissant.json`` into a data set's folder.
+
+    Everything comes from the files there, and the same data set gives the same bytes. Raises
+    `UserError` where the data set is unfinished, a file cannot be read, or nothing can be written.
+    """
+    root = Path(root)
+    manifest = read_manifest(root)
+    figures = root / FIGURES
+    with Progress(transient=True, disable=not sys.stdout.isatty()) as progress:
+        bar = progress.add_task(f"reading {root.name}", total=len(manifest["clips"]))
+        statistics = statistics_of(root, on_clip=lambda: progress.advance(bar))
+    clips = statistics.clip_table()
+    with replacing(figures / "clips.csv") as temporary:
+        clips.to_csv(temporary, index=False, lineterminator="\n")
+    draw_statistics(statistics, figures / "statistics.png")
+    draw_contact_sheet(root, statistics, figures / "contact_sheet.jpg")
+    draw_flight(root, statistics, figures / "flight.gif")
+    metadata = croissant_of(root, manifest, WHAT_IT_IS.replace("*", ""), figures / "clips.csv")
+    _write(root / CROISSANT, json.dumps(metadata, indent=1) + "\n")
+    pictures = [path.name for path in figures.iterdir()]
+    _write(root / CARD, card_text(root.name, manifest, statistics, clips, pictures))
+
+
+def _write(path: Path, text: str) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")

@@ -1,0 +1,163 @@
+"""The paper's four panels of data set statistics (App. B, "SkyShield Dataset and Generation")."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from ..atomic import replacing
+from ..data.statistics import DENOMINATORS, LOW_FLIGHT_M, Statistics
+from ..ontology import ACTOR_TYPES, CLASSES, COLORS
+from . import paper
+
+SIZE_INCHES, DPI = (13.0, 8.6), 130
+INK, MUTED, RULE, BAR, ACCENT = "#181c24", "#5a606a", "#e3e6ea", "#7d9cc0", "#d1495b"
+HEIGHT_BIN_M = 0.5
+DENOMINATOR_OPACITY = dict(zip(DENOMINATORS, (1.0, 0.55, 0.22)))
+VOXEL_COLORS = {name: np.array(COLORS[name]) / 255 for name in CLASSES}
+
+
+def draw_statistics(statistics: Statistics, path: str | Path) -> None:
+    """Write a PNG: A town by weather, B heights, C voxels of each class, D visible actors.
+
+    The paper's own numbers are marked where it gives them. Raises `UserError` for a path that
+    cannot be written.
+    """
+    with replacing(path) as temporary:
+        FigureCanvasAgg(statistics_figure(statistics)).print_png(temporary)
+
+
+def statistics_figure(statistics: Statistics) -> Figure:
+    """The figure of `draw_statistics`: axes A, B, C, D in this order."""
+    figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained", facecolor="white")
+    figure.get_layout_engine().set(w_pad=0.15, h_pad=0.15)
+    (matrix, heights), (voxels, actors) = figure.subplots(2, 2)
+    _draw_matrix(matrix, statistics)
+    _draw_heights(heights, statistics)
+    _draw_voxels(voxels, statistics)
+    _draw_actors(actors, statistics)
+    return figure
+
+
+def _draw_matrix(axes: Axes, statistics: Statistics) -> None:
+    frames = statistics.by_town_and_weather(statistics.frames)
+    clips = statistics.by_town_and_weather(statistics.clips)
+    most = frames.to_numpy().max()
+    axes.imshow(frames, cmap="Blues", vmin=0, vmax=2.2 * most, aspect="auto")
+    axes.set_xticks(range(frames.shape[1]), map(readable, frames.columns), rotation=40, ha="right")
+    axes.set_yticks(range(frames.shape[0]), map(readable, frames.index))
+    for (row, column), count in np.ndenumerate(clips.to_numpy()):
+        label = f"{count}\n{frames.iat[row, column]:,}" if count else "–"
+        axes.text(column, row, label, ha="center", va="center", fontsize=8, color=INK)
+    axes.set_xticks(np.arange(0.5, frames.shape[1] - 1), minor=True)
+    axes.set_yticks(np.arange(0.5, frames.shape[0] - 1), minor=True)
+    axes.grid(which="minor", color="white", linewidth=2)
+    axes.tick_params(which="both", length=0)
+    axes.spines[:].set_visible(False)
+    _title(axes, "A", "Clips (above) and frames (below), town by weather")
+
+
+def _draw_heights(axes: Axes, statistics: Statistics) -> None:
+    heights_m = statistics.frames["altitude_m"]
+    last_m = max(LOW_FLIGHT_M + 1, float(np.ceil(heights_m.max())))
+    axes.hist(heights_m, np.arange(0, last_m + HEIGHT_BIN_M, HEIGHT_BIN_M), color=BAR, ec="white")
+    mean_m, below = heights_m.mean(), statistics.share_below()
+    lines = (
+        (mean_m, ACCENT, "-", f"mean {mean_m:.2f} m"),
+        (paper.MEAN_HEIGHT_M, MUTED, ":", f"the paper's mean {paper.MEAN_HEIGHT_M} m"),
+        (LOW_FLIGHT_M, INK, "--", f"{LOW_FLIGHT_M:g} m: {below:.1%} below, the paper's 86.1%"),
+    )
+    for height_m, color, style, label in lines:
+        axes.axvline(height_m, color=color, linestyle=style, linewidth=1.8, label=label)
+    axes.legend(frameon=False, fontsize=9)
+    axes.set_xlabel("height above the ground (m)")
+    axes.set_ylabel("frames")
+    axes.set_xlim(0, last_m)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    _finish(axes, "B", "Flight height")
+
+
+def _draw_voxels(axes: Axes, statistics: Statistics) -> None:
+    """Three bars a class, one for each denominator; most frequent class first."""
+    shares = statistics.class_shares().sort_values("labelled", ascending=False)
+    places = np.arange(len(shares))
+    for n, (denominator, opacity) in enumerate(DENOMINATOR_OPACITY.items()):
+        bars = axes.bar(places + 0.27 * (n - 1), shares[denominator], 0.25, alpha=opacity)
+        for bar, name in zip(bars, shares.index):
+            bar.set(facecolor=VOXEL_COLORS[name], edgecolor="#8a919c", linewidth=0.5)
+    for place, share in zip(places - 0.27, shares["labelled"]):
+        if share:
+            axes.text(place, 1.22 * share, percent(share), ha="center", fontsize=8.5, color=INK)
+    reported = [(shares.index.get_loc(name), share) for name, share in paper.CLASS_SHARES.items()]
+    axes.scatter(*zip(*reported), marker="D", s=34, color="white", edgecolor=INK, zorder=3)
+    least = min(*shares.to_numpy()[shares > 0], *paper.CLASS_SHARES.values())
+    axes.set_yscale("log")
+    axes.set_ylim(10 ** np.floor(np.log10(least)), 4)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{100 * share:g}%"))
+    axes.set_xticks(places, map(readable, shares.index), rotation=25, ha="right")
+    axes.set_ylabel("share of voxels")
+    grey = [
+        Patch(facecolor=INK, alpha=0.75 * o, label=f"of {d} voxels".replace("in ", "in-"))
+        for d, o in DENOMINATOR_OPACITY.items()
+    ]
+    diamond = Line2D(
+        [],
+        [],
+        marker="D",
+        ls="",
+        markerfacecolor="white",
+        markeredgecolor=INK,
+        label="the paper's (of which, it does not say)",
+    )
+    axes.legend(handles=[*grey, diamond], frameon=False, fontsize=9)
+    _finish(axes, "C", "Voxels of each class (log)")
+
+
+def _draw_actors(axes: Axes, statistics: Statistics) -> None:
+    """Mean number of visible actors in a frame, beside the paper's, and our sum above it."""
+    ours = statistics.visible_per_frame()
+    theirs = [paper.INSTANCES[name] / paper.FRAMES for name in ours.index]
+    places = np.arange(len(ours))
+    colors = [VOXEL_COLORS[CLASSES[ACTOR_TYPES[name]]] for name in ours.index]
+    axes.bar(places - 0.2, ours, 0.38, color=colors)
+    hatched = {"facecolor": "white", "edgecolor": MUTED, "hatch": "////"}
+    axes.bar(places + 0.2, theirs, 0.38, label="the paper's", **hatched)
+    for place, count, height in zip(places - 0.2, visible_totals(statistics).values(), ours):
+        label = axes.text(place, height, f"{count:,}", ha="center", va="bottom", fontsize=8)
+        label.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4})
+    axes.set_xticks(places, ours.index)
+    axes.set_ylabel("visible actors in a frame")
+    axes.margins(y=0.1)
+    axes.legend(frameon=False, fontsize=9)
+    _finish(axes, "D", "Visible actors: mean of a frame, and their sum (figures)")
+
+
+def visible_totals(statistics: Statistics) -> dict[str, int]:
+    """Visible actors summed over all frames, by type."""
+    return {name: int(statistics.frames[f"visible/{name}"].sum()) for name in ACTOR_TYPES}
+
+
+def readable(name: str) -> str:
+    """A class, town or weather in words."""
+    return name.upper() if name == "vru" else name.replace("_", " ")
+
+
+def percent(share: float) -> str:
+    """A share in percent with three significant digits, as in the paper."""
+    return f"{100 * share:.3g}%"
+
+
+def _title(axes: Axes, letter: str, text: str) -> None:
+    axes.set_title(f"$\\bf{{{letter}}}$  {text}", loc="left", fontsize=11, color=INK)
+
+
+def _finish(axes: Axes, letter: str, text: str) -> None:
+    _title(axes, letter, text)
+    axes.grid(axis="y", color=RULE)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)

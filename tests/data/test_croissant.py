@@ -1,0 +1,126 @@
+"""The metadata against mlcroissant, which validates it and reads the files through it."""
+
+import itertools
+import json
+import shutil
+import sys
+
+import mlcroissant as mlc
+import pytest
+
+from src.data.clip import ACTOR_COLUMNS, FRAME_COLUMNS, Clip
+from src.data.croissant import FILE_SETS, croissant_of
+from src.data.files import sha256_of
+from src.data.manifest import MANIFEST, read_manifest
+from src.data.statistics import statistics_of
+from src.ontology import CLASSES
+
+
+@pytest.fixture(scope="module")
+def root(mini_dataset, tmp_path_factory):
+    """A copy of the small data set with its metadata."""
+    root = tmp_path_factory.mktemp("croissant") / mini_dataset.name
+    shutil.copytree(mini_dataset, root)
+    clips_csv = root / "card/clips.csv"
+    clips_csv.parent.mkdir()
+    statistics_of(root).clip_table().to_csv(clips_csv, index=False)
+    metadata = croissant_of(root, read_manifest(root), "A test.", clips_csv)
+    (root / "croissant.json").write_text(json.dumps(metadata))
+    return root
+
+
+@pytest.fixture(scope="module")
+def dataset(root):
+    return mlc.Dataset(jsonld=str(root / "croissant.json"))
+
+
+def test_it_is_valid(dataset):
+    issues = dataset.metadata.ctx.issues
+    assert not issues.errors
+    # A data set that everyone makes anew has no date of publication, and a stable card none at all.
+    assert len(issues.warnings) == 1
+    assert "datePublished" in next(iter(issues.warnings))
+
+
+def test_it_says_what_it_conforms_to(root):
+    metadata = json.loads((root / "croissant.json").read_text())
+    assert metadata["conformsTo"] == "http://mlcommons.org/croissant/1.0"
+    assert isinstance(metadata["@context"], dict)
+    assert metadata["name"] == root.name
+
+
+@pytest.mark.parametrize(
+    ("record_set", "columns"), [("frames", FRAME_COLUMNS), ("actors", ACTOR_COLUMNS)]
+)
+def test_tables_are_read_through_it(root, dataset, record_set, columns):
+    table = getattr(Clip(root / "suburb/clip00"), record_set)
+    records = list(itertools.islice(dataset.records(record_set), 40))
+    for record, row in zip(records, table.to_dict("records")):
+        assert record[f"{record_set}/clip"].decode() == "suburb/clip00"
+        for column in columns:
+            value = record[f"{record_set}/{column}"]
+            assert (value.decode() if isinstance(value, bytes) else value) == row[column]
+
+
+def test_every_clip_is_read(root, dataset):
+    clips = [record["frames/clip"].decode() for record in dataset.records("frames")]
+    assert clips == ["suburb/clip00"] * 30 + ["suburb/clip01"] * 30
+    rows = list(dataset.records("clips"))
+    assert [row["clips/role"].decode() for row in rows] == ["split", "test"]
+    assert all(set(row) >= {"clips/bytes", "clips/mean_altitude_m"} for row in rows)
+
+
+def test_the_classes_are_listed(dataset):
+    listed = {row["classes/id"]: row["classes/name"] for row in dataset.records("classes")}
+    assert listed == dict(enumerate(CLASSES))
+
+
+def test_every_kind_of_file_is_described(root):
+    metadata = json.loads((root / "croissant.json").read_text())
+    patterns = [entry.get("includes") for entry in metadata["distribution"]]
+    in_clip = {file.name for file in (root / "suburb/clip00").iterdir()}
+    assert in_clip <= set(FILE_SETS)
+    assert {f"*/*/{name}" for name in in_clip} <= set(patterns)
+
+
+def test_files_that_are_not_there_are_not_described(root):
+    manifest = read_manifest(root)
+    for clip in manifest["clips"].values():
+        del clip["files"]["aux.npz"]
+    metadata = croissant_of(root, manifest, "A test.", root / "card/clips.csv")
+    assert "*/*/aux.npz" not in [entry.get("includes") for entry in metadata["distribution"]]
+
+
+def test_every_column_has_a_description_and_lengths_a_unit(root):
+    metadata = json.loads((root / "croissant.json").read_text())
+    fields = {field["@id"]: field for r in metadata["recordSet"] for field in r["field"]}
+    assert all(field["description"] for field in fields.values())
+    assert fields["frames/altitude_m"]["description"].endswith("(metres)")
+    assert fields["frames/wx_radps"]["description"].endswith("(rad/s)")
+    assert fields["actors/vx_mps"]["description"].endswith("(m/s)")
+    assert fields["frames/qx"]["dataType"] == "sc:Float"
+    assert fields["actors/visible_pixels"]["dataType"] == "sc:Integer"
+
+
+def test_the_manifest_is_covered_by_its_hash(root):
+    """And by its own hashes, every file of every clip."""
+    metadata = json.loads((root / "croissant.json").read_text())
+    (listed,) = (entry for entry in metadata["distribution"] if entry["@id"] == MANIFEST)
+    assert listed["sha256"] == sha256_of(root / MANIFEST)
+    assert listed["contentSize"] == f"{(root / MANIFEST).stat().st_size} B"
+
+
+def test_a_changed_table_is_noticed(root, tmp_path):
+    copy = tmp_path / root.name
+    shutil.copytree(root, copy)
+    with open(copy / "card/clips.csv", "a") as file:
+        file.write("\n")
+    dataset = mlc.Dataset(jsonld=str(copy / "croissant.json"))
+    with pytest.raises(mlc.GenerationError) as error:
+        list(dataset.records("clips"))
+    assert "not identical" in str(error.value.__cause__)
+
+
+def test_making_it_does_not_need_mlcroissant(root, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mlcroissant", None)
+    assert croissant_of(root, read_manifest(root), "A test.", root / "card/clips.csv")

@@ -1,0 +1,210 @@
+"""The statistics against slow counts of the same files, and their definitions on made-up tables."""
+
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from src.data.clip import Clip
+from src.data.manifest import MANIFEST, read_manifest
+from src.data.statistics import (
+    DENOMINATORS,
+    Statistics,
+    statistics_of,
+    statistics_of_clips,
+    voxels_in_image,
+)
+from src.errors import UserError
+from src.geometry import VoxelGrid, camera_from_occ, in_image, project
+from src.ontology import ACTOR_TYPES, CLASSES, UNKNOWN
+from tests.synthetic import write_clip
+
+
+@pytest.fixture(scope="module")
+def statistics(mini_dataset):
+    return statistics_of(mini_dataset)
+
+
+def centres_in_image(clip, frame):
+    """The projection chain itself, point by point."""
+    meta = clip.meta
+    centres = meta.grid.centers(torch.float64).flatten(0, 2)
+    chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
+    pix, depth_m = project(centres, chain, meta.pix_from_camera)
+    return int(in_image(pix, depth_m, meta.width, meta.height).sum())
+
+
+def test_voxels_are_counted_by_class_and_by_denominator(mini_dataset, statistics):
+    for clip_id, rows in statistics.frames.groupby("clip"):
+        clip = Clip(mini_dataset / clip_id)
+        for frame in range(0, len(clip), 7):
+            row, labels = rows.iloc[frame], clip.semantics(frame)
+            for class_id, name in enumerate(CLASSES):
+                assert row[f"voxels/{name}"] == (labels == class_id).sum()
+            assert row["voxels/labelled"] == (labels != UNKNOWN).sum()
+            assert row["voxels/in image"] == centres_in_image(clip, frame)
+            assert row["voxels/all"] == labels.size == 25 * 25 * 15
+
+
+NEAR = VoxelGrid(lower_m=(0, -1.35, -1.4), upper_m=(2.7, 1.35, 1.3), shape=(9, 9, 9))
+"""Its nearest voxels are nearer to the lens than what counts as in the image."""
+
+
+@pytest.mark.parametrize("grid", [VoxelGrid(shape=(50, 50, 30)), NEAR])
+def test_voxels_in_the_image_are_those_of_the_projection_chain(tmp_path, grid):
+    write_clip(tmp_path / "town/clip00", grid=grid)
+    clip = Clip(tmp_path / "town/clip00")
+    counted = voxels_in_image(clip)
+    assert counted.tolist() == [centres_in_image(clip, frame) for frame in range(len(clip))]
+    assert len(set(counted.tolist())) > 5
+
+
+def test_motion_and_parts_are_those_of_the_frames(mini_dataset, statistics):
+    split_clip, test_clip = (
+        statistics.frames.groupby("clip").get_group(clip)
+        for clip in ("suburb/clip00", "suburb/clip01")
+    )
+    assert split_clip["part"].tolist() == ["train"] * 25 + ["val"] * 3 + ["test"] * 2
+    assert set(test_clip["part"]) == {"test"}
+    assert statistics.part_sizes() == read_manifest(mini_dataset)["split"]
+    assert statistics.clips["role"].tolist() == ["split", "test"]
+    table = Clip(mini_dataset / "suburb/clip01").frames
+    for name in ("altitude_m", "roll_rad", "pitch_rad"):
+        assert test_clip[name].tolist() == table[name].tolist()
+    squared = table["vx_mps"] ** 2 + table["vy_mps"] ** 2 + table["vz_mps"] ** 2
+    np.testing.assert_allclose(test_clip["speed_mps"], squared**0.5)
+    for row in statistics.clips.itertuples():
+        files = (mini_dataset / row.clip).iterdir()
+        assert row.bytes == sum(len(file.read_bytes()) for file in files)
+
+
+def write_actors(folder, visible):
+    """Replaces the actors of a synthetic clip by (frame, type, visible pixels)."""
+    table = pd.DataFrame(visible, columns=["frame", "type", "visible_pixels"])
+    header = (folder / "actors.csv").read_text().strip().split(",")
+    table = table.assign(class_id=table["type"].map(ACTOR_TYPES)).reindex(columns=header)
+    table.fillna(0.0).to_csv(folder / "actors.csv", index=False)
+
+
+@pytest.mark.parametrize(("width", "height", "least"), [(160, 125, 1), (224, 128, 2)])
+def test_an_actor_is_visible_from_a_share_of_the_image_on(tmp_path, width, height, least):
+    """0.005 % of 20,000 pixels is one pixel, and of 28,672 more than one."""
+    folder = tmp_path / "town/clip00"
+    write_clip(folder, width=width, height=height)
+    actors = [(0, "car", pixels) for pixels in (0, 1, 2, 500)] + [(3, "bus", 9), (3, "bus", 8)]
+    write_actors(folder, actors)
+    frames = statistics_of_clips(tmp_path, ["town/clip00"]).frames
+    assert frames["visible/car"].tolist() == [4 - least] + [0] * 29
+    assert frames["visible/bus"].tolist() == [0, 0, 0, 2] + [0] * 26
+    assert not frames[["visible/truck", "visible/pedestrian"]].any(axis=None)
+
+
+def test_actors_of_generated_clips_are_counted(mini_dataset, statistics):
+    per_frame = statistics.visible_per_frame()
+    assert list(per_frame.index) == list(ACTOR_TYPES)
+    seen = 0
+    for clip_id in statistics.clips["clip"]:
+        for actor in Clip(mini_dataset / clip_id).actors.itertuples():
+            seen += actor.visible_pixels / (96 * 64) >= 0.005 / 100
+    assert seen > 0
+    assert per_frame.sum() * 60 == pytest.approx(seen)
+
+
+def made_up(voxels, altitude_m=(5.0,), **columns):
+    """Statistics of frames with the given voxels by class; a third of the image is unlabelled."""
+    rows = len(altitude_m)
+    table = {f"voxels/{name}": [voxels.get(name, 0)] * rows for name in CLASSES}
+    labelled = sum(voxels.values())
+    for of, factor in zip(DENOMINATORS, (1, 1.5, 3)):
+        table[f"voxels/{of}"] = [factor * labelled] * rows
+    frames = pd.DataFrame({"altitude_m": altitude_m, **table, **columns})
+    return Statistics(frames, frames.get(["town", "weather"]))
+
+
+def test_shares_have_three_denominators():
+    shares = made_up({"free": 90, "thin_structure": 8, "car": 2}).class_shares()
+    assert list(shares.index) == list(CLASSES)
+    assert shares.loc["free"].tolist() == pytest.approx([0.9, 0.6, 0.3])
+    assert shares.loc["car"].tolist() == pytest.approx([0.02, 0.02 / 1.5, 0.02 / 3])
+    assert shares.loc["vru"].tolist() == [0, 0, 0]
+
+
+def test_the_rare_classes_are_set_against_vrus():
+    rare = {"thin_structure": 48, "car": 12, "vru": 3, "free": 1000}
+    assert made_up(rare).thin_car_vru() == pytest.approx((16, 4, 1))
+    assert np.isnan(made_up({"car": 5}).thin_car_vru()).all()
+
+
+def test_a_frame_at_11_m_is_not_below_11_m():
+    statistics = made_up({"free": 1}, altitude_m=(3.0, 10.9, 11.0, 12.0))
+    assert statistics.share_below() == 0.5
+    assert statistics.share_below(3.5) == 0.25
+
+
+def test_the_matrix_keeps_the_order_of_the_clips_and_shows_what_is_not_there():
+    towns, weathers = ["suburb", "park", "suburb"], ["rain", "clear", "clear"]
+    altitude_m = (1.0, 2.0, 3.0)
+    statistics = made_up({"free": 1}, altitude_m, town=towns, weather=weathers)
+    matrix = statistics.by_town_and_weather(statistics.frames)
+    assert matrix.index.tolist() == ["suburb", "park"]
+    assert matrix.columns.tolist() == ["rain", "clear"]
+    assert matrix.to_numpy().tolist() == [[1, 1], [0, 1]]
+
+
+def test_the_clip_table_adds_up(statistics):
+    table, frames = statistics.clip_table().set_index("clip"), statistics.frames
+    assert list(table.columns)[-1] == "bytes"
+    assert not table.isna().any(axis=None)
+    for clip_id, rows in frames.groupby("clip"):
+        row = table.loc[clip_id]
+        assert row["frames"] == 30
+        assert row["mean_altitude_m"] == pytest.approx(rows["altitude_m"].mean(), abs=1e-4)
+        assert row["visible_car"] == rows["visible/car"].sum()
+        assert row[[f"share_{name}" for name in CLASSES]].sum() == pytest.approx(1, abs=1e-6)
+
+
+def test_clips_come_in_the_order_of_the_towns_of_the_plan(mini_dataset, tmp_path):
+    root = tmp_path / "data"
+    shutil.copytree(mini_dataset, root)
+    shutil.copytree(root / "suburb/clip00", root / "downtown/clip00")
+    text = (root / MANIFEST).read_text()
+    text = text.replace('"suburb"\n', '"suburb",\n   "downtown"\n')
+    (root / MANIFEST).write_text(text.replace('"suburb/clip00": {', '"downtown/clip00": {'))
+    assert list(read_manifest(root)["clips"]) == ["downtown/clip00", "suburb/clip01"]
+    assert statistics_of(root).clips["clip"].tolist() == ["suburb/clip01", "downtown/clip00"]
+
+
+def test_progress_is_told_of_every_clip(mini_dataset):
+    told = []
+    statistics_of(mini_dataset, on_clip=lambda: told.append(1))
+    assert len(told) == 2
+
+
+def test_clips_of_an_unfinished_data_set_can_be_read(mini_dataset, tmp_path, statistics):
+    root = tmp_path / "data"
+    shutil.copytree(mini_dataset / "suburb/clip01", root / "suburb/clip01")
+    with pytest.raises(UserError, match="task=generate"):
+        statistics_of(root)
+    some = statistics_of_clips(root, ["suburb/clip01"], {"suburb/clip01": "test"})
+    expected = statistics.frames[statistics.frames["clip"] == "suburb/clip01"]
+    pd.testing.assert_frame_equal(some.frames, expected.reset_index(drop=True))
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda root: shutil.rmtree(root / "suburb/clip01"), r"1 of 2 clips.*suburb/clip01 first"),
+        (lambda root: (root / "suburb/clip01/occupancy.npz").write_bytes(b"PK"), "occupancy.npz"),
+        (lambda root: (root / "suburb/clip01/actors.csv").write_text("frame\n"), "actors.csv"),
+    ],
+)
+def test_what_cannot_be_read_is_named_in_one_line(mini_dataset, tmp_path, damage, message):
+    root = tmp_path / "data"
+    shutil.copytree(mini_dataset, root)
+    damage(root)
+    with pytest.raises(UserError, match=message) as error:
+        statistics_of(root)
+    assert "task=generate" in str(error.value)
+    assert "\n" not in str(error.value)
