@@ -25,7 +25,7 @@ from src.data.clip import ClipWriter
 from src.sim import clip_maker
 from src.sim.clip_maker import ClipMaker
 from src.sim.fusion import ActorMap, StaticMap
-from src.sim.generate import plan_clips
+from src.sim.plan import plan_clips
 from src.sim.world import World
 
 STAGES: list[tuple[str, object, str]] = [

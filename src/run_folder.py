@@ -19,7 +19,7 @@ SESSIONS = "sessions"
 VERSION = ".version"
 NOT_SHAPING = (
     *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
-    *("data.workers", "sim.workers", "sim.dry_run"),
+    *("data.workers", "sim.workers", "sim.shards", "sim.shard", "sim.dry_run"),
 )
 """Keys that say where, how fast and what to do, not how the model is trained."""
 

@@ -8,6 +8,7 @@ from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, OmegaConf
 
 from .data.dataset import history_stride
+from .data.rates import require_rates
 from .errors import UserError
 from .failures import closest
 from .geometry import VoxelGrid
@@ -46,6 +47,7 @@ def require_sound(cfg: DictConfig, overrides: list[str]) -> None:
         value = OmegaConf.select(cfg, key)
         if value is not None and value < least:
             raise UserError(f"{key}: {value} is too small; give {least} or more")
+    require_rates(cfg.sim)
     history_stride(cfg.data.history_step_s, cfg.sim.capture_hz)
     _require_sizes(cfg)
 

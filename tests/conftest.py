@@ -3,10 +3,16 @@
 import copy
 
 import pytest
+import torch
 
 from src.data.manifest import DatasetSpec, write_manifest
+from src.data.rates import frames_per_clip
 from src.data.split import make_split
-from src.sim.generate import frames_per_clip, generate, plan_clips
+from src.sim.generate import generate
+from src.sim.plan import plan_clips
+
+# The threads of two processes on two cores would wait for each other most of the time.
+torch.set_num_threads(1)
 
 MINI_SIM = {
     "seed": 0,
@@ -26,6 +32,8 @@ MINI_SIM = {
     "traffic": {},
     "save_aux": True,
     "workers": 2,
+    "shards": 1,
+    "shard": 0,
     "dry_run": False,
 }
 

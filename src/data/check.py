@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from ..geometry import (
     camera_from_occ,
@@ -35,6 +37,11 @@ class Agreement:
     free_voxels: int = 0
     free_with_point: int = 0
 
+    def join(self, other: "Agreement") -> None:
+        """Adds another's counts to these."""
+        for name, count in vars(other).items():
+            setattr(self, name, getattr(self, name) + count)
+
     def shares(self) -> dict[str, float]:
         return {
             "pixels in an occupied voxel": self.occupied / max(1, self.pixels),
@@ -48,13 +55,14 @@ def problems_of(clip_folder: Path) -> Iterator[str]:
     """What is wrong with a clip, a line each; nothing where it is sound."""
     damaged = damaged_files(clip_folder)
     for name in damaged:
-        yield f"{clip_folder / name}: its bytes are not the ones written; delete {clip_folder}"
+        yield f"{clip_folder / name}: its bytes are not the ones written"
     if damaged:
         return
     clip = Clip(clip_folder)
     yield from _pose_problems(clip)
+    centres = clip.meta.grid.centers(torch.float64)
     for frame in range(len(clip)):
-        yield from _frustum_problems(clip, frame)
+        yield from _frustum_problems(clip, frame, centres)
 
 
 def _pose_problems(clip: Clip) -> Iterator[str]:
@@ -66,14 +74,13 @@ def _pose_problems(clip: Clip) -> Iterator[str]:
         yield f"{clip.folder}: frame {frame}: roll, pitch, yaw are not those of the quaternion"
 
 
-def _frustum_problems(clip: Clip, frame: int) -> Iterator[str]:
+def _frustum_problems(clip: Clip, frame: int, centres: Float[Tensor, "X Y Z 3"]) -> Iterator[str]:
     """Labels stand exactly where the projection chain puts the image: a wrong attitude shows."""
     meta = clip.meta
     chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
-    centres = meta.grid.centers(torch.float64).reshape(-1, 3)
-    pix, depth_m = project(centres, chain, meta.pix_from_camera)
-    inside = in_image(pix, depth_m, meta.width, meta.height).numpy().reshape(meta.grid.shape)
-    outside = int(((clip.semantics(frame) != UNKNOWN) & ~inside).sum())
+    labelled = torch.from_numpy(clip.semantics(frame) != UNKNOWN)
+    pix, depth_m = project(centres[labelled], chain, meta.pix_from_camera)
+    outside = int((~in_image(pix, depth_m, meta.width, meta.height)).sum())
     if outside:
         yield f"{clip.folder}: frame {frame}: {outside} voxels outside the image carry labels"
 

@@ -24,7 +24,7 @@ from PIL import Image
 from torch import Tensor
 
 from ..geometry import VoxelGrid, rigid, rotation_from_quat
-from .files import flush_to_disk, reading, sha256_of, writing
+from .files import differing_files, flush_to_disk, reading, sha256_of, writing
 
 CLIP_SECONDS = 12.0
 JPEG_QUALITY = 95
@@ -96,6 +96,11 @@ def poses_of(frames: pd.DataFrame) -> Float[Tensor, "t 4 4"]:
     return rigid(rotation_from_quat(quat_xyzw), position_m)
 
 
+def unfinished(folder: Path) -> Path:
+    """Where a clip lies until it is whole."""
+    return folder.with_name(f".{folder.name}.part")
+
+
 class ClipWriter:
     """Writes one clip under a temporary name and renames it when it is whole.
 
@@ -106,7 +111,7 @@ class ClipWriter:
     def __init__(self, folder: Path, meta: ClipMeta) -> None:
         self.folder = folder
         self.meta = meta
-        self._part = folder.with_name(f".{folder.name}.part")
+        self._part = unfinished(folder)
 
     def __enter__(self) -> "ClipWriter":
         shutil.rmtree(self._part, ignore_errors=True)
@@ -259,18 +264,14 @@ class Clip:
 def recorded_sums(folder: Path) -> dict[str, str]:
     """File name to SHA-256, as the clip's own ``SHA256SUMS`` says."""
     with reading(folder / SUMS) as path:
-        lines = path.read_text().splitlines()
+        # Not splitlines(), for which a damaged line feed may end a line too.
+        lines = path.read_text().removesuffix("\n").split("\n")
         return {name: digest for digest, name in (line.split("  ", 1) for line in lines)}
 
 
 def damaged_files(folder: Path) -> list[str]:
     """Names of the clip's files that are missing or whose bytes are not the ones written."""
-    sums = recorded_sums(folder)
-    return [
-        name
-        for name, digest in sums.items()
-        if not (folder / name).is_file() or sha256_of(folder / name) != digest
-    ]
+    return differing_files(folder, recorded_sums(folder))
 
 
 def _csv(table: pd.DataFrame) -> str:

@@ -15,9 +15,9 @@ from .clip import SUMS, recorded_sums, sha256_of
 from .split import Split, held_out_clips
 
 MANIFEST = "manifest.json"
-MANIFEST_KEYS = {"scale", "sim", "generator", "packages", "split", "held_out", "clips"}
-GENERATOR_CODE = ("sim", "geometry.py", "ontology.py", "data/clip.py")
-NOT_SHAPING = ("workers", "dry_run")
+MANIFEST_KEYS = {"scale", "sim", "generator", "packages", "split", "held_out", "clips", "digest"}
+GENERATOR_CODE = ("sim", "geometry.py", "ontology.py", "data/clip.py", "data/rates.py")
+NOT_SHAPING = ("workers", "dry_run", "shards", "shard")
 """Settings of ``sim`` that change no byte of a clip."""
 
 
@@ -32,7 +32,7 @@ class DatasetSpec:
     @classmethod
     def of(cls, scale: str, sim: Mapping) -> "DatasetSpec":
         """The specification of what the code at hand would generate."""
-        shaping = {key: value for key, value in sim.items() if key not in NOT_SHAPING}
+        shaping = {key: _plain(value) for key, value in sim.items() if key not in NOT_SHAPING}
         return cls(scale, shaping, code_digest(SOURCE / part for part in GENERATOR_CODE))
 
     @property
@@ -50,7 +50,7 @@ def missing_clips(root: Path, clip_ids: Sequence[str]) -> list[str]:
 
 
 def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split: Split) -> Path:
-    """Writes ``manifest.json`` under a temporary name and renames it."""
+    """Writes ``manifest.json`` under a temporary name and renames it. Its ``digest`` is its own."""
     manifest = {
         "scale": spec.scale,
         "sim": spec.sim,
@@ -63,6 +63,7 @@ def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split
             for clip in clip_ids
         },
     }
+    manifest["digest"] = digest_of({**manifest, "digest": None})
     with replacing(root / MANIFEST) as temporary:
         temporary.write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n")
     return root / MANIFEST
@@ -75,25 +76,45 @@ def read_manifest(root: Path) -> dict:
         manifest = json.loads(path.read_text())
         if missing := MANIFEST_KEYS - set(manifest):
             raise ValueError(f"no {', '.join(sorted(missing))} in it")
+        if manifest["digest"] != digest_of({**manifest, "digest": None}):
+            raise ValueError("its bytes are not the ones written")
         return manifest
     except FileNotFoundError:
         raise UserError(
             f"{path}: not found, so {root} is no finished data set; run task=generate"
         ) from None
     except (OSError, ValueError, TypeError) as error:
-        raise UserError(f"{path}: cannot be read ({error}); run task=generate again") from error
+        raise UserError(
+            f"{path}: cannot be read ({error}); run task=generate with the same settings to write "
+            "it again"
+        ) from error
 
 
 def require_same_data(root: Path, spec: DatasetSpec) -> None:
     """Refuses a data set that was made under other settings than the ones asked for."""
-    made = read_manifest(root)["sim"]
-    for key in sorted(made.keys() | spec.sim.keys()):
-        if made.get(key) != spec.sim.get(key):
-            raise UserError(
-                f"{root}: was made with sim.{key}={_short(made.get(key))}, and this run asks for "
-                f"{_short(spec.sim.get(key))}; set sim.{key} to match, or drop paths.dataset to "
-                "generate the data asked for"
-            )
+    if changed := different_setting(read_manifest(root)["sim"], spec.sim):
+        key, old, new = changed
+        raise UserError(
+            f"{root}: was made with sim.{key}={old}, and this run asks for {new}; set sim.{key} to "
+            "match, or drop paths.dataset to generate the data asked for"
+        )
+
+
+def different_setting(before: Mapping, after: Mapping) -> tuple[str, str, str] | None:
+    """The first key of ``sim`` whose values differ, and both, shortened; None where none does."""
+    for key in sorted(before.keys() | after.keys()):
+        if before.get(key) != after.get(key):
+            return key, _short(before.get(key)), _short(after.get(key))
+    return None
+
+
+def _plain(value: object) -> object:
+    """The same settings, a whole number always as an integer: 5.0 Hz are 5 Hz."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _short(value: object) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.progress import Progress
 
 from ..atomic import replacing
+from ..data.clip import SUMS, sha256_of
 from ..data.croissant import croissant_of
 from ..data.manifest import read_manifest
 from ..data.statistics import statistics_of
@@ -16,10 +17,12 @@ from .contact_sheet import draw_contact_sheet
 from .statistics_figure import draw_statistics
 
 CARD, FIGURES, CROISSANT = "README.md", "card", "croissant.json"
+CARD_SUMS = f"{FIGURES}/{SUMS}"
 
 
 def write_card(root: Path) -> None:
-    """Write ``README.md``, ``card/`` and ``croissant.json`` into a data set's folder.
+    """Write ``README.md``, ``card/`` and ``croissant.json`` into a data set's folder, and the
+    SHA-256 of each of these files.
 
     Everything comes from the files there, and the same data set gives the same bytes. Raises
     `UserError` where the data set is unfinished, a file cannot be read, or nothing can be written.
@@ -38,8 +41,11 @@ def write_card(root: Path) -> None:
     draw_flight(root, statistics, figures / "flight.gif")
     metadata = croissant_of(root, manifest, WHAT_IT_IS.replace("*", ""), figures / "clips.csv")
     _write(root / CROISSANT, json.dumps(metadata, indent=1) + "\n")
-    pictures = [path.name for path in figures.iterdir()]
+    pictures = [path.name for path in figures.iterdir() if path.name != SUMS]
     _write(root / CARD, card_text(root.name, manifest, statistics, clips, pictures))
+    files = [root / CARD, root / CROISSANT, *(figures / name for name in sorted(pictures))]
+    sums = "".join(f"{sha256_of(path)}  {path.relative_to(root).as_posix()}\n" for path in files)
+    _write(root / CARD_SUMS, sums)
 
 
 def _write(path: Path, text: str) -> None:

@@ -130,14 +130,15 @@ def _compose(
             # figimage counts from the bottom, and is the one way to place pixels unresampled.
             bottom = height - top - TITLE_PIX - ROW_PIX
             figure.figimage(picture[::-1], u, bottom, origin="lower")
-    _add_legend(figure, height)
+    add_legend(figure, 66 / height)
     text(width / 2, height - 22, CAPTION, size=14, ha="center", color=MUTED)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
-def _add_legend(figure: Figure, height: int) -> None:
+def add_legend(figure: Figure, middle: float, skip: Sequence[str] = ()) -> None:
+    """Name the classes' colours in one line, ``middle`` of the figure's height above its foot."""
     patches = [
         Patch(
             facecolor=np.array(COLORS[name]) / 255,
@@ -145,11 +146,12 @@ def _add_legend(figure: Figure, height: int) -> None:
             label=name.upper() if name == "vru" else name.replace("_", " "),
         )
         for name in CLASSES
+        if name not in skip
     ]
     figure.legend(
         handles=patches,
         loc="center",
-        bbox_to_anchor=(0.5, 66 / height),
+        bbox_to_anchor=(0.5, middle),
         ncols=len(patches),
         frameon=False,
         fontsize=16,

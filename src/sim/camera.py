@@ -6,8 +6,11 @@ Nothing here knows pybullet: the matrices are plain lists in the order that it, 
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
+
+from ..geometry import unproject
 
 NEAR_M: Final = 0.1
 FAR_M: Final = 120.0
@@ -23,6 +26,9 @@ every other tool samples at ``(i + 0.5, j + 0.5)``.
 _EMPTY = 0.999
 """A depth beyond this share of the far plane is that of an empty pixel: TinyRenderer's background
 reads one float32 step below 1, about a centimetre before the far plane."""
+
+_SLACK_M = 0.05
+"""Renderers compute in float32: what they draw may lie this far from where it is."""
 
 
 def view_matrix(camera_from_world: Float[Tensor, "4 4"]) -> list[float]:
@@ -61,6 +67,34 @@ def depth_from_buffer(
     """Z-depth in metres (float64) of an OpenGL depth buffer in [0, 1]; inf where nothing is hit."""
     depth_m = far_m * near_m / (far_m - (far_m - near_m) * buffer.astype(np.float64))
     return np.where(depth_m < _EMPTY * far_m, depth_m, np.inf)
+
+
+def frustum_planes(
+    pix_from_camera: Float[Tensor, "3 3"], width: int, height: int
+) -> Float[np.ndarray, "4 3"]:
+    """Unit normals, inwards and in the camera's frame, of the planes through the image's sides."""
+    corners_pix = torch.tensor([[0, 0], [width, 0], [width, height], [0, height]])
+    one_m = torch.ones(4, dtype=pix_from_camera.dtype)
+    corners = unproject(corners_pix.to(pix_from_camera), one_m, pix_from_camera).numpy()
+    normals = np.cross(corners, np.roll(corners, -1, axis=0))
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def in_view(
+    planes: Float[np.ndarray, "4 3"],
+    camera_from_world: Float[np.ndarray, "4 4"],
+    middle_m: Float[np.ndarray, "n 3"],
+    reach_m: Float[np.ndarray, "n"],
+    far_m: float = FAR_M,
+) -> Bool[np.ndarray, "n"]:
+    """Which of some spheres may be seen: false only for those of which no point can.
+
+    ``planes`` are of `frustum_planes`, ``middle_m`` in the world.
+    """
+    middle_camera = middle_m @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+    depth_m, reach_m = middle_camera[:, 2], reach_m + _SLACK_M
+    inside = (middle_camera @ planes.T > -reach_m[:, None]).all(axis=1)
+    return inside & (depth_m > -reach_m) & (depth_m < far_m + reach_m)
 
 
 def _column_major(matrix: Float[Tensor, "4 4"]) -> list[float]:

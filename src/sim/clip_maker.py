@@ -15,8 +15,9 @@ from jaxtyping import Float
 
 from ..data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses_of
 from ..errors import UserError
-from ..geometry import VoxelGrid, front_mount, pinhole, pixel_centres, unproject
+from ..geometry import VoxelGrid, front_mount, pinhole
 from ..ontology import ACTOR_TYPES
+from .air import Viewpoint, apply_weather
 from .annotation import View, label_frame
 from .assets import ACTORS
 from .flight import Flight, FlightConfig, fly
@@ -27,7 +28,7 @@ from .scene import Body, Piece, Scene, parts_of, pieces_of, static_parts
 from .sensors import Scan, scan
 from .towns import build_town
 from .traffic import Traffic, TrafficConfig, simulate_traffic
-from .weather import apply_weather, weather_named
+from .weather import weather_named
 from .world import World
 
 DRAWN_RADIUS_M = 90.0
@@ -221,16 +222,13 @@ class ClipMaker:
     ) -> Iterator[View]:
         """Renders every frame, writes its image, and yields what the camera measured."""
         weather = weather_named(plan.weather)
-        pix = pixel_centres(*self.size).reshape(-1, 2)
-        through = unproject(pix, torch.ones(len(pix), dtype=torch.float64), self.pix_from_camera)
-        through = through / through.norm(dim=-1, keepdim=True)
-        with World(scene, self.pix_from_camera, *self.size) as world:
+        with World(scene, self.pix_from_camera, *self.size, self.sim["renderer"]) as world:
             for frame, pose in enumerate(world_from_body):
                 world_from_camera = pose @ self.body_from_camera
                 rendering = world.render(self.step_of(frame), world_from_camera, weather)
-                upwards = (through @ world_from_camera[2, :3]).numpy().reshape(self.size[::-1])
                 rng = generator_for(self.sim["seed"], "air", plan.town, plan.index, frame)
-                image = apply_weather(rendering.rgb, rendering.depth_m, upwards, weather, rng)
+                viewpoint = Viewpoint.of(world_from_camera, self.pix_from_camera)
+                image = apply_weather(rendering, viewpoint, weather, rng)
                 writer.add_image(frame, image)
                 if self.sim["save_aux"]:
                     writer.add_aux(

@@ -1,62 +1,21 @@
-"""How road users drive, ride and walk: their habits, and the Intelligent Driver Model."""
+"""How road users drive, ride and walk: the Intelligent Driver Model, along their own routes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from .route import Route, braked
+from .junction import RightOfWay
+from .sight import LOOK_M, look_ahead
+from .signals import SignalPlan
+from .traveller import Traveller
 
-DECISION_S = 0.1
+DECISION_S: Final = 0.1
 """Accelerations are chosen this often and held in between."""
 
-SIGHT_M = 30.0
-EMERGENCY_MPS2 = 8.0
-SIDE_GAP_M = 0.2
-
-
-@dataclass(frozen=True)
-class Habits:
-    """What a type of actor wants. Speeds are also limited by the path and by ``turn_radps``."""
-
-    speed_mps: tuple[float, float]
-    accelerate_mps2: float
-    brake_mps2: float
-    gap_m: float
-    """Kept to whatever is ahead when standing."""
-    headway_s: float
-    turn_radps: float
-    corner_m: float
-    """How widely corners are cut: see `Route.through`."""
-
-
-HABITS: Final = {
-    "bus": Habits((5.0, 9.0), 1.0, 2.0, 2.0, 1.4, 0.6, 4.0),
-    "truck": Habits((5.0, 10.0), 1.1, 2.0, 2.0, 1.4, 0.6, 3.5),
-    "car": Habits((6.0, 13.0), 1.8, 2.5, 2.0, 1.2, 0.8, 3.0),
-    "motorcycle": Habits((6.0, 13.0), 2.2, 2.5, 1.5, 1.0, 0.9, 2.5),
-    "bicycle": Habits((3.0, 5.5), 1.0, 2.0, 1.0, 1.0, 1.0, 1.5),
-    "pedestrian": Habits((0.9, 1.7), 1.0, 2.0, 0.4, 0.4, 1.5, 0.5),
-}
-
-
-@dataclass(frozen=True)
-class Traveller:
-    """Someone at a place of a route, with the speed wanted where nothing is in the way."""
-
-    type: str
-    size_m: tuple[float, float, float]
-    route: Route
-    start_m: float
-    speed_mps: float
-
-    @cached_property
-    def start(self) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, ""]]:
-        """Position and heading at the start."""
-        return self.route.at(self.start_m)
+EMERGENCY_MPS2: Final = 8.0
 
 
 @dataclass(frozen=True)
@@ -78,15 +37,23 @@ class Motion:
         )
 
 
-def drive(travellers: Sequence[Traveller], duration_s: float) -> Motion:
-    """All travellers along their routes, each minding what is ahead on its own."""
-    crowd = _Crowd(travellers)
+def drive(
+    travellers: Sequence[Traveller],
+    duration_s: float,
+    plans: Mapping[int, SignalPlan] | None = None,
+) -> Motion:
+    """All travellers along their routes, each minding what is ahead on its own.
+
+    At junctions they give way to each other and obey the lights; ``plans`` are those of the
+    junctions that have any.
+    """
+    crowd = _Crowd(travellers, RightOfWay(travellers, plans or {}))
     steps = int(np.ceil(duration_s / DECISION_S)) + 1
     arcs_m, speeds_mps, accelerations_mps2 = np.zeros((3, steps, len(travellers)))
     arc_m = np.array([traveller.start_m for traveller in travellers])
-    speed_mps = np.minimum(crowd.wanted_mps, crowd.limit_at(arc_m))
+    speed_mps = crowd.calm_speed(arc_m)
     for k in range(steps):
-        acceleration_mps2 = crowd.accelerations(arc_m, speed_mps)
+        acceleration_mps2 = crowd.accelerations(k * DECISION_S, arc_m, speed_mps)
         arcs_m[k], speeds_mps[k], accelerations_mps2[k] = arc_m, speed_mps, acceleration_mps2
         arc_m = arc_m + speed_mps * DECISION_S + 0.5 * acceleration_mps2 * DECISION_S**2
         speed_mps = np.maximum(speed_mps + acceleration_mps2 * DECISION_S, 0)
@@ -96,41 +63,48 @@ def drive(travellers: Sequence[Traveller], duration_s: float) -> Motion:
 class _Crowd:
     """The travellers' routes and habits as arrays, routes padded to a common length."""
 
-    def __init__(self, travellers: Sequence[Traveller]) -> None:
-        habits = [HABITS[traveller.type] for traveller in travellers]
+    def __init__(self, travellers: Sequence[Traveller], right_of_way: RightOfWay) -> None:
+        habits = [traveller.habits for traveller in travellers]
         routes = [traveller.route for traveller in travellers]
         longest = max(len(route.points_m) for route in routes)
+        self._right_of_way = right_of_way
         self._spacing_m = routes[0].spacing_m
         self._points_m = np.stack([_padded(route.points_m, longest) for route in routes])
         self._heading_rad = np.stack([_padded(route.heading_rad, longest) for route in routes])
-        self._limit_mps = np.stack(
-            [_padded(_speed_limit(*pair), longest) for pair in zip(routes, habits)]
-        )
+        self._limit_mps = np.stack([_padded(t.limit_mps, longest) for t in travellers])
         self._end_m = np.array([route.length_m for route in routes])
-        self._length_m, self._width_m, _ = np.array([t.size_m for t in travellers]).T
-        self._accelerate, self._brake, self._gap_m, self._headway_s = np.array(
-            [(h.accelerate_mps2, h.brake_mps2, h.gap_m, h.headway_s) for h in habits]
+        self._size_m = np.array([traveller.size_m[:2] for traveller in travellers])
+        self._accelerate, self._brake, self._gap_m, self._headway_s, self._side_gap_m = np.array(
+            [(h.accelerate_mps2, h.brake_mps2, h.gap_m, h.headway_s, h.side_gap_m) for h in habits]
         ).T
-        self.wanted_mps = np.array([traveller.speed_mps for traveller in travellers])
+        self._wanted_mps = np.array([traveller.speed_mps for traveller in travellers])
 
-    def limit_at(self, arc_m: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
-        """Speed that the path and its turns allow there."""
-        return self._limit_mps[np.arange(len(arc_m)), self._index(arc_m)]
+    def calm_speed(self, arc_m: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+        """The highest speeds at which nobody need brake harder than is comfortable."""
+        speed_mps = np.minimum(self._wanted_mps, self._limit_at(arc_m))
+        for _ in range(int(speed_mps.max() / (self._brake.min() * DECISION_S)) + 1):
+            hard = self.accelerations(0.0, arc_m, speed_mps) < -self._brake
+            speed_mps = np.maximum(speed_mps - hard * self._brake * DECISION_S, 0)
+        return speed_mps
 
     def accelerations(
-        self, arc_m: Float[np.ndarray, "n"], speed_mps: Float[np.ndarray, "n"]
+        self, time_s: float, arc_m: Float[np.ndarray, "n"], speed_mps: Float[np.ndarray, "n"]
     ) -> Float[np.ndarray, "n"]:
         """The Intelligent Driver Model (Treiber et al. 2000); the end of a route is a wall."""
-        gap_m, closing_mps = self._ahead(arc_m, speed_mps)
-        free_mps = np.maximum(np.minimum(self.wanted_mps, self.limit_at(arc_m)), 0.1)
+        gap_m, lead_mps = self._ahead(arc_m, speed_mps)
+        free_mps = np.maximum(np.minimum(self._wanted_mps, self._limit_at(arc_m)), 0.1)
+        closing_mps = speed_mps - lead_mps
         wanted_gap_m = self._gap_m + np.maximum(
             speed_mps * self._headway_s
             + speed_mps * closing_mps / (2 * np.sqrt(self._accelerate * self._brake)),
             0,
         )
         wish = 1 - (speed_mps / free_mps) ** 4 - (wanted_gap_m / np.maximum(gap_m, 0.1)) ** 2
-        # The model only drifts towards a lower limit; a turn must be met in time.
-        next_limit_mps = self.limit_at(arc_m + speed_mps * DECISION_S)
+        # The model only drifts towards a lower limit; a turn and a stop line must be met in time.
+        next_m = arc_m + speed_mps * DECISION_S
+        stop_m = self._right_of_way.stops_m(time_s, arc_m, speed_mps)
+        stopping_mps = np.sqrt(2 * self._brake * np.maximum(stop_m - next_m, 0))
+        next_limit_mps = np.minimum(self._limit_at(next_m), stopping_mps)
         wanted = np.minimum(self._accelerate * wish, (next_limit_mps - speed_mps) / DECISION_S)
         hardest = np.minimum(EMERGENCY_MPS2, speed_mps / DECISION_S)
         return np.clip(wanted, -hardest, self._accelerate)
@@ -138,74 +112,32 @@ class _Crowd:
     def _ahead(
         self, arc_m: Float[np.ndarray, "n"], speed_mps: Float[np.ndarray, "n"]
     ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-        """Free distance before each traveller, and how fast it shrinks."""
-        here = np.arange(len(arc_m)), self._index(arc_m)
-        position_m, heading_rad = self._points_m[here], self._heading_rad[here]
-        forward = np.stack([np.cos(heading_rad), np.sin(heading_rad)], axis=1)
-        gap_m = self._end_m - arc_m - self._length_m / 2
-        closing_mps = speed_mps.copy()
-        me, other = self._neighbours(position_m, forward)
-        distance_m, tangent, is_ahead = self._along_the_way(me, other, arc_m, position_m, forward)
-        leads_mps = (forward[other] * tangent).sum(axis=1) * speed_mps[other]
-        for i, d, lead_mps in zip(me[is_ahead], distance_m[is_ahead], leads_mps[is_ahead]):
-            if d < gap_m[i]:
-                gap_m[i], closing_mps[i] = d, speed_mps[i] - lead_mps
-        return gap_m, closing_mps
+        """Free distance before each traveller, and how fast its end moves away."""
+        front_m = arc_m + self._size_m[:, 0] / 2
+        gap_m, lead_mps = look_ahead(
+            self._points_m,
+            self._heading_rad,
+            self._index(arc_m),
+            self._index(front_m),
+            round(LOOK_M / self._spacing_m),
+            self._size_m,
+            self._side_gap_m,
+            speed_mps,
+        )
+        to_end_m = self._end_m - front_m
+        return np.minimum(gap_m, to_end_m), np.where(gap_m < to_end_m, lead_mps, 0.0)
 
-    def _neighbours(
-        self, position_m: Float[np.ndarray, "n 2"], forward: Float[np.ndarray, "n 2"]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs (me, other) of which the other may be in sight: near, and not behind me."""
-        offset_m = position_m[None] - position_m[:, None]
-        half_m = (self._length_m[:, None] + self._length_m[None]) / 2
-        near = np.hypot(*np.moveaxis(offset_m, -1, 0)) < SIGHT_M + half_m
-        near &= (offset_m * forward[:, None]).sum(axis=-1) > -half_m
-        np.fill_diagonal(near, False)
-        return np.nonzero(near)
+    def _limit_at(self, arc_m: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+        """Speed that the path and its turns allow there, interpolated between samples."""
+        who, last = np.arange(len(arc_m)), self._limit_mps.shape[1] - 1
+        at = np.clip(arc_m / self._spacing_m, 0, last)
+        before, share = at.astype(int), at % 1
+        after_mps = self._limit_mps[who, np.minimum(before + 1, last)]
+        return (1 - share) * self._limit_mps[who, before] + share * after_mps
 
-    def _along_the_way(
-        self,
-        me: np.ndarray,
-        other: np.ndarray,
-        arc_m: Float[np.ndarray, "n"],
-        position_m: Float[np.ndarray, "n 2"],
-        forward: Float[np.ndarray, "n 2"],
-    ) -> tuple[Float[np.ndarray, "p"], Float[np.ndarray, "p 2"], Bool[np.ndarray, "p"]]:
-        """For pairs: distance from my front to the other, my direction there, if it is in my way.
-
-        The other is three discs as wide as it is, along its length.
-        """
-        way_m = np.arange(0, SIGHT_M, 1.0)
-        front_m = arc_m + self._length_m / 2
-        index = self._index((front_m[me])[:, None] + way_m)
-        way_points_m = self._points_m[me[:, None], index]
-        half_m = np.maximum(self._length_m - self._width_m, 0) / 2
-        reach_m = half_m[:, None] * np.array([-1.0, 0.0, 1.0])
-        discs_m = position_m[:, None] + reach_m[..., None] * forward[:, None]
-        offset_m = discs_m[other][:, None] - way_points_m[:, :, None]
-        apart_m = np.hypot(offset_m[..., 0], offset_m[..., 1])
-        nearest = apart_m.argmin(axis=1)
-        pair, disc = np.arange(len(me))[:, None], np.arange(3)[None]
-        heading_rad = self._heading_rad[me[:, None], index][pair, nearest]
-        tangent = np.stack([np.cos(heading_rad), np.sin(heading_rad)], axis=-1)
-        beyond_m = (offset_m[pair, nearest, disc] * tangent).sum(axis=-1)
-        side_m = np.abs(np.cross(tangent, offset_m[pair, nearest, disc]))
-        along_m = way_m[nearest] + beyond_m
-        in_way = side_m < (self._width_m[me] + self._width_m[other])[:, None] / 2 + SIDE_GAP_M
-        in_way &= (along_m > 0) & (along_m < SIGHT_M)
-        gap_m = np.where(in_way, along_m - self._width_m[other][:, None] / 2, np.inf)
-        first = gap_m.argmin(axis=1)
-        rows = np.arange(len(me))
-        return gap_m[rows, first], tangent[rows, first], in_way.any(axis=1)
-
-    def _index(self, arc_m: Float[np.ndarray, "*n"]) -> np.ndarray:
+    def _index(self, arc_m: Float[np.ndarray, "n"]) -> np.ndarray:
         nearest = np.rint(arc_m / self._spacing_m).astype(int)
         return np.clip(nearest, 0, self._points_m.shape[1] - 1)
-
-
-def _speed_limit(route: Route, habits: Habits) -> Float[np.ndarray, "n"]:
-    turn_mps = habits.turn_radps / np.maximum(route.sharpness(), 1e-6)
-    return braked(np.minimum(route.speed_mps, turn_mps), route.spacing_m, habits.brake_mps2)
 
 
 def _padded(values: np.ndarray, length: int) -> np.ndarray:

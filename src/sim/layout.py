@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -28,12 +29,34 @@ class GroundPatch:
 
 
 @dataclass(frozen=True)
+class Gate:
+    """A place on a path where one may have to wait before going over a junction.
+
+    It is ``at_m`` from the path's start: a stop line, or where a pedestrian crossing leaves the
+    kerb. A lane's gate leads over the path that follows, the turn; the gate of a crossing
+    (``is_crossing``) over the rest of its own path. The junction is left ``clear_m`` beyond the end
+    of that path (before its end where negative).
+
+    ``phase``, out of ``phases``, is the one in which traffic from this arm of the junction has
+    green, and people may not cross the arm; it is None where there are no lights.
+    """
+
+    junction: int
+    at_m: float
+    clear_m: float
+    is_crossing: bool
+    phase: int | None
+    phases: int
+
+
+@dataclass(frozen=True)
 class Path:
     """A directed way: a lane for vehicles, a pavement for people, or a corridor for the UAV.
 
     ``points_m`` are world x and y of a polyline in the direction of travel. ``half_width_m`` is the
     room to each side. ``successors`` index the paths of the same kind on which one may go on; an
-    empty tuple is a dead end. ``rise_m`` is how far the surface lies above the terrain.
+    empty tuple is a dead end. ``rise_m`` is how far the surface lies above the terrain. ``gate`` is
+    where one may have to wait for others, if anywhere.
     """
 
     points_m: Float[np.ndarray, "n 2"]
@@ -41,8 +64,9 @@ class Path:
     speed_mps: float
     successors: tuple[int, ...]
     rise_m: float = 0.0
+    gate: Gate | None = None
 
-    @property
+    @cached_property
     def length_m(self) -> float:
         return float(np.linalg.norm(np.diff(self.points_m, axis=0), axis=1).sum())
 

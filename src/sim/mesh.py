@@ -36,6 +36,24 @@ class Mesh:
             self.faces,
         )
 
+    def bounding_sphere(self) -> tuple[Float[np.ndarray, "3"], float]:
+        """Middle and radius of a sphere around it: not the least one, but a tight one."""
+        middle_m = (self.vertices_m.min(axis=0) + self.vertices_m.max(axis=0)) / 2
+        return middle_m, float(np.linalg.norm(self.vertices_m - middle_m, axis=1).max())
+
+
+def split(mesh: Mesh, cell_m: float) -> dict[tuple[int, int], Mesh]:
+    """The mesh by square cells of the map: each triangle goes whole to the cell of its middle."""
+    middle_m = mesh.vertices_m[mesh.faces, :2].mean(axis=1)
+    cells, owner = np.unique(np.floor(middle_m / cell_m).astype(int), axis=0, return_inverse=True)
+    pieces = {}
+    for index, cell in enumerate(cells.tolist()):
+        used, corners = np.unique(mesh.faces[owner.reshape(-1) == index], return_inverse=True)
+        pieces[tuple(cell)] = Mesh(
+            mesh.vertices_m[used], mesh.normals[used], mesh.uvs_m[used], corners.reshape(-1, 3)
+        )
+    return pieces
+
 
 def merge(meshes: Sequence[Mesh]) -> Mesh:
     """One mesh with the triangles of all, in their order."""

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ..data.rates import STEP_HZ
 from .route import Route, braked, gaussian_window, slow_wave
-
-STEP_HZ = 50
-"""Rate of the simulation. Captures subsample it, so that their rate never changes a flight."""
 
 STEP_S = 1 / STEP_HZ
 

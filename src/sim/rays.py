@@ -3,7 +3,7 @@
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 
 class RayScene:
@@ -31,3 +31,16 @@ class RayScene:
         )
         face = hits["primID"]
         return np.where(face >= 0, hits["tfar"], np.float32(np.inf)), face
+
+    def blocked(
+        self, origins_m: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> Bool[np.ndarray, "n"]:
+        """Whether each ray hits anything at all, which is found sooner than what it hits first."""
+        if not self._count or not len(origins_m):
+            return np.zeros(len(origins_m), dtype=bool)
+        met = self._scene.run(
+            np.ascontiguousarray(origins_m, dtype=np.float32),
+            np.ascontiguousarray(directions, dtype=np.float32),
+            query="OCCLUDED",
+        )
+        return met >= 0

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
+from numpy.lib.stride_tricks import sliding_window_view
 
 from .layout import Path
 
@@ -64,15 +65,17 @@ def _turn_rad(before: Path, after: Path) -> float:
 class Route:
     """A curve in the plane, sampled every ``spacing_m`` of its parameter, the arc.
 
-    ``heading_rad`` is the direction of travel, continuous (not wrapped). ``half_width_m``,
-    ``speed_mps`` and ``rise_m`` are those of the path underneath.
+    ``heading_rad`` is the direction of travel, continuous (not wrapped). ``along_m`` is how far
+    along the chained ``paths`` each sample lies. ``half_width_m`` and ``rise_m`` pass smoothly from
+    path to path; the half width is nowhere more than that of the path underneath.
     """
 
     spacing_m: float
+    paths: tuple[Path, ...]
     points_m: Float[np.ndarray, "n 2"]
     heading_rad: Float[np.ndarray, "n"]
+    along_m: Float[np.ndarray, "n"]
     half_width_m: Float[np.ndarray, "n"]
-    speed_mps: Float[np.ndarray, "n"]
     rise_m: Float[np.ndarray, "n"]
 
     @classmethod
@@ -84,14 +87,8 @@ class Route:
         ``corner_m`` is the standard deviation of the Gaussian that rounds them. It cuts a right
         angle by 0.56 of it, and the tightest radius of the cut is 0.89 of it.
         """
-        chained = [paths[i] for i in indices]
-        rows = [
-            np.c_[
-                path.points_m, np.full((len(path.points_m), 2), (path.half_width_m, path.speed_mps))
-            ]
-            for path in chained
-        ]
-        points_m, values = resample(np.concatenate(rows), spacing_m)
+        chained = tuple(paths[i] for i in indices)
+        points_m, _ = resample(np.concatenate([path.points_m for path in chained]), spacing_m)
         window = gaussian_window(corner_m / spacing_m)
         reach = len(window) // 2
         step_start, step_end = points_m[1] - points_m[0], points_m[-1] - points_m[-2]
@@ -101,26 +98,44 @@ class Route:
             points_m,
             points_m[-1] + beyond * step_end,
         ]
-        rise_m = np.pad(_rises(chained, len(points_m), spacing_m), reach, mode="edge")
-        values = np.c_[values, smoothed(rise_m[:, None], window)]
-        return cls.sampled(smoothed(np.concatenate(extended), window), values, spacing_m)
+        along_m = np.arange(len(points_m)) * spacing_m
+        under = _under(chained, along_m)
+        sides_m = np.array([(path.half_width_m, path.rise_m) for path in chained])[under]
+        sides_m = np.pad(sides_m, ((2 * reach, 2 * reach), (0, 0)), mode="edge")
+        # The mean of what is least within the window is nowhere more than the value itself.
+        least_m = sliding_window_view(sides_m[:, 0], len(window)).min(axis=1)
+        values = np.c_[
+            along_m, smoothed(np.c_[least_m, sides_m[reach : len(sides_m) - reach, 1]], window)
+        ]
+        return cls.sampled(chained, smoothed(np.concatenate(extended), window), values, spacing_m)
 
     @classmethod
     def sampled(
         cls,
+        paths: tuple[Path, ...],
         points_m: Float[np.ndarray, "n 2"],
         values: Float[np.ndarray, "n 3"],
         spacing_m: float,
     ) -> "Route":
-        """The curve through these points; ``values`` are half width, speed and rise."""
-        along = np.gradient(points_m, axis=0)
-        heading_rad = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
-        return cls(spacing_m, points_m, heading_rad, *values.T)
+        """The curve through these points; ``values`` are its ``along_m``, half width and rise."""
+        steps = np.gradient(points_m, axis=0)
+        heading_rad = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+        return cls(spacing_m, paths, points_m, heading_rad, *values.T)
+
+    @property
+    def speed_mps(self) -> Float[np.ndarray, "n"]:
+        """That of the path underneath."""
+        speeds_mps = np.array([path.speed_mps for path in self.paths])
+        return speeds_mps[_under(self.paths, self.along_m)]
+
+    def arc_of(self, along_m: Float[np.ndarray, "*t"]) -> Float[np.ndarray, "*t"]:
+        """Where on this curve one is that far along the chained paths; held at its ends."""
+        return np.interp(along_m, self.along_m, self.arc_m)
 
     def shifted(self, left_m: Float[np.ndarray, "n"]) -> "Route":
         """The curve ``left_m`` to the left of this one, its arc now its own true length."""
-        rows = np.c_[self._beside(left_m), self.half_width_m, self.speed_mps, self.rise_m]
-        return Route.sampled(*resample(rows, self.spacing_m), self.spacing_m)
+        rows = np.c_[self._beside(left_m), self.along_m, self.half_width_m, self.rise_m]
+        return Route.sampled(self.paths, *resample(rows, self.spacing_m), self.spacing_m)
 
     def _beside(self, left_m: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 2"]:
         normal = np.stack([-np.sin(self.heading_rad), np.cos(self.heading_rad)], axis=1)
@@ -169,8 +184,7 @@ def resample(
     return columns[:, :2], columns[:, 2:]
 
 
-def _rises(paths: Sequence[Path], samples: int, spacing_m: float) -> Float[np.ndarray, "n"]:
-    """How high the path lies under every sample of the chain."""
+def _under(paths: Sequence[Path], along_m: Float[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
+    """Which of the chained paths lies under each place."""
     ends_m = np.cumsum([path.length_m for path in paths])
-    below = np.searchsorted(ends_m, np.arange(samples) * spacing_m)
-    return np.array([path.rise_m for path in paths])[np.minimum(below, len(paths) - 1)]
+    return np.minimum(np.searchsorted(ends_m, along_m, side="right"), len(paths) - 1)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from ..ontology import GROUND, UNKNOWN
 from .layout import GroundPatch, Town
@@ -108,6 +108,46 @@ class Scene:
             class_id[first] = np.array([body.class_id for body in self.bodies])[body_of]
             actor_id[first] = np.array([body.actor_id for body in self.bodies])[body_of]
         return Hits(distance_m, class_id, actor_id)
+
+    def blocked(
+        self,
+        step: int,
+        points_m: Float[np.ndarray, "n 3"],
+        towards: Float[np.ndarray, "3"],
+    ) -> Bool[np.ndarray, "n"]:
+        """Whether anything lies between points and a light infinitely far away, above the horizon,
+        with the scene as it is at a step. ``towards`` is the unit vector to the light."""
+        directions = np.broadcast_to(towards, points_m.shape)
+        blocked = self._static_rays.blocked(points_m, directions)
+        lit = np.flatnonzero(~blocked)
+        if not len(lit):
+            return blocked
+        bounds_m = points_m[lit].min(axis=0), points_m[lit].max(axis=0)
+        moved = [
+            _moved(body.triangles_m, body.world_from_actor[step])
+            for body in self.bodies
+            if _may_shade(body, step, bounds_m, towards)
+        ]
+        if moved:
+            actors = RayScene(np.concatenate(moved))
+            blocked[lit] = actors.blocked(points_m[lit], directions[lit])
+        return blocked
+
+
+def _may_shade(
+    body: Body,
+    step: int,
+    bounds_m: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]],
+    towards: Float[np.ndarray, "3"],
+) -> bool:
+    """Whether an actor's shadow, down to the lowest point, may reach into the bounds on the map."""
+    lower_m, upper_m = bounds_m
+    place_m, reach_m = body.world_from_actor[step, :3, 3], float(np.linalg.norm(body.size_m))
+    fall_m = max(0.0, place_m[2] + body.size_m[2] - lower_m[2])
+    ends_m = np.stack([place_m[:2], place_m[:2] - towards[:2] * (fall_m / towards[2])])
+    above = (ends_m.max(axis=0) + reach_m > lower_m[:2]).all()
+    below = (ends_m.min(axis=0) - reach_m < upper_m[:2]).all()
+    return bool(above and below)
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,20 @@
 """The moving actors of a clip, as plain data."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ..errors import UserError
 from .assets import ACTORS, extent_m
-from .driver import HABITS, Traveller, drive
-from .layout import Path, Town
+from .driver import drive
+from .footprint import box_distance_m, boxes_overlap
+from .layout import Town
 from .pilot import STEP_S
-from .route import Route, chain
-
-START_GAP_M = 1.5
-TRIES = 20
-WALKERS = {"pedestrian": 1.0, "bicycle": 0.3}
-"""Share of each type that keeps to the walks; everyone else takes the lanes."""
+from .placement import Placer
+from .signals import SignalPlan, signal_plans
+from .traveller import HABITS, Traveller
 
 SizeOf = Callable[[str, int], tuple[float, float, float]]
 """As `size_of`."""
@@ -29,15 +27,17 @@ class TrafficConfig:
     counts: Mapping[str, int] = field(
         default_factory=lambda: {
             "car": 12,
-            "truck": 4,
-            "bus": 3,
-            "pedestrian": 14,
-            "bicycle": 8,
-            "motorcycle": 6,
+            "truck": 2,
+            "bus": 2,
+            "pedestrian": 2,
+            "bicycle": 3,
+            "motorcycle": 18,
         }
     )
-    near_m: float = 55.0
+    near_m: float = 90.0
     """They start within this distance of somewhere on the flight."""
+    seen_m: float = 45.0
+    """They start where the flight will see most of them from within this distance."""
     uav_gap_m: float = 2.0
     """What would come nearer to the UAV is left out."""
 
@@ -85,109 +85,51 @@ def simulate_traffic(
     uav_m: Float[np.ndarray, "t 3"],
     size_of: SizeOf = size_of,
 ) -> Traffic:
-    """Actors on the lanes and walks near the UAV's positions ``uav_m``, at each of its steps.
+    """Actors on the lanes and walks that the UAV sees from ``uav_m``, at each of its steps.
 
     There are fewer than asked for where the town has no room, or where one would come too near to
-    the UAV or drive into another.
+    the UAV or drive into another: then all others drive again without it, so that nobody reacts to
+    what is not there.
     """
-    duration_s = (len(uav_m) - 1) * STEP_S
-    placed = _place(town, rng, config, uav_m, size_of, duration_s)
-    if not placed:
-        return Traffic(())
-    travellers, seeds = zip(*placed)
-    arcs_m = drive(travellers, duration_s).arc_at(np.arange(len(uav_m)) * STEP_S)
-    actors = [
-        _actor(traveller, seed, arc_m, town)
-        for traveller, seed, arc_m in zip(travellers, seeds, arcs_m.T)
-    ]
-    kept: list[Actor] = []
-    for actor in actors:
-        distance_m = _distance_m(actor, uav_m).min()
-        if distance_m >= config.uav_gap_m and not any(_collide(actor, other) for other in kept):
-            kept.append(replace(actor, actor_id=len(kept) + 1))
-    return Traffic(tuple(kept))
+    plans = signal_plans(town, rng)
+    placed = _placed(Placer(town, rng, uav_m, config.near_m, config.seen_m), rng, config, size_of)
+    while placed:
+        travellers, seeds = zip(*placed)
+        actors = _driven(travellers, seeds, plans, town, len(uav_m))
+        stays = _compatible(actors, uav_m, config.uav_gap_m)
+        if all(stays):
+            return Traffic(actors)
+        placed = [each for each, keep in zip(placed, stays) if keep]
+    return Traffic(())
 
 
-# -------------------------------------------------------------------------------------- placement
-
-
-def _place(
-    town: Town,
-    rng: np.random.Generator,
-    config: TrafficConfig,
-    uav_m: Float[np.ndarray, "t 3"],
-    size_of: SizeOf,
-    duration_s: float,
+def _placed(
+    placer: Placer, rng: np.random.Generator, config: TrafficConfig, size_of: SizeOf
 ) -> list[tuple[Traveller, int]]:
-    """Travellers and appearance seeds, the largest types first, none overlapping another."""
-    way_m = uav_m[:: max(len(uav_m) // 24, 1), :2]
-    spots = {ways: _spots(getattr(town, ways), way_m, config.near_m) for ways in ("lanes", "walks")}
+    """Travellers and appearance seeds, the largest types first: they need the most room."""
     placed: list[tuple[Traveller, int]] = []
-    for name in (kind for kind in HABITS for _ in range(config.counts.get(kind, 0))):
-        ways = "walks" if rng.random() < WALKERS.get(name, 0.0) else "lanes"
-        seed = int(rng.integers(2**31))
-        size_m = size_of(name, seed)
-        for _ in range(TRIES if spots[ways] else 0):
-            spot = spots[ways][int(rng.integers(len(spots[ways])))]
-            traveller = _set_out(name, size_m, getattr(town, ways), spot, rng, duration_s)
-            if traveller and not any(_crowded(traveller, other) for other, _ in placed):
-                placed.append((traveller, seed))
-                break
+    for name in HABITS:
+        for _ in range(config.counts.get(name, 0)):
+            seed = int(rng.integers(2**31))
+            others = [traveller for traveller, _ in placed]
+            traveller = placer.place(name, size_of(name, seed), others)
+            placed += [(traveller, seed)] if traveller else []
     return placed
 
 
-def _spots(
-    paths: tuple[Path, ...], way_m: Float[np.ndarray, "k 2"], near_m: float
-) -> list[tuple[int, float]]:
-    """Places (path, arc in metres) every 2 m along the paths, not far from the UAV's way."""
-    spots = []
-    for index, path in enumerate(paths):
-        arc_m = np.r_[0, np.cumsum(np.linalg.norm(np.diff(path.points_m, axis=0), axis=1))]
-        at_m = np.arange(1.0, arc_m[-1], 2.0)
-        points_m = np.stack([np.interp(at_m, arc_m, axis_m) for axis_m in path.points_m.T], axis=1)
-        apart_m = np.linalg.norm(points_m[:, None] - way_m[None], axis=-1)
-        spots += [(index, float(arc)) for arc in at_m[(apart_m < near_m).any(axis=1)]]
-    return spots
-
-
-def _set_out(
-    name: str,
-    size_m: tuple[float, float, float],
-    paths: tuple[Path, ...],
-    spot: tuple[int, float],
-    rng: np.random.Generator,
-    duration_s: float,
-) -> Traveller | None:
-    """Someone who starts at a spot; None where the way ends under the bumper."""
-    index, start_m = spot
-    start_m += rng.uniform(-1, 1)
-    speed_mps = rng.uniform(*HABITS[name].speed_mps)
-    indices = chain(paths, rng, index, start_m + speed_mps * duration_s + size_m[0] + 10)
-    middle = Route.through(paths, indices, HABITS[name].corner_m)
-    route = middle.shifted(_offset_left(name, size_m[1], middle, rng))
-    if not size_m[0] / 2 < start_m < route.length_m - size_m[0] / 2 - 1:
-        return None
-    return Traveller(name, size_m, route, start_m, speed_mps)
-
-
-def _offset_left(
-    name: str, width_m: float, middle: Route, rng: np.random.Generator
-) -> Float[np.ndarray, "n"]:
-    """Cars keep to the middle of the lane; who is narrow keeps to the right of it."""
-    room_m = np.maximum(middle.half_width_m - width_m / 2 - 0.1, 0)
-    share = rng.uniform(0.5, 1.0) if width_m < 1.2 else rng.uniform(-0.2, 0.2)
-    return -share * room_m
-
-
-def _crowded(one: Traveller, other: Traveller) -> bool:
-    grown = [
-        (length_m + 2 * START_GAP_M, width_m + 0.3)
-        for length_m, width_m, _ in (one.size_m, other.size_m)
-    ]
-    return bool(boxes_overlap(*one.start, grown[0], *other.start, grown[1]))
-
-
-# ------------------------------------------------------------------------------------- the actors
+def _driven(
+    travellers: Sequence[Traveller],
+    seeds: Sequence[int],
+    plans: Mapping[int, SignalPlan],
+    town: Town,
+    steps: int,
+) -> tuple[Actor, ...]:
+    motion = drive(travellers, (steps - 1) * STEP_S, plans)
+    arcs_m = motion.arc_at(np.arange(steps) * STEP_S)
+    return tuple(
+        replace(_actor(traveller, seed, arc_m, town), actor_id=k + 1)
+        for k, (traveller, seed, arc_m) in enumerate(zip(travellers, seeds, arcs_m.T))
+    )
 
 
 def _actor(traveller: Traveller, seed: int, arc_m: Float[np.ndarray, "t"], town: Town) -> Actor:
@@ -199,54 +141,19 @@ def _actor(traveller: Traveller, seed: int, arc_m: Float[np.ndarray, "t"], town:
     return Actor(0, traveller.type, seed, traveller.size_m, position_m, yaw_rad, velocity_mps)
 
 
-def _distance_m(actor: Actor, uav_m: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t"]:
-    """Distance in metres from the actor's box to the UAV at every step."""
-    offset_m = uav_m - actor.position_m
-    cos, sin = np.cos(actor.yaw_rad), np.sin(actor.yaw_rad)
-    length_m, width_m, height_m = actor.size_m
-    outside_m = np.stack(
-        [
-            np.abs(cos * offset_m[:, 0] + sin * offset_m[:, 1]) - length_m / 2,
-            np.abs(-sin * offset_m[:, 0] + cos * offset_m[:, 1]) - width_m / 2,
-            np.abs(offset_m[:, 2] - height_m / 2) - height_m / 2,
-        ]
-    )
-    return np.linalg.norm(np.maximum(outside_m, 0), axis=0)
+def _compatible(
+    actors: Sequence[Actor], uav_m: Float[np.ndarray, "t 3"], uav_gap_m: float
+) -> list[bool]:
+    """Which actors stay: no nearer to the UAV than that, and never in one that stays as well."""
+    stays: list[bool] = []
+    for actor in actors:
+        distance_m = box_distance_m(uav_m, actor.position_m, actor.yaw_rad, actor.size_m)
+        others = (other for other, kept in zip(actors, stays) if kept)
+        met = any(_collide(actor, other) for other in others)
+        stays.append(bool(distance_m.min() >= uav_gap_m) and not met)
+    return stays
 
 
 def _collide(one: Actor, other: Actor) -> bool:
-    return bool(
-        boxes_overlap(
-            one.position_m[:, :2],
-            one.yaw_rad,
-            one.size_m[:2],
-            other.position_m[:, :2],
-            other.yaw_rad,
-            other.size_m[:2],
-        ).any()
-    )
-
-
-def boxes_overlap(
-    centre_a_m: Float[np.ndarray, "*t 2"],
-    yaw_a_rad: Float[np.ndarray, "*t"],
-    size_a_m: tuple[float, float],
-    centre_b_m: Float[np.ndarray, "*t 2"],
-    yaw_b_rad: Float[np.ndarray, "*t"],
-    size_b_m: tuple[float, float],
-) -> Bool[np.ndarray, "*t"]:
-    """Whether two rectangles (length, width) overlap: no side of either keeps them apart."""
-    offset_m = centre_b_m - centre_a_m
-    turned_rad = yaw_b_rad - yaw_a_rad
-    cos, sin = np.abs(np.cos(turned_rad)), np.abs(np.sin(turned_rad))
-    overlap = np.ones(np.shape(turned_rad), dtype=bool)
-    for yaw_rad, mine_m, yours_m in (
-        (yaw_a_rad, size_a_m, size_b_m),
-        (yaw_b_rad, size_b_m, size_a_m),
-    ):
-        x, y = np.cos(yaw_rad), np.sin(yaw_rad)
-        along_m = np.abs(x * offset_m[..., 0] + y * offset_m[..., 1])
-        across_m = np.abs(-y * offset_m[..., 0] + x * offset_m[..., 1])
-        overlap &= along_m <= (mine_m[0] + yours_m[0] * cos + yours_m[1] * sin) / 2
-        overlap &= across_m <= (mine_m[1] + yours_m[0] * sin + yours_m[1] * cos) / 2
-    return overlap
+    boxes = [(each.position_m[:, :2], each.yaw_rad, each.size_m[:2]) for each in (one, other)]
+    return bool(boxes_overlap(*boxes[0], *boxes[1]).any())

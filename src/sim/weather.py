@@ -1,29 +1,26 @@
-"""Light and weather: what the renderer is told, and what is painted over its picture."""
+"""Light and weather as plain data: what the renderer is told, and what `air` paints over it."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, UInt8
 
 from ..errors import UserError
 
 Color = tuple[float, float, float]
 """sRGB, 0 to 1."""
 
-HAZE_TOP_M = 60.0
-"""Thickness of the layer of fog through which the sky is seen."""
-
-STREAK_COLOR = np.array([0.78, 0.80, 0.84], dtype=np.float32)
-STREAK_ALPHA = 0.35
-
 
 @dataclass(frozen=True)
 class Weather:
     """One illumination-weather condition.
 
-    The light and its coefficients are the renderer's; the rest is `apply_weather`'s. ``wetness``
-    is the share by which wet surfaces are darker. ``rain`` is the number of streaks per 1,000
-    pixels of the image.
+    The light and its coefficients are the renderer's; the rest is `air.apply_weather`'s.
+    ``cloud_cover`` is the share of the sky behind clouds, roughly. ``glow`` is what the sun adds to
+    the sky around it. ``exposure`` multiplies all that is lit, and ``lamps`` is added to it near
+    the ground, where street lamps shine. ``wetness`` is the share by which wet surfaces are darker;
+    wet ground also mirrors. ``rain`` is the number of streaks per 1,000 pixels of the image. The
+    noise's variance is ``read_noise`` squared, plus ``shot_noise`` squared times the pixel's value:
+    both grow with the gain that the sensor needs in the dark.
     """
 
     light_elevation_rad: float
@@ -37,24 +34,33 @@ class Weather:
     sky_zenith: Color
     fog_per_m: float
     fog_color: Color
+    cloud_cover: float = 0.0
+    cloud_color: Color = (0.95, 0.96, 0.98)
+    glow: Color = (0.0, 0.0, 0.0)
     rain: float = 0.0
     wetness: float = 0.0
     exposure: Color = (1.0, 1.0, 1.0)
-    noise_std: float = 0.008
+    lamps: Color = (0.0, 0.0, 0.0)
+    read_noise: float = 0.004
+    shot_noise: float = 0.010
+
+    @property
+    def towards(self) -> tuple[float, float, float]:
+        """The unit vector of the world that points at the light."""
+        level = np.cos(self.light_elevation_rad)
+        return (
+            float(level * np.cos(self.light_azimuth_rad)),
+            float(level * np.sin(self.light_azimuth_rad)),
+            float(np.sin(self.light_elevation_rad)),
+        )
 
     def light(self) -> dict[str, object]:
         """The light as keyword arguments of pybullet's ``getCameraImage``, all of them.
 
         The renderer remembers what it was last told, so a frame must say everything.
         """
-        level = np.cos(self.light_elevation_rad)
-        towards = (
-            level * np.cos(self.light_azimuth_rad),
-            level * np.sin(self.light_azimuth_rad),
-            np.sin(self.light_elevation_rad),
-        )
         return {
-            "lightDirection": [float(value) for value in towards],
+            "lightDirection": list(self.towards),
             "lightColor": list(self.light_color),
             "lightAmbientCoeff": self.ambient,
             "lightDiffuseCoeff": self.diffuse,
@@ -72,10 +78,12 @@ WEATHERS: dict[str, Weather] = {
         diffuse=0.65,
         specular=0.10,
         shadow=True,
-        sky_horizon=(0.80, 0.88, 0.95),
-        sky_zenith=(0.25, 0.48, 0.82),
+        sky_horizon=(0.74, 0.85, 0.95),
+        sky_zenith=(0.20, 0.42, 0.80),
         fog_per_m=0.0008,
         fog_color=(0.80, 0.86, 0.92),
+        cloud_cover=0.30,
+        glow=(0.25, 0.22, 0.15),
     ),
     "cloudy": Weather(
         light_elevation_rad=1.2,
@@ -85,11 +93,15 @@ WEATHERS: dict[str, Weather] = {
         diffuse=0.28,
         specular=0.0,
         shadow=False,
-        sky_horizon=(0.82, 0.84, 0.86),
-        sky_zenith=(0.62, 0.66, 0.71),
+        sky_horizon=(0.84, 0.86, 0.88),
+        sky_zenith=(0.76, 0.79, 0.83),
         fog_per_m=0.0015,
         fog_color=(0.78, 0.80, 0.82),
         exposure=(0.92, 0.93, 0.95),
+        cloud_cover=0.95,
+        cloud_color=(0.66, 0.68, 0.71),
+        read_noise=0.004,
+        shot_noise=0.012,
     ),
     "wet": Weather(
         light_elevation_rad=0.8,
@@ -104,6 +116,9 @@ WEATHERS: dict[str, Weather] = {
         fog_per_m=0.002,
         fog_color=(0.76, 0.80, 0.84),
         wetness=0.22,
+        cloud_cover=0.60,
+        cloud_color=(0.88, 0.90, 0.92),
+        glow=(0.20, 0.18, 0.12),
     ),
     "rain": Weather(
         light_elevation_rad=1.3,
@@ -113,14 +128,17 @@ WEATHERS: dict[str, Weather] = {
         diffuse=0.25,
         specular=0.15,
         shadow=False,
-        sky_horizon=(0.66, 0.69, 0.72),
-        sky_zenith=(0.48, 0.52, 0.57),
+        sky_horizon=(0.70, 0.73, 0.76),
+        sky_zenith=(0.58, 0.62, 0.66),
         fog_per_m=0.006,
         fog_color=(0.64, 0.67, 0.70),
         rain=4.0,
         wetness=0.20,
         exposure=(0.86, 0.88, 0.92),
-        noise_std=0.012,
+        cloud_cover=0.9,
+        cloud_color=(0.50, 0.53, 0.57),
+        read_noise=0.006,
+        shot_noise=0.014,
     ),
     "heavy_rain": Weather(
         light_elevation_rad=1.3,
@@ -134,10 +152,13 @@ WEATHERS: dict[str, Weather] = {
         sky_zenith=(0.36, 0.39, 0.44),
         fog_per_m=0.014,
         fog_color=(0.52, 0.55, 0.58),
-        rain=12.0,
-        wetness=0.28,
+        rain=14.0,
+        wetness=0.30,
         exposure=(0.74, 0.77, 0.82),
-        noise_std=0.016,
+        cloud_cover=0.9,
+        cloud_color=(0.34, 0.37, 0.41),
+        read_noise=0.008,
+        shot_noise=0.018,
     ),
     "fog": Weather(
         light_elevation_rad=1.1,
@@ -149,8 +170,8 @@ WEATHERS: dict[str, Weather] = {
         shadow=False,
         sky_horizon=(0.78, 0.80, 0.82),
         sky_zenith=(0.70, 0.73, 0.77),
-        fog_per_m=0.028,
-        fog_color=(0.78, 0.80, 0.82),
+        fog_per_m=0.040,
+        fog_color=(0.80, 0.82, 0.84),
         exposure=(0.95, 0.96, 0.97),
     ),
     "sunset": Weather(
@@ -166,7 +187,11 @@ WEATHERS: dict[str, Weather] = {
         fog_per_m=0.002,
         fog_color=(0.90, 0.64, 0.46),
         exposure=(0.98, 0.82, 0.68),
-        noise_std=0.010,
+        cloud_cover=0.45,
+        cloud_color=(0.78, 0.50, 0.45),
+        glow=(0.50, 0.32, 0.10),
+        read_noise=0.005,
+        shot_noise=0.014,
     ),
     "wet_sunset": Weather(
         light_elevation_rad=0.18,
@@ -182,7 +207,11 @@ WEATHERS: dict[str, Weather] = {
         fog_color=(0.78, 0.56, 0.46),
         wetness=0.22,
         exposure=(0.86, 0.70, 0.60),
-        noise_std=0.014,
+        cloud_cover=0.75,
+        cloud_color=(0.55, 0.42, 0.46),
+        glow=(0.40, 0.22, 0.08),
+        read_noise=0.008,
+        shot_noise=0.018,
     ),
     "night": Weather(
         light_elevation_rad=0.9,
@@ -192,12 +221,16 @@ WEATHERS: dict[str, Weather] = {
         diffuse=0.45,
         specular=0.05,
         shadow=False,
-        sky_horizon=(0.13, 0.14, 0.19),
-        sky_zenith=(0.03, 0.04, 0.08),
+        sky_horizon=(0.20, 0.17, 0.19),
+        sky_zenith=(0.02, 0.03, 0.08),
         fog_per_m=0.003,
-        fog_color=(0.12, 0.13, 0.17),
-        exposure=(0.32, 0.34, 0.42),
-        noise_std=0.022,
+        fog_color=(0.13, 0.13, 0.17),
+        exposure=(0.20, 0.24, 0.36),
+        cloud_cover=0.3,
+        cloud_color=(0.11, 0.11, 0.14),
+        lamps=(0.34, 0.25, 0.12),
+        read_noise=0.014,
+        shot_noise=0.040,
     ),
     "rainy_night": Weather(
         light_elevation_rad=1.2,
@@ -207,14 +240,18 @@ WEATHERS: dict[str, Weather] = {
         diffuse=0.30,
         specular=0.20,
         shadow=False,
-        sky_horizon=(0.15, 0.16, 0.20),
-        sky_zenith=(0.06, 0.07, 0.10),
+        sky_horizon=(0.19, 0.17, 0.18),
+        sky_zenith=(0.08, 0.08, 0.11),
         fog_per_m=0.008,
-        fog_color=(0.14, 0.15, 0.19),
+        fog_color=(0.15, 0.15, 0.19),
         rain=6.0,
-        wetness=0.25,
-        exposure=(0.34, 0.36, 0.44),
-        noise_std=0.026,
+        wetness=0.28,
+        exposure=(0.19, 0.23, 0.33),
+        cloud_cover=0.9,
+        cloud_color=(0.13, 0.12, 0.14),
+        lamps=(0.30, 0.22, 0.12),
+        read_noise=0.016,
+        shot_noise=0.044,
     ),
 }
 
@@ -224,61 +261,3 @@ def weather_named(name: str) -> Weather:
     if name not in WEATHERS:
         raise UserError(f"weather: no {name!r}; there are {', '.join(WEATHERS)}")
     return WEATHERS[name]
-
-
-def apply_weather(
-    rgb: UInt8[np.ndarray, "h w 3"],
-    depth_m: Float[np.ndarray, "h w"],
-    sky_direction_z: Float[np.ndarray, "h w"],
-    weather: Weather,
-    rng: np.random.Generator,
-) -> UInt8[np.ndarray, "h w 3"]:
-    """The rendered picture under a weather.
-
-    ``depth_m`` is z-depth, inf where the sky is seen; ``sky_direction_z`` is the sine of each pixel
-    ray's elevation in the world, so that the sky rolls and pitches with the camera.
-    """
-    depth_m = depth_m.astype(np.float32)
-    tint = np.asarray(weather.exposure, dtype=np.float32) * np.float32((1 - weather.wetness) / 255)
-    image = rgb * tint
-    sky = np.isinf(depth_m)
-    image = _in_fog(image, np.exp(-weather.fog_per_m * np.where(sky, 0, depth_m)), weather)
-    image[sky] = _sky(sky_direction_z[sky], weather)
-    if weather.rain > 0:
-        _draw_rain(image, weather, rng)
-    image += weather.noise_std * rng.standard_normal(image.shape, dtype=np.float32)
-    return (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
-
-
-def _in_fog(
-    image: Float[np.ndarray, "*n 3"], transmittance: Float[np.ndarray, "*n"], weather: Weather
-) -> Float[np.ndarray, "*n 3"]:
-    """Beer-Lambert: what is left of the light, and the fog's own in the place of the rest."""
-    fog = np.asarray(weather.fog_color, dtype=np.float32)
-    return fog + (image - fog) * transmittance[..., None]
-
-
-def _sky(direction_z: Float[np.ndarray, "n"], weather: Weather) -> Float[np.ndarray, "n 3"]:
-    horizon, zenith = np.array([weather.sky_horizon, weather.sky_zenith], dtype=np.float32)
-    rise = np.clip(direction_z, 0, 1).astype(np.float32)
-    sky = horizon + (zenith - horizon) * np.sqrt(rise)[:, None]
-    path_m = HAZE_TOP_M / np.maximum(rise, 0.02)
-    return _in_fog(sky, np.exp(-weather.fog_per_m * path_m), weather)
-
-
-def _draw_rain(
-    image: Float[np.ndarray, "h w 3"], weather: Weather, rng: np.random.Generator
-) -> None:
-    """Blends slanted streaks into the image; all of a frame share a wind."""
-    height, width = image.shape[:2]
-    count = round(weather.rain * height * width / 1000)
-    slant = rng.normal(0, 0.15)
-    length = rng.uniform(0.04, 0.14, size=(count, 1)) * height
-    along = np.linspace(0, 1, int(0.14 * height) + 2)
-    v = rng.uniform(-0.1, 1, size=(count, 1)) * height + along * length
-    u = rng.uniform(0, width, size=(count, 1)) + slant * along * length
-    inside = (v >= 0) & (v < height) & (u >= 0) & (u < width)
-    alpha = np.zeros((height, width), dtype=np.float32)
-    alpha[v[inside].astype(int), u[inside].astype(int)] = STREAK_ALPHA
-    brightness = max(weather.exposure)
-    image += alpha[..., None] * (STREAK_COLOR * brightness - image)

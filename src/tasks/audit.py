@@ -1,18 +1,14 @@
 """task=audit: the labels of a data set against the exact geometry of the scenes they came from."""
 
-import multiprocessing
-import os
 import platform
 import shlex
 import sys
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import torch
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 from rich.progress import track
@@ -25,7 +21,8 @@ from ..data.manifest import DatasetSpec, missing_clips, read_manifest, require_s
 from ..errors import UserError
 from ..provenance import git_commit
 from ..sim.clip_maker import ClipMaker, ClipPlan
-from ..sim.generate import plan_clips
+from ..sim.plan import plan_clips
+from ..worker_pool import default_workers, mapped
 from .dataset import root_of, spec_of
 
 
@@ -43,14 +40,12 @@ def audit(cfg: DictConfig, frames_per_clip: int, out: str | None) -> None:
     _require_rebuildable(root, spec)
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     plans, total = plan_clips(sim), Agreement()
-    workers = min(len(plans), sim["workers"] or os.cpu_count() or 1)
-    context = multiprocessing.get_context("spawn")
+    workers = min(len(plans), sim["workers"] or default_workers())
     job = partial(audit_clip, sim, root, frames_per_clip)
-    with ProcessPoolExecutor(workers, context, torch.set_num_threads, (1,)) as pool:
-        results = pool.map(job, plans)
-        quiet = not sys.stdout.isatty()
-        for result in track(results, f"auditing {root.name}", len(plans), disable=quiet):
-            total.join(result)
+    quiet = not sys.stdout.isatty()
+    results = mapped(job, workers, plans)
+    for result in track(results, f"auditing {root.name}", len(plans), disable=quiet):
+        total.join(result)
     folder = Path(out) if out else root / "audit"
     _write(folder, total, root, sim)
     console = Console()

@@ -1,6 +1,11 @@
-"""task=check: verifies a data set, clip by clip."""
+"""task=check: verifies a data set clip by clip, draws its labels, and mends what is damaged."""
 
+import shutil
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import groupby
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -8,46 +13,146 @@ from rich.console import Console
 from rich.progress import track
 
 from ..data.check import Agreement, agreement_of, problems_of
-from ..data.clip import SUMS, Clip, sha256_of
-from ..data.manifest import read_manifest
+from ..data.clip import SUMS, Clip, recorded_sums, sha256_of, unfinished
+from ..data.files import differing_files
+from ..data.manifest import MANIFEST, read_manifest
 from ..errors import UserError
-from .dataset import root_of
+from ..report.card import CARD, CARD_SUMS
+from ..report.check_sheet import draw_check_sheet
+from ..worker_pool import default_workers, mapped
+from .dataset import make_dataset, root_of, spec_of
+
+SHEETS = "check"
+CLIPS_A_WORKER = 8
+"""Fewer are checked before another process would have started."""
+
+WAY_OUT = "task.mend=true makes the damaged clips again"
 
 
-def check(cfg: DictConfig) -> None:
-    """Prints every problem and the agreement of labels with depth; raises where there is one."""
+@dataclass
+class Findings:
+    """What is wrong with a data set: lines for people, by clip; and how labels agree with depth."""
+
+    of_clips: dict[str, list[str]] = field(default_factory=dict)
+    of_whole: list[str] = field(default_factory=list)
+    agreement: Agreement = field(default_factory=Agreement)
+
+    @property
+    def lines(self) -> list[str]:
+        return [*self.of_whole, *(line for lines in self.of_clips.values() for line in lines)]
+
+
+def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
+    """Prints every problem and the agreement of labels with depth; raises `UserError` where there
+    is a problem and ``mend`` is false.
+
+    With ``mend`` damaged clips are made again, and they alone. With ``sheets`` the labels of every
+    town are laid over its images, in ``check/<town>.jpg`` under the data set.
+    """
     root, console = root_of(cfg), Console()
-    clips = read_manifest(root)["clips"]
-    problems, agreement = [], Agreement()
-    quiet = not sys.stdout.isatty()
-    progress = track(clips.items(), f"checking {root.name}", transient=True, disable=quiet)
-    for clip_id, listed in progress:
-        found = clip_problems(root / clip_id, listed["sha256"])
-        problems += found
-        if not found and (root / clip_id / "aux.npz").is_file():
-            clip = Clip(root / clip_id)
-            for frame in range(len(clip)):
-                agreement_of(clip, frame, agreement)
-    for problem in problems:
-        console.print(problem, soft_wrap=True, highlight=False)
-    if agreement.pixels:
-        for name, share in agreement.shares().items():
+    if mend and cfg.paths.dataset:
+        raise UserError(
+            "task.mend: only a data set that is named after its settings can be mended; drop "
+            "paths.dataset and give the settings that it was made with"
+        )
+    findings = _findings(root, cfg.sim.workers)
+    for line in findings.lines:
+        console.print(line, soft_wrap=True, highlight=False)
+    if findings.lines and mend:
+        _mend(cfg, root, findings)
+        console.print(f"mended: {', '.join(findings.of_clips) or MANIFEST}", soft_wrap=True)
+        findings = _findings(root, cfg.sim.workers)
+    _report(findings, root, console)
+    if sheets:
+        _draw_sheets(root, console)
+
+
+def _report(findings: Findings, root: Path, console: Console) -> None:
+    if findings.agreement.pixels:
+        for name, share in findings.agreement.shares().items():
             console.print(f"{name}: {100 * share:.2f} %")
     else:
         console.print("labels not compared with depth: no clip was made with sim.save_aux=true")
-    if problems:
+    if findings.lines:
         raise UserError(
-            f"{root}: {len(problems)} problems in {len(clips)} clips; the lines above name them"
+            f"{root}: {len(findings.lines)} problems, in {len(findings.of_clips)} clips; the lines "
+            f"above name them; {WAY_OUT}"
         )
-    console.print(f"{root}: {len(clips)} clips are sound", soft_wrap=True, highlight=False)
+    count = len(read_manifest(root)["clips"])
+    console.print(f"{root}: {count} clips are sound", soft_wrap=True, highlight=False)
 
 
-def clip_problems(folder: Path, sums_sha256: str) -> list[str]:
+def _findings(root: Path, workers: int | None) -> Findings:
+    findings = Findings()
+    try:
+        clips = {clip: listed["sha256"] for clip, listed in read_manifest(root)["clips"].items()}
+        findings.of_whole += _card_problems(root)
+    except UserError as error:
+        if not (root / MANIFEST).is_file():
+            raise
+        findings.of_whole.append(str(error))
+        folders = sorted(path.parent for path in root.glob(f"*/*/{SUMS}"))
+        clips = {folder.relative_to(root).as_posix(): None for folder in folders}
+    quiet = not sys.stdout.isatty()
+    workers = workers or min(default_workers(), 1 + len(clips) // CLIPS_A_WORKER)
+    results = mapped(partial(_check_clip, root), workers, clips, clips.values())
+    bar = track(results, f"checking {root.name}", len(clips), transient=True, disable=quiet)
+    for clip, (lines, agreement) in zip(clips, bar):
+        findings.agreement.join(agreement)
+        if lines:
+            findings.of_clips[clip] = lines
+    return findings
+
+
+def _check_clip(root: Path, clip_id: str, sums_sha256: str | None) -> tuple[list[str], Agreement]:
+    problems, agreement = clip_problems(root / clip_id, sums_sha256), Agreement()
+    if not problems and (root / clip_id / "aux.npz").is_file():
+        clip = Clip(root / clip_id)
+        for frame in range(len(clip)):
+            agreement_of(clip, frame, agreement)
+    return problems, agreement
+
+
+def clip_problems(folder: Path, sums_sha256: str | None) -> list[str]:
     """Problems of a clip, given the manifest's digest of its sums; an unreadable file is one."""
     try:
         found = list(problems_of(folder))
-        if sha256_of(folder / SUMS) != sums_sha256:
-            found.append(f"{folder / SUMS}: is not the one in the manifest; delete {folder}")
+        if sums_sha256 is not None and sha256_of(folder / SUMS) != sums_sha256:
+            found.append(f"{folder / SUMS}: is not the one in the manifest")
         return found
     except UserError as error:
         return [str(error)]
+
+
+def _card_problems(root: Path) -> list[str]:
+    """The card is derived, and may be missing; but what is there is what was written."""
+    if not (root / CARD_SUMS).is_file():
+        return []
+    try:
+        sums = recorded_sums((root / CARD_SUMS).parent)
+    except UserError as error:
+        return [str(error)]
+    damaged = differing_files(root, sums)
+    return [f"{root / name}: its bytes are not the ones written" for name in damaged]
+
+
+def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
+    """Puts damaged clips out of the way, so that they are missing, and makes what is missing."""
+    for clip in findings.of_clips:
+        folder = root / clip
+        if folder.exists():
+            shutil.rmtree(unfinished(folder), ignore_errors=True)
+            folder.rename(unfinished(folder))
+    if findings.of_whole:
+        # Without it, the card is written again.
+        (root / CARD).unlink(missing_ok=True)
+    make_dataset(cfg, root, spec_of(cfg))
+
+
+def _draw_sheets(root: Path, console: Console) -> None:
+    manifest: Mapping = read_manifest(root)
+    for town, clips in groupby(sorted(manifest["clips"]), key=lambda clip: clip.split("/")[0]):
+        path = root / SHEETS / f"{town}.jpg"
+        heading = f"{town.replace('_', ' ')}: images, and their labels over them"
+        draw_check_sheet(root, list(clips), path, heading)
+        console.print(f"{path}", soft_wrap=True, highlight=False)

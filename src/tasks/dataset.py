@@ -1,5 +1,7 @@
 """The data set that a configuration names: found, made where clips are missing, never mixed."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import lightning
@@ -14,8 +16,12 @@ from ..data.manifest import (
     require_same_data,
     write_manifest,
 )
+from ..data.rates import frames_per_clip
+from ..data.shards import forget_shards, join_shards
 from ..data.split import Split, make_split
 from ..errors import UserError
+from ..locks import locked, locked_if_free
+from ..report.card import CARD, write_card
 
 
 def spec_of(cfg: DictConfig) -> DatasetSpec:
@@ -30,8 +36,6 @@ def root_of(cfg: DictConfig) -> Path:
 
 def split_of(cfg: DictConfig, clip_ids: list[str]) -> Split:
     """The temporal split of the configured clips."""
-    from ..sim.generate import frames_per_clip
-
     return make_split(
         clip_ids,
         frames_per_clip(cfg.sim.capture_hz),
@@ -45,25 +49,32 @@ def ready_dataset(cfg: DictConfig) -> Path:
     """Makes what is missing and returns the data set's folder.
 
     A finished data set needs no simulator. One that was made under another configuration is
-    refused, and never added to.
+    refused, and never added to; so is a request for a part of one.
     """
     root, spec = root_of(cfg), spec_of(cfg)
     if (root / MANIFEST).is_file():
         require_same_data(root, spec)
         if not missing_clips(root, list(read_manifest(root)["clips"])):
             return root
+    if cfg.sim.shards != 1:
+        raise UserError(
+            f"sim.shards: only task=generate makes one of {cfg.sim.shards} parts of a data set; "
+            "drop the key"
+        )
     make_dataset(cfg, root, spec)
     return root
 
 
-def make_dataset(cfg: DictConfig, root: Path, spec: DatasetSpec) -> int:
-    """Generates missing clips, writes the manifest, and returns how many clips were made.
+def make_dataset(cfg: DictConfig, root: Path, spec: DatasetSpec) -> tuple[int, list[str]]:
+    """Generates the missing clips of this shard, and finishes the data set if it is the last.
 
-    Raises `UserError` where ``paths.dataset`` names the folder: only a folder that is named after
-    what shapes the data can be added to without mixing two data sets.
+    Returns how many clips were made, and which ones other shards have still to make. Raises
+    `UserError` where ``paths.dataset`` names the folder: only a folder that is named after what
+    shapes the data can be added to without mixing two data sets.
     """
     # Only here, because training on a finished data set must not need the simulator.
-    from ..sim.generate import generate, plan_clips
+    from ..sim.generate import LOCK, generate
+    from ..sim.plan import plan_clips
 
     if cfg.paths.dataset:
         raise UserError(
@@ -73,9 +84,39 @@ def make_dataset(cfg: DictConfig, root: Path, spec: DatasetSpec) -> int:
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     clip_ids = [plan.clip_id for plan in plan_clips(sim)]
     split = split_of(cfg, clip_ids)
+    if sim["shards"] > 1 and missing_clips(root, clip_ids):
+        join_shards(root.parent, spec, sim["shards"])
     made = generate(sim, root)
+    with _finishing(root / LOCK, sim["shards"]) as alone:
+        missing = missing_clips(root, clip_ids)
+        if alone and not missing:
+            _finish(root, spec, clip_ids, split, made > 0)
+    return made, missing
+
+
+@contextmanager
+def _finishing(lock: Path, shards: int) -> Iterator[bool]:
+    """Whether the data set may be finished by this process, alone.
+
+    A shard that cannot have the lock leaves it to one that is still at work: that one looks for
+    missing clips when it is done, and finds none of this one's.
+    """
+    if shards > 1:
+        with locked_if_free(lock) as alone:
+            yield alone
+    else:
+        with locked(lock, on_wait=lambda: None):
+            yield True
+
+
+def _finish(
+    root: Path, spec: DatasetSpec, clip_ids: list[str], split: Split, changed: bool
+) -> None:
+    """Writes what tells of all clips together: the manifest and the card."""
     write_manifest(root, spec, clip_ids, split)
-    return made
+    if changed or not (root / CARD).is_file():
+        write_card(root)
+    forget_shards(root.parent, spec)
 
 
 def data_of(cfg: DictConfig, root: Path) -> SkyShieldData:

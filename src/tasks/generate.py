@@ -6,7 +6,8 @@ import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 
-from ..sim.generate import frames_per_clip, plan_clips
+from ..data.rates import frames_per_clip
+from ..sim.plan import plan_clips
 from .dataset import make_dataset, root_of, spec_of, split_of
 
 BYTES_PER_PIXEL = 0.76
@@ -32,5 +33,7 @@ def generate(cfg: DictConfig) -> None:
         table = pd.DataFrame([vars(plan) for plan in plans])
         console.print(pd.crosstab(table["town"], table["weather"]).to_string())
         return
-    made = make_dataset(cfg, root, spec_of(cfg))
-    console.print(f"{root}: {len(plans)} clips, {made} of them made now")
+    made, missing = make_dataset(cfg, root, spec_of(cfg))
+    share = f"shard {sim['shard']} of {sim['shards']}, " if sim["shards"] > 1 else ""
+    state = f"{len(missing)} still to be made by other shards" if missing else "all there"
+    console.print(f"{root}: {share}{made} clips made now; of {len(plans)} clips {state}")

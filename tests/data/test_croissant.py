@@ -7,6 +7,7 @@ import sys
 
 import mlcroissant as mlc
 import pytest
+from absl import logging as absl_logging
 
 from src.data.clip import ACTOR_COLUMNS, FRAME_COLUMNS, Clip
 from src.data.croissant import FILE_SETS, croissant_of
@@ -14,6 +15,9 @@ from src.data.files import sha256_of
 from src.data.manifest import MANIFEST, read_manifest
 from src.data.statistics import statistics_of
 from src.ontology import CLASSES
+
+# absl, which mlcroissant brings, closes its stream when logging is configured anew: not pytest's.
+absl_logging.get_absl_handler().python_handler.stream = sys.__stderr__
 
 
 @pytest.fixture(scope="module")

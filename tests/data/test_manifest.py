@@ -11,6 +11,7 @@ from src.data.files import sha256_of
 from src.data.manifest import (
     GENERATOR_CODE,
     MANIFEST,
+    NOT_SHAPING,
     DatasetSpec,
     missing_clips,
     read_manifest,
@@ -32,13 +33,16 @@ def test_every_setting_that_shapes_the_data_changes_the_folder(mini_sim, tmp_pat
         digests.add(DatasetSpec.of("mini", mini_sim | {key: other}).digest)
     deeper = mini_sim | {"image": mini_sim["image"] | {"hfov_deg": 91.0}}
     digests.add(DatasetSpec.of("mini", deeper).digest)
-    assert len(digests) == 1 + len(mini_sim) - 2 + 1
+    assert len(digests) == 1 + len(mini_sim) - len(NOT_SHAPING) + 1
     assert spec.root(tmp_path) == tmp_path / f"mini-{spec.digest}"
 
 
-def test_workers_and_dry_run_change_nothing(mini_sim):
+def test_what_changes_no_byte_changes_no_name(mini_sim):
     spec = DatasetSpec.of("mini", mini_sim)
-    assert DatasetSpec.of("mini", mini_sim | {"workers": 7, "dry_run": True}) == spec
+    how = {"workers": 7, "dry_run": True, "shards": 4, "shard": 3}
+    assert DatasetSpec.of("mini", mini_sim | how) == spec
+    rate = DatasetSpec.of("mini", mini_sim | {"capture_hz": 5})
+    assert DatasetSpec.of("mini", mini_sim | {"capture_hz": 5.0}).digest == rate.digest
     backwards = dict(reversed(mini_sim.items()))
     assert DatasetSpec.of("mini", backwards).digest == spec.digest
 

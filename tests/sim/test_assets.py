@@ -12,9 +12,11 @@ from src.sim.assets import (
     buildings,
     extent_m,
     furniture,
+    industry,
     placed,
     pose,
     vegetation,
+    waterside,
 )
 from src.sim.mesh import mesh_of_solid
 from src.sim.solid import Solid
@@ -50,6 +52,21 @@ STANDING = {
     "cone": (furniture.traffic_cone, {GENERAL}),
     "container": (furniture.container, {GENERAL}),
     "stall": (furniture.stall, {GENERAL}),
+    "container_stack": (industry.container_stack, {GENERAL}),
+    "floodlight_mast": (industry.floodlight_mast, {THIN_STRUCTURE}),
+    "mesh_fence": (partial(industry.mesh_fence, length_m=7.0), {THIN_STRUCTURE}),
+    "pipe_bridge": (partial(industry.pipe_bridge, width_m=16.0), {THIN_STRUCTURE}),
+    "gantry_crane": (industry.gantry_crane, {THIN_STRUCTURE, BUILDING}),
+    "tank": (industry.tank, {THIN_STRUCTURE, BUILDING}),
+    "silo": (industry.silo, {BUILDING}),
+    "chimney": (industry.chimney, {BUILDING}),
+    "hall": (partial(industry.hall, width_m=27.0, depth_m=16.0), {BUILDING}),
+    "bollard": (waterside.bollard, {GENERAL}),
+    "motor_boat": (waterside.motor_boat, {GENERAL}),
+    "sailing_boat": (waterside.sailing_boat, {GENERAL, THIN_STRUCTURE}),
+    "jetty": (partial(waterside.jetty, length_m=14.0), {BUILDING, THIN_STRUCTURE}),
+    "quay_crane": (waterside.quay_crane, {GENERAL, THIN_STRUCTURE}),
+    "palm": (waterside.palm, {VEGETATION}),
     "shed": (buildings.shed, {BUILDING}),
     "kiosk": (buildings.kiosk, {BUILDING}),
     "tower": (

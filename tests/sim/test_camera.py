@@ -19,6 +19,8 @@ from src.sim.camera import (
     NEAR_M,
     SAMPLE_OFFSET_PIX,
     depth_from_buffer,
+    frustum_planes,
+    in_view,
     projection_matrix,
     view_matrix,
 )
@@ -219,6 +221,25 @@ def test_depth_from_buffer_inverts_the_projection_matrix() -> None:
     buffer = (clip[2] / clip[3] + 1) / 2
     assert buffer[0] == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(depth_from_buffer(buffer[None], NEAR_M, FAR_M), depth_m, rtol=1e-9)
+
+
+def test_a_sphere_is_in_view_if_any_of_its_points_is() -> None:
+    generator = np.random.default_rng(0)
+    camera_from_world = g.inverse(pose((0.4, -0.2, 2.0), (5.0, -3.0, 8.0)) @ BODY_FROM_CAMERA)
+    planes = frustum_planes(PIX_FROM_CAMERA, WIDTH, HEIGHT)
+    middle_m = generator.uniform(-150, 150, (4000, 3))
+    reach_m = generator.uniform(0.5, 20, 4000)
+    seen = in_view(planes, camera_from_world.numpy(), middle_m, reach_m)
+    towards = generator.normal(size=(4000, 300, 3))
+    towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
+    points_m = torch.from_numpy(middle_m[:, None] + reach_m[:, None, None] * towards)
+    points_camera = g.transform(camera_from_world, points_m.reshape(-1, 3))
+    pix, depth_m = g.project(points_m.reshape(-1, 3), camera_from_world, PIX_FROM_CAMERA)
+    shown = g.in_image(pix, depth_m, WIDTH, HEIGHT) & (points_camera[:, 2] < FAR_M)
+    shown = shown.reshape(4000, 300).any(dim=1).numpy()
+    assert seen[shown].all()
+    # Spheres near an edge of the frustum are kept though nothing of them is seen: not many.
+    assert 0.05 < shown.mean() <= seen.mean() < 1.4 * shown.mean()
 
 
 # -------------------------------------------------------------------------------------- a box

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from src.sim.layout import GroundPatch
-from src.sim.mesh import ROUND_SIDES, SKIRT_M, merge, mesh_of_patch, mesh_of_solid
+from src.sim.mesh import ROUND_SIDES, SKIRT_M, merge, mesh_of_patch, mesh_of_solid, split
 from src.sim.rays import RayScene
 from tests.sim.scenery import solid
 
@@ -124,3 +124,36 @@ def test_merging_keeps_every_triangle():
     both = merge(meshes)
     np.testing.assert_array_equal(triangles(both), np.concatenate([triangles(m) for m in meshes]))
     assert volume_m3(both) == pytest.approx(sum(volume_m3(m) for m in meshes))
+
+
+def corners(mesh):
+    """Every triangle with all that its corners carry, in an order of its own."""
+    table = np.concatenate([mesh.vertices_m, mesh.normals, mesh.uvs_m], axis=1)
+    return sorted(map(tuple, table[mesh.faces].reshape(len(mesh.faces), -1).tolist()))
+
+
+def test_cells_have_every_triangle_once_and_none_of_another_cell():
+    mesh = merge([mesh_of_solid(placed(shape)) for shape in SHAPES])
+    mesh = merge([mesh, mesh.moved(np.eye(4) - np.diag([2.0, 2, 0, 0]))])
+    pieces = split(mesh, 1.5)
+    assert len(pieces) > 6
+    assert sorted(one for piece in pieces.values() for one in corners(piece)) == corners(mesh)
+    for cell, piece in pieces.items():
+        middle_m = triangles(piece)[..., :2].mean(axis=1)
+        np.testing.assert_array_equal(np.floor(middle_m / 1.5), np.tile(cell, (len(middle_m), 1)))
+        assert set(piece.faces.reshape(-1)) == set(range(len(piece.vertices_m)))
+
+
+def test_an_endless_cell_has_the_whole_mesh():
+    mesh = mesh_of_solid(solid(0, SIZE_M, (0, 0, 0)))
+    (piece,) = split(mesh, np.inf).values()
+    assert corners(piece) == corners(mesh)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_sphere_touches_the_mesh_and_holds_it(shape):
+    mesh = mesh_of_solid(placed(shape))
+    middle_m, reach_m = mesh.bounding_sphere()
+    distance_m = np.linalg.norm(mesh.vertices_m - middle_m, axis=1)
+    assert distance_m.max() == pytest.approx(reach_m)
+    assert reach_m <= np.linalg.norm(SIZE_M) / 2 * 1.05

@@ -60,6 +60,37 @@ def test_beyond_the_range_there_is_nothing():
     assert near.actor_id.tolist() == [0, 4, -1, -1]
 
 
+@pytest.mark.parametrize("towards", [(0.0, 0.0, 1.0), (0.6, 0.64, 0.48), (-0.9, 0.4, 0.17)])
+def test_light_is_blocked_where_a_ray_to_it_meets_anything(towards):
+    towards = np.array(towards) / np.linalg.norm(towards)
+    rng = np.random.default_rng(0)
+    bridge_m = np.array([6.0, -20.0, 9.0])
+    places_m = [rng.uniform((-25, -25, 0), (25, 25, 0), (2, 3)) for _ in range(30)]
+    bodies = tuple(actor(p, actor_id=1 + k) for k, p in enumerate([*places_m, [bridge_m] * 2]))
+    scene = Scene(STATIC, bodies)
+    points_m = np.c_[rng.uniform(-12, 12, (3000, 2)), rng.uniform(0.05, 2, 3000)]
+    for step in (0, 1):
+        blocked = scene.blocked(step, points_m, towards)
+        met = scene.cast(step, points_m, np.tile(towards, (3000, 1)))
+        np.testing.assert_array_equal(blocked, np.isfinite(met.distance_m))
+        assert 0.02 < blocked.mean() < 0.98
+        assert (met.actor_id > 0).any()
+
+
+def test_an_actor_high_up_shades_what_is_far_from_it():
+    on_a_bridge = Scene((), (actor([(30.0, 0, 12.0)]),))
+    towards = np.array([0.9, 0.0, 0.36]) / np.hypot(0.9, 0.36)
+    ground_m = np.c_[np.linspace(-20, 20, 400), np.zeros(400), np.zeros(400)]
+    blocked = on_a_bridge.blocked(0, ground_m, towards)
+    assert blocked.sum() > 30
+    assert -8 < ground_m[blocked, 0].min() < ground_m[blocked, 0].max() < 3
+
+
+def test_in_an_empty_scene_nothing_blocks_the_light():
+    assert not Scene((), ()).blocked(0, np.zeros((3, 3)), np.array([0.0, 0, 1])).any()
+    assert Scene(STATIC, ()).blocked(0, np.zeros((0, 3)), np.array([0.0, 0, 1])).shape == (0,)
+
+
 def test_only_what_is_near_the_way_is_kept():
     far = solid(VEGETATION, (2.0, 2.0, 2.0), (70, 0, 1))
     town = Town(

@@ -1,6 +1,7 @@
 """Towns, tested by probing: what must be free is free, what stands stands on the ground."""
 
 from functools import cache
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from src.sim.assets import ACTORS, bounds_m
 from src.sim.layout import Path, Town
 from src.sim.textures import PALETTE, TEXTURES
 from src.sim.towns import TOWNS, build_town
-from src.sim.towns.network import PAVEMENT_RISE_M
+from src.sim.towns.parking import BAY_RISE_M
 from src.sim.towns.polyline import arc_m, parallel, point_at
 
 ALL = pytest.mark.parametrize(
@@ -77,6 +78,31 @@ def test_every_material_is_known(name, seed):
     used = {s.material for s in town.solids}
     assert all(m in TEXTURES or m in PALETTE for m in used)
     assert all(patch.material in TEXTURES for patch in town.ground)
+
+
+@ALL
+def test_there_is_about_a_kilometre_of_street(name, seed):
+    """Measured on the middle lines of the streets, from junction to junction."""
+    network = import_module(f"src.sim.towns.{name}")._network(np.random.default_rng(seed))
+    assert 750 < sum(arc_m(street.points_m)[-1] for street in network.streets) < 1400
+
+
+@ALL
+def test_thin_structures_stand_all_along_the_corridors(name, seed):
+    """What the flight must not overlook: on four of five pieces of a corridor there is some of it
+    within 15 m."""
+    town = town_of(name, seed)
+    thin = [s.scene_from_solid[:2, 3] for s in town.solids if s.class_id == THIN_STRUCTURE]
+    way = samples(town, town.corridors, (0,), (0.0,))[::5, :2]
+    gap_m = np.linalg.norm(way[:, None] - np.array(thin), axis=2)
+    assert ((gap_m < 15).sum(axis=1) >= 5).mean() > 0.8
+
+
+@ALL
+def test_vehicles_are_parked_in_every_town(name, seed):
+    solids = town_of(name, seed).solids
+    wheels = [s for s in solids if s.class_id == CAR and s.shape == "cylinder"]
+    assert len(wheels) >= 4 * 4
 
 
 @pytest.mark.parametrize("name", TOWNS)
@@ -204,19 +230,24 @@ def test_nothing_floats_and_nothing_is_buried(name, seed):
         class_id = town.solids[bottom].class_id
         # What is wide stands on the lowest ground under it, so its upper end reaches deeper.
         deepest_m = 1.2 if class_id == BUILDING else 0.45
-        if is_water(town, x, y):
-            deepest_m += 1.2
-        # Who is parked stands on the pavement, which lies above the terrain.
-        highest_m = PAVEMENT_RISE_M + 0.01 if class_id in (CAR, LARGE_VEHICLE) else 0.0
+        # What is afloat or stands in water is that much deeper.
+        deepest_m += water_depth_m(town, x, y)
+        # Who is parked stands in a bay, which lies above the terrain.
+        highest_m = BAY_RISE_M + 0.01 if class_id in (CAR, LARGE_VEHICLE) else 0.0
         assert -highest_m <= depth_m < deepest_m, town.solids[bottom]
 
 
-def is_water(town: Town, x_m: float, y_m: float) -> bool:
-    return any(
-        abs(x_m - patch.origin_m[0]) < patch.length_m / 2
-        and abs(y_m - patch.origin_m[1]) < patch.width_m / 2
-        for patch in town.ground
-        if patch.material == "water"
+def water_depth_m(town: Town, x_m: float, y_m: float) -> float:
+    """How far the water lies below the terrain at a place; 0 on land. Water is laid square."""
+    return max(
+        (
+            -patch.rise_m
+            for patch in town.ground
+            if patch.material == "water"
+            and abs(x_m - patch.origin_m[0]) < patch.length_m / 2
+            and abs(y_m - patch.origin_m[1]) < patch.width_m / 2
+        ),
+        default=0.0,
     )
 
 

@@ -1,18 +1,16 @@
 """What the renderer shows against ray casts of the same scene."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 from src.errors import UserError
-from src.ontology import BUILDING, SKY, THIN_STRUCTURE, VEGETATION
+from src.ontology import BUILDING, GROUND, SKY, THIN_STRUCTURE, VEGETATION
 from src.sim.camera import FAR_M
+from src.sim.renderer import require_renderer
 from src.sim.scene import Scene, parts_of
-from src.sim.textures import PALETTE
+from src.sim.textures import CAR_PAINT, PALETTE
 from src.sim.weather import WEATHERS
-from src.sim.world import World, import_bullet
+from src.sim.world import World
 from tests.sim.scenery import (
     BODY_FROM_CAMERA,
     HEIGHT,
@@ -26,6 +24,7 @@ from tests.sim.scenery import (
 )
 
 PLAIN = PALETTE[0]
+RED = CAR_PAINT[0]
 STATIC = (
     ground(),
     solid(BUILDING, (4, 14, 9), (24, 3, 4.5), yaw_rad=0.3),
@@ -108,16 +107,141 @@ def test_a_picture_does_not_depend_on_the_one_before(world):
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
 
 
-def test_without_pybullet_the_way_out_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pybullet", None)
-    with pytest.raises(UserError, match=r"pybullet is not installed.*3\.11") as error:
-        import_bullet()
-    assert "\n" not in str(error.value)
-    with pytest.raises(UserError, match="pybullet"):
-        World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT)
+# ----------------------------------------------------------------------------------- culling
+
+ALL_AROUND = (
+    ground(),
+    *(
+        solid(BUILDING, (6, 9, 12), (40 * np.cos(a), 40 * np.sin(a), 6), yaw_rad=a)
+        for a in np.arange(0, 6.2, 0.4)
+    ),
+    *(
+        solid(VEGETATION, (3, 3, 4), (70 * np.cos(a), 70 * np.sin(a), 3), "cone", material=PLAIN)
+        for a in np.arange(0, 6.2, 0.15)
+    ),
+)
+AROUND_ACTORS = tuple(
+    actor([(18 * np.cos(a), 18 * np.sin(a), 0)], actor_id=1 + k, yaw_rad=a)
+    for k, a in enumerate(np.arange(0, 6.2, 0.5))
+)
 
 
-def test_importing_bullet_says_nothing():
-    words = [sys.executable, "-c", "from src.sim.world import import_bullet; import_bullet()"]
-    done = subprocess.run(words, capture_output=True, check=True)
-    assert done.stdout == done.stderr == b""
+def test_hiding_what_is_out_of_sight_changes_no_pixel(monkeypatch):
+    rng = np.random.default_rng(0)
+    positions_m = rng.uniform((-30, -30, 2), (30, 30, 18), (24, 3))
+    angles_rad = rng.uniform((-0.5, -0.5, -np.pi), (0.5, 0.5, np.pi), (24, 3))
+    poses = [pose(tuple(p), *a) @ BODY_FROM_CAMERA for p, a in zip(positions_m, angles_rad)]
+    scene = Scene(parts_of(ALL_AROUND), AROUND_ACTORS)
+    with World(scene, PIX_FROM_CAMERA, WIDTH, HEIGHT) as world:
+        culled, hidden = [], []
+        for place in poses:
+            culled.append(world.render(0, place, WEATHERS["clear"]))
+            hidden.append((~world._shown).mean())
+        monkeypatch.setattr("src.sim.world.in_view", lambda *args: np.ones(len(args[2]), bool))
+        whole = [world.render(0, place, WEATHERS["clear"]) for place in poses]
+        assert world._shown.all()
+    assert np.mean(hidden) > 0.5
+    for one, other in zip(culled, whole):
+        for name in ("rgb", "depth_m", "class_id", "actor_id"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_what_is_hidden_is_not_drawn_and_comes_back(monkeypatch):
+    here = pose((0.5, 0.4, 6.2)) @ BODY_FROM_CAMERA
+    with World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT) as world:
+        before = world.render(0, here, WEATHERS["clear"])
+        monkeypatch.setattr("src.sim.world.in_view", lambda *args: np.zeros(len(args[2]), bool))
+        nothing = world.render(0, here, WEATHERS["clear"])
+        monkeypatch.undo()
+        after = world.render(0, here, WEATHERS["clear"])
+    assert (nothing.class_id == SKY).all()
+    assert (nothing.rgb == 255).all()
+    np.testing.assert_array_equal(before.rgb, after.rgb)
+
+
+# --------------------------------------------------------------------------------------- EGL
+
+
+@pytest.fixture(scope="module")
+def needs_egl():
+    try:
+        require_renderer("egl")
+    except UserError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture
+def egl(needs_egl):
+    with World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer="egl") as opened:
+        yield opened
+
+
+def test_egl_gives_what_rays_meet(egl):
+    here = pose((0.5, 0.4, 6.2), 0.3, 0.2, 0.15)
+    rendering = egl.render(1, here @ BODY_FROM_CAMERA, WEATHERS["clear"])
+    truth = view_of(SCENE, 1, here)
+    assert (rendering.class_id == truth.class_id).mean() > 0.999
+    assert (rendering.actor_id == truth.actor_id).mean() > 0.999
+    near = truth.depth_m < 100
+    assert np.abs(rendering.depth_m[near] - truth.depth_m[near]).max() < 0.01
+
+
+@pytest.mark.parametrize("attitude", ATTITUDES)
+def test_egls_colours_lie_on_what_rays_meet(needs_egl, attitude):
+    """Half a pixel off, the red of dozens of pixels along the outlines would be amiss."""
+    solids = [
+        solid(BUILDING, (4, 3, 9), (19, 5, 4.5), yaw_rad=0.3, material=RED),
+        solid(VEGETATION, (4, 4, 5), (13, -5, 4), "ellipsoid", material=RED),
+        solid(THIN_STRUCTURE, (1, 1, 9), (11, 1, 4.5), "cylinder", material=RED),
+    ]
+    here = pose((0.5, 0.4, 6.2), *attitude)
+    scene = Scene(parts_of([ground(), *solids]), ())
+    with World(scene, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer="egl") as opened:
+        seen = opened.render(0, here @ BODY_FROM_CAMERA, WEATHERS["cloudy"])
+    red, green, blue = np.moveaxis(seen.rgb.astype(int), -1, 0)
+    painted = (seen.class_id != GROUND) & (seen.class_id != SKY)
+    assert painted.sum() > 400
+    assert ((red > 2 * np.maximum(green, blue)) != painted).sum() <= 5
+
+
+def test_egl_draws_much_the_same_as_tiny_renderer(egl, world):
+    here = pose((0.5, 0.4, 6.2), 0.1, 0.1, 0.1) @ BODY_FROM_CAMERA
+    for weather in ("clear", "sunset", "night"):
+        one, other = (each.render(0, here, WEATHERS[weather]) for each in (egl, world))
+        difference = np.abs(one.rgb.astype(int) - other.rgb).mean(axis=-1)
+        assert difference.mean() < 12
+
+
+def test_worlds_of_both_renderers_follow_each_other_in_silence(needs_egl, capfd):
+    here = pose((0.5, 0.4, 6.2)) @ BODY_FROM_CAMERA
+    pictures = []
+    for renderer in ("tiny", "egl", "tiny", "egl"):
+        with World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer=renderer) as opened:
+            pictures.append(opened.render(0, here, WEATHERS["clear"]).rgb)
+    np.testing.assert_array_equal(pictures[0], pictures[2])
+    np.testing.assert_array_equal(pictures[1], pictures[3])
+    assert (pictures[0] != pictures[1]).any()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_second_world_with_egl_is_refused_while_one_is_open(egl):
+    here = pose((0.5, 0.4, 6.2)) @ BODY_FROM_CAMERA
+    before = egl.render(0, here, WEATHERS["clear"]).rgb
+    with (
+        pytest.raises(RuntimeError, match="one world at a time"),
+        World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer="egl"),
+    ):
+        pass
+    np.testing.assert_array_equal(before, egl.render(0, here, WEATHERS["clear"]).rgb)
+
+
+def test_a_world_that_could_not_be_filled_is_closed(needs_egl, monkeypatch):
+    monkeypatch.setattr("src.sim.drawing._obj", lambda *mesh: 1 / 0)
+    with (
+        pytest.raises(ZeroDivisionError),
+        World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer="egl"),
+    ):
+        pass
+    monkeypatch.undo()
+    with World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer="egl"):
+        pass

@@ -1,141 +1,156 @@
-"""A building site's and a market's things: shells, scaffolds, cranes, hoardings, bunting."""
+"""What stands on a building site: shells, scaffolds, a tower crane, site fences and supplies.
 
+Fronts look along +x, as everywhere beside a street.
+"""
+
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
+from jaxtyping import Float
 
 from ...ontology import BUILDING, GENERAL, THIN_STRUCTURE
 from .. import textures as colours
 from ..solid import Solid
-from .furniture import wire
-from .parts import ROOT_M, beam, part
+from .parts import ROOT_M, Vector, beam, part
 
-_STOREY_M = 3.2
+STOREY_M = 3.2
+"""Of a shell, from floor to floor."""
+
+LIFT_M = 2.0
+"""Of a scaffold, from deck to deck."""
+
+SCAFFOLD_DEPTH_M = 0.9
+
+Ends = tuple[Vector, Vector]
+
+
+def _poles(paint: str, thickness_m: float, ends: Iterable[Ends]) -> list[Solid]:
+    return [beam(THIN_STRUCTURE, paint, start, end, thickness_m) for start, end in ends]
+
+
+# ---------------------------------------------------------------------------------- buildings
 
 
 def shell(rng: np.random.Generator) -> list[Solid]:
-    """A building without walls yet: concrete floors on columns, with starter bars on top."""
+    """A building without walls yet: concrete floors on columns, guard rails along the open floors,
+    and starter bars on top."""
     width, depth, storeys = rng.uniform(10, 16), rng.uniform(9, 12), int(rng.integers(2, 5))
-    solids = []
-    for storey in range(storeys + 1):
-        z = storey * _STOREY_M
-        slab = (0, 0, z + 0.05 if storey else -0.05)
-        solids.append(part("box", BUILDING, "concrete", (depth, width, 0.35), slab))
+    xs = np.array([-0.43, 0.0, 0.43]) * depth
     ys = np.linspace(-0.45, 0.45, max(3, round(width / 4.5))) * width
-    for x in (-0.43 * depth, 0.0, 0.43 * depth):
-        for y in ys:
-            tall = storeys * _STOREY_M
-            column = part("box", BUILDING, "concrete", (0.4, 0.4, tall), (x, y, tall / 2))
-            solids.append(column)
-            for dx in (-0.12, 0.12):
-                bar = (x + dx, y, tall), (x + dx, y, tall + 1.3)
-                solids.append(beam(THIN_STRUCTURE, colours.CHIMNEY, *bar, 0.04))
-    # A guard rail along the front of every open floor.
-    for storey in range(1, storeys):
-        z = storey * _STOREY_M + 1.0
-        rail = (0.43 * depth, ys[0], z), (0.43 * depth, ys[-1], z)
-        solids.append(beam(THIN_STRUCTURE, colours.BARRIER_ORANGE, *rail, 0.07))
+    top = storeys * STOREY_M
+    solids = [part("box", BUILDING, "concrete", (depth, width, 0.7), (0, 0, -0.05))]
+    for floor in np.arange(1, storeys + 1) * STOREY_M:
+        solids.append(part("box", BUILDING, "concrete", (depth, width, 0.35), (0, 0, floor)))
+    for x, y in ((x, y) for x in xs for y in ys):
+        column = part("box", BUILDING, "concrete", (0.4, 0.4, top), (x, y, top / 2))
+        bars = [((x + dx, y, top), (x + dx, y, top + 1.3)) for dx in (-0.12, 0.12)]
+        solids += [column, *_poles(colours.CHIMNEY, 0.04, bars)]
+    for floor in np.arange(1, storeys) * STOREY_M:
+        solids += _guard_rails(xs[[0, -1]], ys[[0, -1]], floor)
     return solids
 
 
-def scaffold(rng: np.random.Generator, length_m: float) -> list[Solid]:
-    """A scaffold along y: standards, ledgers, diagonal braces and decks of planks."""
-    lifts, metal = int(rng.integers(2, 5)), colours.METAL[3]
-    half, top = length_m / 2, lifts * 2.0 + 1.0
+def _guard_rails(
+    xs: Float[np.ndarray, "2"], ys: Float[np.ndarray, "2"], floor_m: float
+) -> list[Solid]:
+    """Two rails around an open floor, from corner to corner."""
+    ends: list[Ends] = []
+    for z in (floor_m + 0.7, floor_m + 1.2):
+        ends += [((x, ys[0], z), (x, ys[1], z)) for x in xs]
+        ends += [((xs[0], y, z), (xs[1], y, z)) for y in ys]
+    return _poles(colours.BARRIER_ORANGE, 0.07, ends)
+
+
+def scaffold(length_m: float, lifts: int) -> list[Solid]:
+    """A scaffold along y: standards, rails, diagonal braces, and a deck of planks at every lift."""
+    half, top = length_m / 2, lifts * LIFT_M + 1.1
+    inner, outer = -SCAFFOLD_DEPTH_M / 2, SCAFFOLD_DEPTH_M / 2
     ys = np.linspace(-half, half, max(2, round(length_m / 2.5) + 1))
-    solids = [
-        beam(THIN_STRUCTURE, metal, (x, y, ROOT_M), (x, y, top), 0.06)
-        for x in (-0.45, 0.45)
-        for y in ys
-    ]
-    for lift in range(1, lifts + 1):
-        z = 2.0 * lift
-        deck = part("box", THIN_STRUCTURE, "planks", (0.9, length_m, 0.06), (0, 0, z))
-        solids.append(deck)
-        for rise in (0.5, 1.0):
-            rail = (0.45, -half, z + rise), (0.45, half, z + rise)
-            solids.append(beam(THIN_STRUCTURE, metal, *rail, 0.05))
-        for low, high in pairwise(ys):
-            brace = (0.45, low, z - 2.0), (0.45, high, z)
-            solids.append(beam(THIN_STRUCTURE, metal, *brace, 0.05))
-    return solids
+    standards = [((x, y, ROOT_M), (x, y, top)) for x in (inner, outer) for y in ys]
+    ledgers: list[Ends] = []
+    decks = []
+    for z in np.arange(1, lifts + 1) * LIFT_M:
+        size_m = (SCAFFOLD_DEPTH_M, length_m, 0.06)
+        decks.append(part("box", THIN_STRUCTURE, "planks", size_m, (0, 0, z)))
+        ledgers += [((outer, -half, z + up), (outer, half, z + up)) for up in (0.5, 1.0)]
+        ledgers += [((outer, a, z - LIFT_M), (outer, b, z)) for a, b in list(pairwise(ys))[::2]]
+    metal = colours.METAL[3]
+    return [*decks, *_poles(metal, 0.06, standards), *_poles(metal, 0.05, ledgers)]
+
+
+# -------------------------------------------------------------------------------------- crane
 
 
 def tower_crane(rng: np.random.Generator) -> list[Solid]:
-    """A lattice mast with a jib above the ceiling of any flight, along y."""
-    height, jib, paint = rng.uniform(22.0, 26.0), rng.uniform(16.0, 22.0), colours.BARRIER_ORANGE
-    solids = [part("box", GENERAL, "concrete", (4.0, 4.0, 1.2), (0, 0, 0.4))]
-    corners = [(x, y) for x in (-0.7, 0.7) for y in (-0.7, 0.7)]
-    for x, y in corners:
-        solids.append(beam(THIN_STRUCTURE, paint, (x, y, 0.9), (x, y, height), 0.14))
-    for k, z in enumerate(np.arange(1.0, height - 2.0, 2.0)):
-        side = 1 if k % 2 else -1
-        for x, y, u, v in ((-0.7, -0.7, -0.7, 0.7), (0.7, 0.7, 0.7, -0.7)):
-            ends = (x, side * y, z), (u, side * v, z + 2.0)
-            solids.append(beam(THIN_STRUCTURE, paint, *ends, 0.08))
-    cab = (0.0, 1.2, height - 0.6)
-    solids.append(part("box", GENERAL, colours.SIGN_WHITE, (1.4, 1.6, 1.8), cab))
-    for x in (-0.6, 0.6):
-        chord = (x, -7.0, height + 0.3), (x, jib, height + 0.3)
-        solids.append(beam(THIN_STRUCTURE, paint, *chord, 0.14))
-    peak = (0, 0, height + 4.0)
-    solids.append(beam(THIN_STRUCTURE, paint, (0, 0, height - 0.2), peak, 0.3))
-    for y in (-6.5, 0.7 * jib):
-        solids.append(beam(THIN_STRUCTURE, colours.CABLE, peak, (0, y, height + 0.3), 0.05))
-    ballast = (0, -6.4, height - 0.4)
-    solids.append(part("box", GENERAL, "concrete", (1.4, 1.4, 1.8), ballast))
-    return solids
+    """A lattice mast of 22 to 26 m and, above the ceiling of any flight, a jib along y."""
+    height, jib, back = rng.uniform(22.0, 26.0), rng.uniform(16.0, 22.0), 7.0
+    paint = str(rng.choice([colours.BARRIER_ORANGE, colours.BUS_PAINT[2]]))
+    mast = _girder(height - 0.6, 0.7) + np.array([0, 0, 0.6])
+    arm = _girder(jib + back, 0.5)[..., [0, 2, 1]] + np.array([0, -back, height + 0.5])
+    peak = np.array([0, 0, height + 4.5])
+    stays = [(peak, (0, y, height + 1.0)) for y in (-back + 0.5, 0.4 * jib, 0.85 * jib)]
+    hook = (0, 0.7 * jib, height - rng.uniform(1.0, 2.5))
+    return [
+        part("box", GENERAL, "concrete", (4.0, 4.0, 1.2), (0, 0, 0.1)),
+        *_poles(paint, 0.12, [*mast, *arm, ((0, 0, height), peak)]),
+        *_poles(colours.CABLE, 0.05, [*stays, ((0, 0.7 * jib, height + 0.1), hook)]),
+        part("box", GENERAL, colours.SIGN_WHITE, (1.3, 1.5, 1.8), (1.3, 0.6, height - 0.9)),
+        part("box", GENERAL, "concrete", (1.2, 1.6, 1.6), (0, 1.0 - back, height - 0.6)),
+    ]
 
 
-def hoarding(rng: np.random.Generator, length_m: float) -> list[Solid]:
-    """A site fence along y: mesh panels in feet of concrete."""
+def _girder(length_m: float, half_m: float, bay_m: float = 2.2) -> Float[np.ndarray, "n 2 3"]:
+    """Ends of the chords and diagonals of a square lattice girder along z, from z = 0."""
+    corners = half_m * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    ends = [((*corner, 0.0), (*corner, length_m)) for corner in corners]
+    levels = np.linspace(0, length_m, round(length_m / bay_m) + 1)
+    for k, (low, high) in enumerate(pairwise(levels)):
+        for corner, other in zip(corners, np.roll(corners, -1, axis=0)):
+            near, far = (corner, other) if k % 2 else (other, corner)
+            ends.append(((*near, low), (*far, high)))
+    return np.array(ends)
+
+
+# --------------------------------------------------------------------------- fences, supplies
+
+
+def site_fence(length_m: float) -> list[Solid]:
+    """A fence along y, 2 m tall: panels of welded bars that stand in concrete feet."""
     metal, half = colours.METAL[3], length_m / 2
-    panels = max(1, round(length_m / 2.6))
-    solids = []
-    for y in np.linspace(-half, half, panels + 1):
-        solids.append(beam(THIN_STRUCTURE, metal, (0, y, ROOT_M), (0, y, 2.0), 0.06))
-        solids.append(part("box", GENERAL, colours.CONCRETE, (0.7, 0.25, 0.4), (0, y, 0.0)))
-    for z in (0.25, 1.1, 1.95):
-        solids.append(beam(THIN_STRUCTURE, metal, (0, -half, z), (0, half, z), 0.05))
-    for y in np.arange(-half + 0.3, half, 0.4):
-        solids.append(part("box", THIN_STRUCTURE, metal, (0.03, 0.03, 1.75), (0, y, 1.1)))
-    return solids
+    posts = np.linspace(-half, half, max(1, round(length_m / 2.6)) + 1)
+    bars = [y for a, b in pairwise(posts) for y in np.linspace(a, b, 6)[1:-1]]
+    feet = [part("box", GENERAL, "concrete", (0.7, 0.25, 0.4), (0, y, 0.0)) for y in posts]
+    rails = [((0, -half, z), (0, half, z)) for z in (0.25, 1.95)]
+    return [
+        *feet,
+        *_poles(metal, 0.06, [((0, y, ROOT_M), (0, y, 2.0)) for y in posts]),
+        *_poles(metal, 0.05, rails),
+        *(part("box", THIN_STRUCTURE, metal, (0.03, 0.03, 1.7), (0, y, 1.1)) for y in bars),
+    ]
 
 
-def material_stack(rng: np.random.Generator) -> list[Solid]:
-    """Bricks on pallets, pipes or planks."""
+def supplies(rng: np.random.Generator) -> list[Solid]:
+    """Bricks on pallets, a heap of pipes, or a stack of boards."""
     kind = rng.integers(3)
     if kind == 0:
-        brick = str(rng.choice(["facade_brick", "stone"]))
-        return [
-            part("box", GENERAL, brick, (1.1, 1.1, 1.2), (0, y, 0.45))
-            for y in np.arange(int(rng.integers(1, 4))) * 1.3
-        ]
+        stacks = np.arange(int(rng.integers(1, 4))) * 1.3
+        return [part("box", GENERAL, "bricks", (1.1, 1.1, 1.2), (0, y, 0.45)) for y in stacks]
     if kind == 1:
-        return [
-            beam(GENERAL, colours.METAL[2], (x, -2.0, z), (x, 2.0, z), 0.42)
-            for x, z in ((-0.42, 0.1), (0.0, 0.1), (0.42, 0.1), (-0.21, 0.45), (0.21, 0.45))
-        ]
-    return [part("box", GENERAL, "planks", (1.2, 3.6, 1.0), (0, 0, 0.35))]
+        places = ((-0.42, 0.1), (0.0, 0.1), (0.42, 0.1), (-0.21, 0.46), (0.21, 0.46), (0.0, 0.82))
+        half, paint = rng.uniform(1.6, 2.4), colours.METAL[2]
+        return [beam(GENERAL, paint, (x, -half, z), (x, half, z), 0.42) for x, z in places]
+    return [part("box", GENERAL, "planks", (1.2, rng.uniform(2.6, 4.0), 1.0), (0, 0, 0.35))]
 
 
-def bunting(rng: np.random.Generator, width_m: float) -> list[Solid]:
-    """Two poles along x across a whole street, and a line of pennants or bulbs between them."""
-    height, half, sag = rng.uniform(6.2, 7.2), width_m / 2, rng.uniform(0.3, 0.6)
-    solids = [
-        beam(
-            THIN_STRUCTURE,
-            colours.METAL[0],
-            (s * half, 0, ROOT_M),
-            (s * half, 0, height + 0.1),
-            0.14,
-        )
-        for s in (-1, 1)
-    ]
-    solids += wire((-half, 0, height), (half, 0, height), sag)
-    for x in np.linspace(-0.85, 0.85, max(4, round(width_m / 1.1))) * half:
-        z = height - sag * (1 - (x / half) ** 2)
-        paint = str(rng.choice(colours.SHIRTS))
-        pennant = (x, 0, z - 0.22)
-        solids.append(part("box", THIN_STRUCTURE, paint, (0.3, 0.03, 0.4), pennant))
-    return solids
+def skip(rng: np.random.Generator) -> list[Solid]:
+    """An open steel skip along y, filled with rubble."""
+    paint, length = str(rng.choice(colours.TRUCK_PAINT[1:])), rng.uniform(2.8, 3.6)
+    solids = [part("box", GENERAL, paint, (1.7, length, 0.5), (0, 0, 0.05))]
+    for side in (-1, 1):
+        board = (side * 0.8, 0, 0.75)
+        solids.append(part("box", GENERAL, paint, (0.1, length, 1.0), board))
+        end = (0, side * (length / 2 - 0.05), 0.65)
+        solids.append(part("box", GENERAL, paint, (1.6, 0.1, 0.8), end))
+    rubble = (1.5, length - 0.2, rng.uniform(1.4, 2.0))
+    return [*solids, part("ellipsoid", GENERAL, "gravel", rubble, (0, 0, 0.6))]

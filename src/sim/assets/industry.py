@@ -3,6 +3,8 @@
 Fronts look along +x, widths lie along y.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from ...ontology import BUILDING, GENERAL, THIN_STRUCTURE
@@ -16,24 +18,44 @@ _CLADDING = ("corrugated_grey", "corrugated_blue", "corrugated_red")
 
 
 def hall(rng: np.random.Generator, width_m: float, depth_m: float) -> list[Solid]:
-    """A long, low hall with roller doors and a saw-tooth roof."""
+    """A long, low hall with roller doors, a band of windows and a saw-tooth roof of sheds."""
     eaves = rng.uniform(6.0, 9.0)
     cladding = str(rng.choice(_CLADDING))
     low = (0, 0, (eaves - FOUNDATION_M) / 2)
     solids = [part("box", BUILDING, cladding, (depth_m, width_m, eaves + FOUNDATION_M), low)]
+    windows = (depth_m + 0.1, width_m - 2.0, 0.8)
+    solids.append(part("box", BUILDING, colours.WINDOW_GLASS, windows, (0, 0, eaves - 0.9)))
     bays = max(2, round(width_m / 9.0))
     bay = width_m / bays
-    pitch = 0.28
     for k in range(bays):
         y = (k + 0.5 - bays / 2) * bay
-        roof = (0, y, eaves + np.tan(pitch) * bay / 2 - 0.1)
-        size_m = (bay / np.cos(pitch), depth_m + 0.3, 0.25)
-        solids.append(part("box", BUILDING, "roof_flat", size_m, roof, np.pi / 2, pitch))
-        riser = (0, y - bay / 2 + 0.15, eaves + np.tan(pitch) * bay / 2)
-        tall = np.tan(pitch) * bay
-        solids.append(part("box", BUILDING, colours.WINDOW_GLASS, (depth_m, 0.2, tall), riser))
+        solids += _saw_tooth(cladding, depth_m, bay, y, eaves)
         door = (depth_m / 2, y, 1.9)
-        solids.append(part("box", BUILDING, colours.METAL[2], (0.16, 0.55 * bay, 4.0), door))
+        solids.append(part("box", BUILDING, "roller_door", (0.16, 0.55 * bay, 4.0), door))
+    return solids
+
+
+def _saw_tooth(
+    cladding: str, depth_m: float, bay_m: float, y_m: float, eaves_m: float
+) -> list[Solid]:
+    """One shed of a roof: an upright row of windows, a slope, and steps that close its gables."""
+    pitch = 0.28
+    tall = np.tan(pitch) * bay_m
+    slope = (0, y_m, eaves_m + tall / 2 - 0.1)
+    size_m = (bay_m / np.cos(pitch), depth_m + 0.3, 0.25)
+    window = (0, y_m - bay_m / 2 + 0.15, eaves_m + tall / 2)
+    solids = [
+        part("box", BUILDING, "roof_flat", size_m, slope, np.pi / 2, pitch),
+        part("box", BUILDING, colours.WINDOW_GLASS, (depth_m, 0.2, tall), window),
+    ]
+    steps = 4
+    for k in range(steps):
+        # Each step ends where the slope comes down to its top.
+        low, high, run = k / steps * tall, (k + 1) / steps * tall, bay_m * (1 - (k + 1) / steps)
+        if run > 0:
+            middle = (0, y_m - bay_m / 2 + run / 2 + 0.1, eaves_m + (low + high) / 2 - 0.1)
+            size_m = (depth_m - 0.1, run, high - low)
+            solids.append(part("box", BUILDING, cladding, size_m, middle))
     return solids
 
 
@@ -46,14 +68,19 @@ def tank(rng: np.random.Generator) -> list[Solid]:
         part("cylinder", BUILDING, "concrete", size_m, shell),
         part("cone", BUILDING, colours.METAL[3], (diameter, diameter, 1.0), (0, 0, height + 0.5)),
     ]
+    metal, x = colours.METAL[1], diameter / 2 + 0.12
     for side in (-0.25, 0.25):
-        x = diameter / 2 + 0.12
         ends = (x, side, ROOT_M), (x, side, height + 0.9)
-        solids.append(beam(THIN_STRUCTURE, colours.METAL[1], *ends, 0.06))
-    for angle in np.linspace(0, 2 * np.pi, 13)[:-1]:
-        x, y = np.cos(angle) * diameter * 0.48, np.sin(angle) * diameter * 0.48
-        post = (x, y, height - 0.1), (x, y, height + 0.9)
-        solids.append(beam(THIN_STRUCTURE, colours.METAL[1], *post, 0.06))
+        solids.append(beam(THIN_STRUCTURE, metal, *ends, 0.06))
+    for z in np.arange(0.5, height, 1.0):
+        solids.append(beam(THIN_STRUCTURE, metal, (x, -0.25, z), (x, 0.25, z), 0.04))
+    angle = np.linspace(0, 2 * np.pi, 9)
+    ring = 0.48 * diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    for here, there in pairwise(ring):
+        post = (*here, height - 0.1), (*here, height + 0.9)
+        solids.append(beam(THIN_STRUCTURE, metal, *post, 0.06))
+        rail = (*here, height + 0.9), (*there, height + 0.9)
+        solids.append(beam(THIN_STRUCTURE, metal, *rail, 0.06))
     return solids
 
 
@@ -77,7 +104,7 @@ def chimney(rng: np.random.Generator) -> list[Solid]:
     """A brick chimney of 22 to 30 m."""
     height = rng.uniform(22.0, 30.0)
     return [
-        part("box", BUILDING, "facade_brick", (4.0, 4.0, 4.4), (0, 0, 1.8)),
+        part("box", BUILDING, "concrete", (4.0, 4.0, 3.4), (0, 0, 1.3)),
         part("cylinder", BUILDING, colours.CHIMNEY, (2.4, 2.4, height), (0, 0, height / 2)),
     ]
 
@@ -91,9 +118,10 @@ def pipe_bridge(rng: np.random.Generator, width_m: float) -> list[Solid]:
         for y in (-0.7, 0.7):
             foot, head = (side * half, y, ROOT_M), (side * half, y, deck)
             solids.append(beam(THIN_STRUCTURE, metal, foot, head, 0.2))
-        solids.append(
-            beam(THIN_STRUCTURE, metal, (side * half, -0.8, deck), (side * half, 0.8, deck), 0.18)
-        )
+        head = (side * half, -0.8, deck), (side * half, 0.8, deck)
+        solids.append(beam(THIN_STRUCTURE, metal, *head, 0.18))
+        brace = (side * half, -0.7, 0.5 * deck), (side * half, 0.7, 0.9 * deck)
+        solids.append(beam(THIN_STRUCTURE, metal, *brace, 0.1))
     for y, paint in zip((-0.5, 0.0, 0.5), rng.choice(colours.METAL[1:], 3)):
         thickness = rng.uniform(0.22, 0.36)
         z = deck + 0.08 + thickness / 2
@@ -138,7 +166,7 @@ def mesh_fence(rng: np.random.Generator, length_m: float) -> list[Solid]:
     ]
     for z in (0.15, height / 2, height - 0.05):
         solids.append(beam(THIN_STRUCTURE, metal, (0, -half, z), (0, half, z), 0.05))
-    for y in np.arange(-half + 0.25, half, 0.5):
+    for y in np.arange(-half + 0.35, half, 0.7):
         wire = part("box", THIN_STRUCTURE, metal, (0.03, 0.03, height - 0.1), (0, y, height / 2))
         solids.append(wire)
     return solids

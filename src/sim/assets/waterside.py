@@ -8,6 +8,8 @@ from ..solid import Solid
 from .parts import ROOT_M, beam, part
 
 DRAUGHT_M = 0.35
+DECK_M = 0.9
+"""Thickness of an elevated road."""
 
 
 def bollard(rng: np.random.Generator) -> list[Solid]:
@@ -20,20 +22,18 @@ def bollard(rng: np.random.Generator) -> list[Solid]:
 
 def motor_boat(rng: np.random.Generator) -> list[Solid]:
     """A cabin boat of 6 to 9 m along y, afloat on z = 0."""
-    length, beam_m = rng.uniform(6.0, 9.0), rng.uniform(2.2, 2.8)
-    hull = str(rng.choice([colours.SIGN_WHITE, *colours.BUS_PAINT]))
-    bow = (0, 0.62 * length / 2 + 0.19 * length, 0.25)
+    length, width = rng.uniform(6.0, 9.0), rng.uniform(2.2, 2.8)
+    paint = str(rng.choice([colours.SIGN_WHITE, *colours.BUS_PAINT]))
+    freeboard, stern = 1.2 - DRAUGHT_M, 0.6 * length
+    # The bow is the front half of an elliptic cylinder as wide as the stern.
+    bow = (width, 0.8 * length, 1.2)
+    ahead = 0.1 * length
+    cabin, glass = (0.7 * width, 0.3 * length, 1.1), (0.74 * width, 0.24 * length, 0.4)
     return [
-        part("box", GENERAL, hull, (beam_m, 0.62 * length, 1.2), (0, -0.19 * length / 2, 0.25)),
-        part(
-            "box",
-            GENERAL,
-            hull,
-            (0.6 * beam_m, 0.38 * length, 1.2),
-            (0, bow[1] - 0.1 * length, bow[2]),
-        ),
-        part("box", GENERAL, colours.SIGN_WHITE, (0.7 * beam_m, 0.3 * length, 1.1), (0, 0, 1.35)),
-        part("box", GENERAL, colours.WINDOW_GLASS, (0.74 * beam_m, 0.2 * length, 0.4), (0, 0, 1.5)),
+        part("box", GENERAL, paint, (width, stern, 1.2), (0, -0.2 * length, freeboard - 0.6)),
+        part("cylinder", GENERAL, paint, bow, (0, ahead, freeboard - 0.6)),
+        part("box", GENERAL, colours.SIGN_WHITE, cabin, (0, 0, freeboard + 0.5)),
+        part("box", GENERAL, colours.WINDOW_GLASS, glass, (0, 0, freeboard + 0.7)),
     ]
 
 
@@ -65,6 +65,31 @@ def jetty(rng: np.random.Generator, length_m: float) -> list[Solid]:
     return solids
 
 
+def quay_crane(rng: np.random.Generator) -> list[Solid]:
+    """A slewing crane on a lattice mast, its jib out along -x, over the water."""
+    height, jib = rng.uniform(7.0, 9.0), rng.uniform(10.0, 13.0)
+    paint = str(rng.choice(colours.TRUCK_PAINT[1:]))
+    corners = [(x, y) for x in (-0.7, 0.7) for y in (-0.7, 0.7)]
+    solids = [beam(THIN_STRUCTURE, paint, (x, y, ROOT_M), (x, y, height), 0.18) for x, y in corners]
+    for x in (-0.7, 0.7):
+        for low in np.arange(0.0, height - 1.0, 2.0):
+            brace = (x, -0.7, low), (x, 0.7, min(low + 2.0, height))
+            solids.append(beam(THIN_STRUCTURE, paint, *brace, 0.09))
+    cabin, ballast = (0, 0, height + 0.8), (1.7, 0, height + 0.7)
+    solids.append(part("box", GENERAL, paint, (2.0, 1.8, 1.8), cabin))
+    solids.append(part("box", GENERAL, colours.METAL[0], (1.6, 1.4, 1.0), ballast))
+    tip, peak = (-jib, 0, height + 4.0), (0.6, 0, height + 3.6)
+    for side in (-0.5, 0.5):
+        foot = (-0.9, side, height + 0.6)
+        solids.append(beam(THIN_STRUCTURE, paint, foot, tip, 0.16))
+        solids.append(beam(THIN_STRUCTURE, paint, (0.6, side, height + 1.6), peak, 0.12))
+    solids.append(beam(THIN_STRUCTURE, colours.CABLE, peak, tip, 0.05))
+    solids.append(beam(THIN_STRUCTURE, colours.CABLE, tip, (-jib, 0, 3.0), 0.05))
+    hook = (-jib, 0, 2.8)
+    solids.append(part("box", THIN_STRUCTURE, colours.METAL[0], (0.4, 0.3, 0.5), hook))
+    return solids
+
+
 def palm(rng: np.random.Generator) -> list[Solid]:
     """A palm of 6 to 8 m: a slim trunk and drooping fronds."""
     height = rng.uniform(6.0, 8.0)
@@ -78,12 +103,12 @@ def palm(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
-def deck(length_m: float, width_m: float, under_m: float) -> list[Solid]:
-    """A piece of elevated road along y, its underside ``under_m`` above z = 0: a slab, parapets
-    with railings, and lamps."""
-    top = under_m + 0.9
+def deck(length_m: float, width_m: float) -> list[Solid]:
+    """A piece of elevated road along y, its underside at z = 0: a slab, and parapets with
+    railings."""
+    top = DECK_M
     solids = [
-        part("box", BUILDING, "concrete", (width_m, length_m, 0.9), (0, 0, under_m + 0.45)),
+        part("box", BUILDING, "concrete", (width_m, length_m, DECK_M), (0, 0, top - DECK_M / 2)),
         part("box", BUILDING, "asphalt", (width_m - 1.2, length_m, 0.06), (0, 0, top + 0.03)),
     ]
     for side in (-1, 1):

@@ -23,7 +23,7 @@ from .streetscape import (
 )
 from .terrain import rolling
 
-_STREET = Profile(8.0, "road_2lane", 3.2, "concrete", 8.0, 3.0, 7.5)
+_STREET = Profile(8.0, "road_wide", 3.7, "concrete", 8.0, 3.0, 7.5)
 
 
 def _network(rng: np.random.Generator) -> Network:
@@ -57,7 +57,7 @@ def _furnish(site: Site, street: Street, rng: np.random.Generator) -> None:
     row(site, street, edge + 1.2, 36.0, industry.floodlight_mast, rng)
     row(site, street, 0.5, 42.0, furniture.sign_post, rng)
     row(site, street, 0.5, 34.0, furniture.lamp_post, rng)
-    park(site, street, rng, 0.6)
+    park(site, street, rng, 0.25)
     row(site, street, edge + 3.0, 9.0, industry.container_stack, rng)
     row(site, street, edge + 1.6, 13.0, furniture.barrier, rng)
     in_gardens(site, street, 3, furniture.container, rng, (6.0, 26.0))
@@ -72,8 +72,8 @@ def build(rng: np.random.Generator) -> Town:
     for k, street in enumerate(site.network.streets):
         _overhead(site, street, rng)
         wired_poles(site, street, 1 if k % 2 else -1, rng)
-    for x in (-90.0, 90.0):
-        lot(site, (x, 0.0), 0.0, rng, columns=11, share=0.6, truck_share=0.4)
+    lot(site, (-92.0, 0.0), 0.0, rng, columns=11, share=0.6)
+    lot(site, (88.0, 0.0), 0.0, rng, columns=9, share=0.6, kind="truck")
     for middle in ((-2.0, 0.0), (-2.0, 18.0)):
         site.place(industry.gantry_crane(rng), *middle, float(np.pi / 2))
     site.place(industry.chimney(rng), 60.0, 8.0, 0.0)

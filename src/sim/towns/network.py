@@ -4,7 +4,7 @@ Every path runs from one *port* to another: a place at a junction where a street
 centre line ends. The successors of a path are the paths that start at its last port.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from ..layout import Gate, Path
 from .polyline import Polyline, arc_m, parallel, trimmed, turn
+from .ways import Way, both_ways, joined
 
 ROAD_RISE_M, JUNCTION_RISE_M, CROSSING_RISE_M, PAVEMENT_RISE_M = 0.04, 0.08, 0.12, 0.16
 """Heights of the surfaces above the terrain; neighbours differ by more than a patch can sag."""
@@ -25,10 +26,9 @@ KERB_STAND_M = 0.3
 OPPOSING_RAD = np.deg2rad(45)
 """Arms that are straight on from each other, give or take this, have green together."""
 
-WALK_MPS = 2.5
+WALK = WALK_HALF_WIDTH_M, WALK_MPS = 0.4, 2.5
 """A limit for bicycles; nobody walks as fast."""
 
-WALK_HALF_WIDTH_M = 0.4
 LANE_HALF_WIDTH_M = 1.4
 TURN_SLOWDOWN = 0.6
 """Speed on a turn, as a part of the speed on the street."""
@@ -132,9 +132,9 @@ class Network:
             there, back = parallel(line, right), parallel(line[::-1], right)
             room = (LANE_HALF_WIDTH_M, street.profile.lane_mps, ROAD_RISE_M)
             gates = [self._stop_line(k, here, lane) for lane, here in ((there, end), (back, start))]
-            ways.append(_Way(there, ("from", *start), ("to", *end), *room, gates[0]))
-            ways.append(_Way(back, ("from", *end), ("to", *start), *room, gates[1]))
-        return _joined(ways + self._turns(ways, JUNCTION_RISE_M))
+            ways.append(Way(there, ("from", *start), ("to", *end), *room, gates[0]))
+            ways.append(Way(back, ("from", *end), ("to", *start), *room, gates[1]))
+        return joined(ways + self._turns(ways, JUNCTION_RISE_M))
 
     def _stop_line(self, street: int, port: tuple[int, int], lane_m: Polyline) -> Gate:
         phase, phases = self._phases(port[0])[street]
@@ -164,11 +164,11 @@ class Network:
             start, end = (street.start, k), (street.end, k)
             line = self.open_m(street)
             room = (street.profile.corridor_half_width_m, street.profile.corridor_mps, 0.0)
-            ways.append(_Way(line, ("from", *start), ("to", *end), *room))
-            ways.append(_Way(line[::-1], ("from", *end), ("to", *start), *room))
-        return _joined(ways + self._turns(ways, 0.0))
+            ways.append(Way(line, ("from", *start), ("to", *end), *room))
+            ways.append(Way(line[::-1], ("from", *end), ("to", *start), *room))
+        return joined(ways + self._turns(ways, 0.0))
 
-    def _turns(self, ways: Sequence["_Way"], rise_m: float) -> list["_Way"]:
+    def _turns(self, ways: Sequence[Way], rise_m: float) -> list[Way]:
         """From the end of each way at a junction to the start of every other street's there."""
         turns = []
         for come in ways:
@@ -178,7 +178,7 @@ class Network:
                     continue
                 corner = _crossing(come.points_m[::-1], go.points_m)
                 turns.append(
-                    _Way(
+                    Way(
                         turn(come.points_m[-1], corner, go.points_m[0]),
                         come.end,
                         go.start,
@@ -199,10 +199,10 @@ class Network:
                 points_m = parallel(line, side * street.profile.walk_m)
                 rise_m = PAVEMENT_RISE_M if street.profile.pavement_m else ROAD_RISE_M
                 ports = (street.start, k, side), (street.end, k, -side)
-                ways += _both_ways(points_m, *ports, rise_m)
+                ways += both_ways(points_m, *ports, *WALK, rise_m)
         for junction in range(len(self.junctions_m)):
             ways += self._corners(junction) + self._crossings(junction)
-        return _joined(ways)
+        return joined(ways)
 
     def ports_m(
         self, junction: int, out_m: float = 0.0
@@ -219,7 +219,7 @@ class Network:
             ports.append((arm, sides))
         return ports
 
-    def _corners(self, junction: int) -> list["_Way"]:
+    def _corners(self, junction: int) -> list[Way]:
         """Ways around the corners, each from one crossing to the next."""
         inner, outer = self.ports_m(junction), self.ports_m(junction, CROSSING_OUT_M)
         ways = []
@@ -230,10 +230,10 @@ class Network:
             points_m = np.concatenate([outer[k][1][1][None], corner_m, outer[after][1][-1][None]])
             paved = max(arm.profile.pavement_m, following.profile.pavement_m) > 0
             ports = (junction, arm.street, 1), (junction, following.street, -1)
-            ways += _both_ways(points_m, *ports, PAVEMENT_RISE_M if paved else ROAD_RISE_M)
+            ways += both_ways(points_m, *ports, *WALK, PAVEMENT_RISE_M if paved else ROAD_RISE_M)
         return ways
 
-    def _crossings(self, junction: int) -> list["_Way"]:
+    def _crossings(self, junction: int) -> list[Way]:
         """Ways over every arm; where vehicles come, people wait for them at the kerb."""
         phases = self._phases(junction)
         ways = []
@@ -244,7 +244,7 @@ class Network:
                 gate = Gate(junction, kerb_m, -kerb_m, True, *phases[arm.street])
             rise_m = CROSSING_RISE_M if profile.has_crossings else ROAD_RISE_M
             ports = (junction, arm.street, -1), (junction, arm.street, 1)
-            ways += _both_ways(np.stack([here[-1], here[1]]), *ports, rise_m, gate)
+            ways += both_ways(np.stack([here[-1], here[1]]), *ports, *WALK, rise_m, gate)
         return ways
 
     @staticmethod
@@ -267,25 +267,6 @@ class Network:
         return np.stack([port_m, bend, next_port_m])
 
 
-@dataclass(frozen=True)
-class _Way:
-    points_m: Polyline
-    start: Hashable
-    end: Hashable
-    half_width_m: float
-    speed_mps: float
-    rise_m: float
-    gate: Gate | None = None
-
-
-def _both_ways(
-    points_m: Polyline, start: Hashable, end: Hashable, rise_m: float, gate: Gate | None = None
-) -> list[_Way]:
-    """A walk there and back."""
-    room = (WALK_HALF_WIDTH_M, WALK_MPS, rise_m, gate)
-    return [_Way(points_m, start, end, *room), _Way(points_m[::-1], end, start, *room)]
-
-
 def _opposing(one: Arm, other: Arm) -> bool:
     turned_rad = (one.angle_rad - other.angle_rad) % (2 * np.pi)
     return abs(turned_rad - np.pi) < OPPOSING_RAD
@@ -300,21 +281,3 @@ def _crossing(come_m: Polyline, go_m: Polyline) -> Float[np.ndarray, "2"]:
         return (come_m[0] + go_m[0]) / 2
     ahead = (gap[0] * -b[1] + b[0] * gap[1]) / determinant
     return come_m[0] + max(ahead, 0.0) * a
-
-
-def _joined(ways: Sequence[_Way]) -> tuple[Path, ...]:
-    """Paths whose successors start where they end; nobody turns on the spot."""
-    starts: dict[Hashable, list[int]] = {}
-    for k, way in enumerate(ways):
-        starts.setdefault(way.start, []).append(k)
-    return tuple(
-        Path(
-            way.points_m,
-            way.half_width_m,
-            way.speed_mps,
-            tuple(k for k in starts.get(way.end, ()) if ways[k].end != way.start),
-            way.rise_m,
-            way.gate,
-        )
-        for way in ways
-    )

@@ -8,7 +8,7 @@ from ..assets import buildings, furniture, vegetation
 from ..layout import Town
 from ..solid import Solid
 from .network import Network, Profile, Street
-from .parking import parked
+from .parking import drives
 from .polyline import arc_m
 from .site import Site
 from .streetscape import frontage, in_gardens, lay_ground, outskirts, row, spots
@@ -63,7 +63,7 @@ def build(rng: np.random.Generator) -> Town:
         row(site, street, 0.3, 30.0, partial(furniture.railing, length_m=4.0), rng)
         row(site, street, edge + 0.4, 9.0, furniture.litter_bin, rng)
         row(site, street, edge + 0.5, 16.0, furniture.bench, rng)
-        row(site, street, edge + 2.9, 16.0, partial(parked, truck_share=0.0), rng)
+        drives(site, street, rng, 16.0)
         row(site, street, edge + 1.5, 12.0, furniture.stall, rng)
         row(site, street, edge + 1.2, 10.0, vegetation.bush, rng)
         row(site, street, edge + 1.4, 14.0, vegetation.street_tree, rng)

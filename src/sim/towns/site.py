@@ -18,7 +18,7 @@ from .network import Network
 from .polyline import arc_m, parallel, point_at
 
 _FLIGHT_M = np.arange(2.0, 19.0, 1.25)
-# Wires, mast arms and bare branches may cross a corridor overhead: the flight climbs over them.
+# Wires, mast arms, bare branches and bridges may cross a corridor: the flight climbs over them.
 _FLIGHT_BUT_OVERHEAD_M = _FLIGHT_M[(_FLIGHT_M < 5) | (_FLIGHT_M > 8.6)]
 _LANE_M = np.arange(0.5, 3.6, 0.75)
 _WALK_M = np.array([0.5, 1.1, 1.7])
@@ -85,24 +85,33 @@ class Site:
         if self._taken(footprints, boxes_m) or any(self._in_the_way(s, ground_m) for s in solids):
             return False
         self.solids += solids
-        self._footprints = np.concatenate([self._footprints, footprints])
-        self._boxes_m = np.concatenate([self._boxes_m, boxes_m])
+        self._occupy(footprints, boxes_m)
         return True
 
     def hang(self, solids: Sequence[Solid], ground_m: float, overhead: bool = False) -> bool:
         """Add what hangs between things that stand, given in the world, if nothing flies there.
 
-        What is ``overhead`` may cross corridors like a wire does: a bridge.
+        What is ``overhead`` is a bridge: it may cross corridors in the band that is free for wires,
+        because the flight climbs over it, and nothing that is placed later may run through it.
         """
         if any(self._in_the_way(solid, ground_m, overhead) for solid in solids):
             return False
         self.solids += solids
+        if overhead:
+            footprints = np.stack([_footprint(solid) for solid in solids])
+            self._occupy(footprints, np.array([bounds_m(solid) for solid in solids]))
         return True
 
     def _in_the_way(self, solid: Solid, ground_m: float, overhead: bool = False) -> bool:
         overhead |= solid.class_id == THIN_STRUCTURE
         flight = self._flight_but_overhead if overhead else self._flight
         return any(keepout.blocked_by(solid, ground_m) for keepout in (flight, *self._traffic))
+
+    def _occupy(
+        self, footprints: Float[np.ndarray, "n 4 2"], boxes_m: Float[np.ndarray, "n 2 3"]
+    ) -> None:
+        self._footprints = np.concatenate([self._footprints, footprints])
+        self._boxes_m = np.concatenate([self._boxes_m, boxes_m])
 
     def _taken(
         self, footprints: Float[np.ndarray, "n 4 2"], boxes_m: Float[np.ndarray, "n 2 3"]

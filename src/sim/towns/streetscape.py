@@ -36,6 +36,13 @@ class Spot:
     y_m: float
     yaw_rad: float
 
+    def moved(self, ahead_m: float, left_m: float, turned_rad: float = 0.0) -> "Spot":
+        """Another place, as one who stands here sees it."""
+        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        x = self.x_m + cos * ahead_m - sin * left_m
+        y = self.y_m + sin * ahead_m + cos * left_m
+        return Spot(float(x), float(y), self.yaw_rad + turned_rad)
+
 
 # -------------------------------------------------------------------------------------- ground
 
@@ -129,6 +136,11 @@ def spots(
         at += spacing_m * (1 + jitter * rng.uniform(-1, 1))
 
 
+def stand(site: Site, asset: Sequence[Solid], spot: Spot, rise_m: float = 0.0) -> bool:
+    """Place an asset on a spot, if there is room; say whether there was."""
+    return site.place(asset, spot.x_m, spot.y_m, spot.yaw_rad, rise_m)
+
+
 def row(
     site: Site,
     street: Street,
@@ -144,7 +156,15 @@ def row(
     for side in sides:
         left = side * (profile.road_m / 2 + out_m)
         for spot in spots(site.network.open_m(street), left, spacing_m, rng):
-            site.place(make(rng), spot.x_m, spot.y_m, spot.yaw_rad, rise)
+            stand(site, make(rng), spot, rise)
+
+
+def across(
+    site: Site, street: Street, spacing_m: float, make: Maker, rng: np.random.Generator
+) -> None:
+    """Things along x over the whole width of a street, from its middle."""
+    for spot in spots(site.network.open_m(street), 1e-3, spacing_m, rng):
+        stand(site, make(rng), spot)
 
 
 def frontage(
@@ -180,7 +200,7 @@ def wired_poles(
     before = None
     left = side * (street.profile.half_m + 0.3)
     for spot in spots(site.network.open_m(street), left, spacing_m, rng, jitter=0.1):
-        if not site.place(furniture.utility_pole(rng, height), *_at(spot)):
+        if not stand(site, furniture.utility_pole(rng, height), spot):
             before = None
             continue
         pole_z = site.height_m(spot.x_m, spot.y_m)
@@ -192,10 +212,6 @@ def wired_poles(
         for start, end in zip(before or (), ends):
             site.hang(furniture.wire(start, end, rng.uniform(0.4, 0.8)), pole_z)
         before = ends
-
-
-def _at(spot: Spot) -> tuple[float, float, float]:
-    return spot.x_m, spot.y_m, spot.yaw_rad
 
 
 def signals(site: Site, rng: np.random.Generator) -> None:

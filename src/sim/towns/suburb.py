@@ -8,7 +8,7 @@ from ..assets import buildings, furniture, vegetation
 from ..layout import Town
 from ..solid import Solid
 from .network import Network, Profile, Street
-from .parking import parked
+from .parking import drives
 from .polyline import turn
 from .site import Site
 from .streetscape import frontage, in_gardens, lay_ground, outskirts, row, wired_poles
@@ -20,7 +20,7 @@ _FACADES = ("siding_white", "siding_blue", "facade_plaster_cream", "facade_brick
 
 def _network(rng: np.random.Generator) -> Network:
     """Two curved avenues, joined by three cross streets."""
-    xs, ys = np.array([-100.0, 0.0, 100.0]), np.array([-42.0, 42.0])
+    xs, ys = np.array([-130.0, 0.0, 130.0]), np.array([-50.0, 50.0])
     junctions = np.array([(x, y) for y in ys for x in xs]) + rng.uniform(-6, 6, (6, 2))
     pairs = [(0, 1), (1, 2), (3, 4), (4, 5), (0, 3), (1, 4), (2, 5)]
     streets = []
@@ -45,7 +45,7 @@ def build(rng: np.random.Generator) -> Town:
     for k, street in enumerate(site.network.streets):
         wired_poles(site, street, side=1 if k % 2 else -1, rng=rng)
         frontage(site, street, _house, rng, setback_m=(5.0, 8.0), gap_m=(4.0, 9.0))
-        row(site, street, edge + 3.0, 17.0, partial(parked, truck_share=0.0), rng)
+        drives(site, street, rng, 17.0)
         row(site, street, edge + 0.9, 7.0, partial(furniture.fence, length_m=6.0), rng)
         row(site, street, edge + 1.1, 9.0, partial(vegetation.hedge, length_m=5.0), rng)
         row(site, street, 0.4, 36.0, furniture.lamp_post, rng)

@@ -1,0 +1,97 @@
+"""Shares of one data set, each made by a process or machine of its own.
+
+Settings decide the folder's name, so shards of different settings would never meet: each would
+leave a part of another data set. Therefore the first shard leaves a record beside the folder,
+against which all others are held until the data set is whole.
+"""
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from ..atomic import replacing
+from ..errors import UserError
+from .manifest import DatasetSpec, different_setting
+
+T = TypeVar("T")
+
+
+def share_of(items: Sequence[T], shard: int, shards: int) -> list[T]:
+    """The items that one of several shards makes: every ``shards``-th, so that all get as many.
+
+    Raises `UserError` for a shard that there is not.
+    """
+    if shards < 1:
+        raise UserError(f"sim.shards: {shards} is too small; give 1 or more")
+    if not 0 <= shard < shards:
+        raise UserError(
+            f"sim.shard: there is no {shard} of {shards} shards; give 0 to {shards - 1}"
+        )
+    return list(items[shard::shards])
+
+
+def record_of(data_folder: Path, scale: str) -> Path:
+    """The file that says which data set of a scale is being made in shards."""
+    return data_folder / f".{scale}.shards.json"
+
+
+def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
+    """Leaves the record, or refuses to join shards of other settings, code or number."""
+    path = record_of(data_folder, spec.scale)
+    mine = {"sim": spec.sim, "generator": spec.generator, "shards": shards}
+    _write_first(path, mine)
+    try:
+        theirs = json.loads(path.read_text())
+        changed = _difference(theirs, mine)
+    except FileNotFoundError:
+        return  # The others have just finished.
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise UserError(f"{path}: cannot be read ({error}); delete it") from error
+    if changed:
+        raise UserError(
+            f"{changed}; give all shards of a data set the same, or delete {path} if no other is "
+            "to be finished"
+        )
+
+
+def forget_shards(data_folder: Path, spec: DatasetSpec) -> None:
+    """Removes the record of a data set that is whole now; that of another one stays."""
+    path = record_of(data_folder, spec.scale)
+    try:
+        theirs = json.loads(path.read_text())
+        if (theirs["sim"], theirs["generator"]) == (spec.sim, spec.generator):
+            path.unlink(missing_ok=True)
+    except (FileNotFoundError, ValueError, TypeError, KeyError):
+        return
+
+
+def _write_first(path: Path, record: dict) -> None:
+    """Writes the record unless there is one; of several at once, one succeeds."""
+    candidate = path.with_name(f"{path.name}.{os.getpid()}")
+    with replacing(candidate) as temporary:
+        temporary.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
+    try:
+        os.link(candidate, path)
+    except FileExistsError:
+        pass
+    finally:
+        candidate.unlink()
+
+
+def _difference(theirs: dict, mine: dict) -> str | None:
+    if found := different_setting(theirs["sim"], mine["sim"]):
+        key, old, new = found
+        return f"sim.{key}: this shard has {new}, and the shards under way have {old}"
+    if theirs["shards"] != mine["shards"]:
+        return (
+            f"sim.shards: this is one of {mine['shards']} shards, and those under way are of "
+            f"{theirs['shards']}"
+        )
+    if theirs["generator"] != mine["generator"]:
+        return (
+            f"sim: this shard's code is {mine['generator']}, and that of those under way "
+            f"{theirs['generator']}"
+        )
+    return None

@@ -1,0 +1,84 @@
+"""The sky of a weather: a gradient, clouds, and the glow around a low sun, seen through haze."""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from .value_noise import value_noise
+from .weather import Color, Weather
+
+HAZE_TOP_M = 60.0
+"""Thickness of the layer of fog through which the sky is seen."""
+
+CLOUD_SIZE = 0.55
+"""Width of a typical cloud, in heights of the clouds above the ground."""
+
+
+class Sky(NamedTuple):
+    """Colours in sRGB, 0 to 1. ``towards`` is the unit vector to the sun."""
+
+    horizon: Color
+    zenith: Color
+    cloud: Color
+    cloud_cover: float
+    glow: Color
+    towards: tuple[float, float, float]
+    fog_color: Color
+    fog_per_m: float
+
+    @classmethod
+    def of(cls, weather: Weather) -> "Sky":
+        return cls(
+            weather.sky_horizon,
+            weather.sky_zenith,
+            weather.cloud_color,
+            weather.cloud_cover,
+            weather.glow,
+            weather.towards,
+            weather.fog_color,
+            weather.fog_per_m,
+        )
+
+
+@numba.njit(cache=True)
+def sky_at(x: float, y: float, z: float, sky: Sky) -> tuple[float, float, float]:
+    """Colour in a direction, a unit vector of the world; below the horizon that of the horizon, but
+    for the sun's glow."""
+    rise = min(max(np.float32(z), np.float32(0)), np.float32(1))
+    cloud = _cloud(x, y, rise, sky)
+    along = x * sky.towards[0] + y * sky.towards[1] + z * sky.towards[2]
+    glow = np.exp(np.float32(-9) * (1 - np.float32(along)))
+    haze = np.exp(-np.float32(sky.fog_per_m * HAZE_TOP_M) / max(rise, np.float32(0.02)))
+    height = np.sqrt(rise)
+    return (
+        _mixed(0, height, cloud, glow, haze, sky),
+        _mixed(1, height, cloud, glow, haze, sky),
+        _mixed(2, height, cloud, glow, haze, sky),
+    )
+
+
+@numba.njit(cache=True, inline="always")
+def _mixed(k, height, cloud, glow, haze, sky):
+    """One colour: the gradient, the sun's glow over it, clouds before both, haze before all."""
+    horizon, zenith = np.float32(sky.horizon[k]), np.float32(sky.zenith[k])
+    value = horizon + (zenith - horizon) * height
+    value += np.float32(sky.glow[k]) * glow
+    lit = np.float32(sky.cloud[k]) + np.float32(sky.glow[k]) * glow
+    value += (lit - value) * cloud
+    fog = np.float32(sky.fog_color[k])
+    return fog + (value - fog) * haze
+
+
+@numba.njit(cache=True)
+def _cloud(x, y, rise, sky):
+    """How much of a cloud is in a direction, 0 to 1; they fade into the haze of the horizon."""
+    if sky.cloud_cover <= 0 or rise <= 0:
+        return np.float32(0)
+    far = 1 / ((rise + np.float32(0.12)) * np.float32(CLOUD_SIZE))
+    # Every sun has its own clouds.
+    shift = np.float32(31 * sky.towards[0])
+    field = value_noise(x * far + shift, y * far, 3)
+    edge = np.float32(0.75 - 0.5 * sky.cloud_cover)
+    thick = min(max((field - edge) * np.float32(5), np.float32(0)), np.float32(1))
+    return thick * min(rise * np.float32(8), np.float32(1))

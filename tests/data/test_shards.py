@@ -1,0 +1,65 @@
+"""Shards of one data set find each other; those of two never mix."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from src.data.manifest import DatasetSpec
+from src.data.shards import forget_shards, join_shards, record_of, share_of
+from src.errors import UserError
+
+
+@pytest.fixture
+def spec(mini_sim):
+    return DatasetSpec.of("mini", mini_sim)
+
+
+def test_every_item_is_in_one_share():
+    assert [share_of("abcdefg", k, 3) for k in range(3)] == [list("adg"), list("be"), list("cf")]
+    for shard, shards in ((3, 3), (-1, 3), (0, 0)):
+        with pytest.raises(UserError, match=r"sim\.shard"):
+            share_of("abc", shard, shards)
+
+
+def test_shards_of_the_same_settings_join(spec, tmp_path):
+    for _ in range(3):
+        join_shards(tmp_path, spec, 4)
+    assert [path.name for path in tmp_path.iterdir()] == [".mini.shards.json"]
+    forget_shards(tmp_path, spec)
+    assert not list(tmp_path.iterdir())
+    forget_shards(tmp_path, spec)
+
+
+def test_other_settings_another_number_and_other_code_are_refused(spec, mini_sim, tmp_path):
+    join_shards(tmp_path, spec, 4)
+    other = DatasetSpec.of("mini", mini_sim | {"seed": 7})
+    for joining, shards, message in (
+        (other, 4, r"sim\.seed: this shard has 7, .* have 0; .*delete .*\.mini\.shards\.json"),
+        (spec, 2, r"sim\.shards: this is one of 2 .* of 4"),
+        (replace(spec, generator="abc"), 4, r"code is abc"),
+    ):
+        with pytest.raises(UserError, match=message) as error:
+            join_shards(tmp_path, joining, shards)
+        assert "\n" not in str(error.value)
+    # What is finished elsewhere leaves this record alone.
+    forget_shards(tmp_path, other)
+    join_shards(tmp_path, spec, 4)
+
+
+def test_scales_do_not_meet(spec, tmp_path):
+    join_shards(tmp_path, spec, 4)
+    join_shards(tmp_path, replace(spec, scale="small"), 2)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", '{"sim": 3}'])
+def test_a_record_that_cannot_be_read_is_named(spec, tmp_path, text):
+    record_of(tmp_path, "mini").write_text(text)
+    with pytest.raises(UserError, match=r"\.mini\.shards\.json: cannot be read"):
+        join_shards(tmp_path, spec, 2)
+
+
+def test_the_record_says_what_is_under_way(spec, tmp_path):
+    join_shards(tmp_path, spec, 4)
+    record = json.loads(record_of(tmp_path, "mini").read_text())
+    assert record == {"sim": spec.sim, "generator": spec.generator, "shards": 4}

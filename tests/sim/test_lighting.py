@@ -1,0 +1,140 @@
+"""Cast shadows: where the light does not come, by hand-made scenes whose shadows are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from src.ontology import BUILDING
+from src.sim.lighting import cast_shadows, illuminate, surface_normals
+from src.sim.scene import Scene, parts_of
+from src.sim.weather import WEATHERS
+from src.sim.world import World
+from tests.sim.scenery import (
+    BODY_FROM_CAMERA,
+    HEIGHT,
+    PIX_FROM_CAMERA,
+    WIDTH,
+    actor,
+    camera_rays,
+    ground,
+    pose,
+    solid,
+    view_of,
+)
+
+CLEAR = replace(WEATHERS["clear"], ambient=0.3)
+NO_SHADOW = replace(CLEAR, shadow=False)
+TOWARDS = np.array(CLEAR.light()["lightDirection"])
+SLAB_SIZE_M, SLAB_AT_M = np.array((5.0, 4.0, 0.4)), np.array((12.0, 1.0, 4.0))
+HERE = pose((0.5, 0.4, 6.2), 0.1, 0.25, 0.05)
+
+
+def places_of(view, here):
+    """What every pixel of a view shows, in the world."""
+    origins_m, directions, depth_per_m = camera_rays(here)
+    distance_m = np.where(np.isinf(view.depth_m), 0, view.depth_m).reshape(-1) / depth_per_m
+    return (origins_m + directions * distance_m[:, None]).reshape(HEIGHT, WIDTH, 3)
+
+
+def under_the_slab(places_m):
+    """How far inside the slab's shadow places on the ground are; negative outside."""
+    rise_m = (SLAB_AT_M[2] - places_m[..., 2:]) / TOWARDS[2]
+    met_m = places_m[..., :2] + rise_m * TOWARDS[:2]
+    return (SLAB_SIZE_M[:2] / 2 - np.abs(met_m - SLAB_AT_M[:2])).min(axis=-1)
+
+
+def test_a_slabs_shadow_lies_where_the_sun_puts_it_and_keeps_the_ambient_light():
+    scene = Scene(parts_of([ground(), solid(BUILDING, SLAB_SIZE_M, SLAB_AT_M)]), ())
+    with World(scene, PIX_FROM_CAMERA, WIDTH, HEIGHT) as world:
+        lit, shaded = (world.render(0, HERE @ BODY_FROM_CAMERA, w) for w in (NO_SHADOW, CLEAR))
+    places_m = places_of(lit, HERE)
+    on_ground = (np.abs(places_m[..., 2]) < 0.02) & np.isfinite(lit.depth_m)
+    inside_m = under_the_slab(places_m)
+    # The slab is 0.4 m thick, which widens its shadow by that over the sun's slope.
+    umbra, open_air = on_ground & (inside_m > 0.1), on_ground & (inside_m < -0.5)
+    assert umbra.sum() > 100
+    assert open_air.sum() > 1000
+    np.testing.assert_array_equal(shaded.rgb[open_air], lit.rgb[open_air])
+    direct = CLEAR.diffuse * TOWARDS[2] * np.array(CLEAR.light_color)
+    expected = lit.rgb[umbra] * CLEAR.ambient / (CLEAR.ambient + direct)
+    assert np.abs(shaded.rgb[umbra] - expected).max() <= 1.5
+    for name in ("depth_m", "class_id", "actor_id"):
+        np.testing.assert_array_equal(getattr(shaded, name), getattr(lit, name))
+
+
+def test_an_actors_shadow_moves_with_it():
+    scene = Scene(parts_of([ground()]), (actor([(12.0, 3, 0), (14.0, -6, 0)]),))
+    with World(scene, PIX_FROM_CAMERA, WIDTH, HEIGHT) as world:
+        for step in (0, 1):
+            lit, shaded = (
+                world.render(step, HERE @ BODY_FROM_CAMERA, w) for w in (NO_SHADOW, CLEAR)
+            )
+            dark = (shaded.rgb < lit.rgb).any(axis=-1) & (lit.actor_id == 0)
+            middle_m = places_of(lit, HERE)[dark].mean(axis=0)
+            beside_m = middle_m - scene.bodies[0].world_from_actor[step, :3, 3]
+            assert dark.sum() > 10
+            # From the actor, the shadow lies where the sun is not.
+            assert beside_m[:2] @ TOWARDS[:2] < -0.3
+            assert np.linalg.norm(beside_m[:2]) < 3
+
+
+def test_what_is_turned_away_from_the_light_is_not_darkened_twice():
+    scene = Scene(parts_of([ground(), solid(BUILDING, (4, 6, 5), (14, 0, 2.5))]), ())
+    view = view_of(scene, 0, HERE)
+    places_m = places_of(view, HERE).astype(np.float32)
+    grey = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
+    towards = np.array([1.0, 0.0, 0.2]) / np.hypot(1, 0.2)
+    behind = replace(CLEAR, light_azimuth_rad=0.0, light_elevation_rad=float(np.arcsin(towards[2])))
+    shaded = cast_shadows(
+        grey, places_m, view.depth_m, behind, lambda points_m, to: scene.blocked(0, points_m, to)
+    )
+    facade = (view.class_id == BUILDING) & (np.abs(places_m[..., 0] - 12) < 0.02)
+    facade &= (places_m[..., 2] > 0.3) & (places_m[..., 2] < 4.7)
+    roof = (view.class_id == BUILDING) & (np.abs(places_m[..., 2] - 5) < 0.02)
+    assert facade.sum() > 50
+    assert (shaded[facade] == 200).all()
+    assert (shaded[roof] == 200).mean() > 0.95
+    assert (shaded[(view.class_id != BUILDING) & np.isfinite(view.depth_m)] < 200).any()
+
+
+def test_bare_colours_are_lit_by_the_slope_of_their_face_and_its_shadows():
+    slab = solid(BUILDING, SLAB_SIZE_M, SLAB_AT_M)
+    scene = Scene(parts_of([ground(), slab]), ())
+    view = view_of(scene, 0, HERE)
+    places_m = places_of(view, HERE).astype(np.float32)
+    grey = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
+    lit, unshaded = (
+        illuminate(grey, places_m, view.depth_m, w, lambda p, to: scene.blocked(0, p, to))
+        for w in (CLEAR, NO_SHADOW)
+    )
+    on_ground = (np.abs(places_m[..., 2]) < 0.02) & np.isfinite(view.depth_m)
+    inside_m = under_the_slab(places_m)
+    full = CLEAR.ambient + CLEAR.diffuse * TOWARDS[2] * np.array(CLEAR.light_color)
+    in_light, in_shadow = on_ground & (inside_m < -0.5), on_ground & (inside_m > 0.1)
+    for picture, where, share in (
+        (lit, in_light, full),
+        (lit, in_shadow, CLEAR.ambient),
+        (unshaded, in_shadow, full),
+    ):
+        error = np.abs(picture[where] - np.minimum(200 * share, 255)).max(axis=-1)
+        assert (error <= 2).mean() > 0.97
+    assert (lit[np.isinf(view.depth_m)] == 200).all()
+
+
+@pytest.mark.parametrize("attitude", [(0.0, 0.3, 0.0), (0.4, 0.2, 0.3)])
+def test_normals_are_those_of_the_faces_that_are_seen(attitude):
+    here = pose((0.5, 0.4, 6.2), *attitude)
+    yaw_rad = 0.5
+    box = solid(BUILDING, (4, 6, 5), (14, 0, 2.5), yaw_rad=yaw_rad)
+    view = view_of(Scene(parts_of([ground(), box]), ()), 0, here)
+    normals = surface_normals(places_of(view, here).astype(np.float32), view.depth_m)
+    sky = np.isinf(view.depth_m)
+    assert (normals[sky] == 0).all()
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    faces = np.array([[cos, sin, 0], [-cos, -sin, 0], [sin, -cos, 0], [-sin, cos, 0], [0, 0, 1]])
+    nearest = (normals[~sky] @ faces.T).max(axis=1)
+    assert (nearest > 0.999).mean() > 0.97
+    assert (normals[(view.class_id != BUILDING) & ~sky][:, 2] > 0.99).mean() > 0.98
+    _, directions, _ = camera_rays(here)
+    assert ((normals.reshape(-1, 3) * directions).sum(axis=1) <= 1e-3).mean() > 0.99

@@ -1,0 +1,136 @@
+"""Parked vehicles, measured on one ring of streets: out of everybody's way, and headed right."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from src.ontology import CAR, LARGE_VEHICLE
+from src.sim.layout import GroundPatch, Path
+from src.sim.solid import Solid
+from src.sim.towns.network import LANE_HALF_WIDTH_M, WALK_HALF_WIDTH_M, Network, Profile, Street
+from src.sim.towns.parking import AISLE_M, BAY_RISE_M, DRIVE_RISE_M, LOT_RISE_M, drives, lot, park
+from src.sim.towns.site import Site
+
+CORNERS_M = np.array([(0.0, 0.0), (160.0, 0.0), (80.0, 130.0)])
+WIDE = Profile(7.0, "road_2lane", 4.6, "paving", 9.0, 2.4, 7.0)
+
+
+class Ring(Site):
+    """Three streets on flat ground; it remembers which solids each vehicle is made of."""
+
+    def __init__(self, profile: Profile = WIDE):
+        pairs = ((0, 1), (1, 2), (2, 0))
+        streets = tuple(Street(a, b, CORNERS_M[[a, b]], profile) for a, b in pairs)
+        super().__init__("ring", Network(CORNERS_M, streets), lambda x, y: np.zeros_like(x + y))
+        self.vehicles: list[list[Solid]] = []
+
+    def place(self, *args) -> bool:
+        before = len(self.solids)
+        if placed := super().place(*args):
+            self.vehicles.append(self.solids[before:])
+        return placed
+
+    def patches(self, rise_m: float) -> list[GroundPatch]:
+        return [patch for patch in self.ground if patch.rise_m == rise_m]
+
+
+def parked_along(share: float, seed: int = 0, profile: Profile = WIDE) -> Ring:
+    site, rng = Ring(profile), np.random.default_rng(seed)
+    for street in site.network.streets:
+        park(site, street, rng, share)
+    return site
+
+
+def corners_m(solids: Iterable[Solid]) -> np.ndarray:
+    """Corners of the boxes around solids, each box turned like its solid."""
+    unit = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
+    return np.concatenate(
+        [unit * s.size_m @ s.scene_from_solid[:3, :3].T + s.scene_from_solid[:3, 3] for s in solids]
+    )
+
+
+def nearest(points: np.ndarray, paths: tuple[Path, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """From every point to the nearest of the paths' middle lines: distance, and which way that
+    piece of it leads."""
+    start = np.concatenate([path.points_m[:-1] for path in paths])
+    along = np.concatenate([np.diff(path.points_m, axis=0) for path in paths])
+    gap = points[:, None] - start
+    t = np.clip((gap * along).sum(2) / (along**2).sum(1), 0, 1)
+    distance_m = np.linalg.norm(gap - t[..., None] * along, axis=2)
+    return distance_m.min(axis=1), along[distance_m.argmin(axis=1)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_parked_vehicle_stands_in_no_lane_and_on_no_walking_line(seed):
+    site = parked_along(1.0, seed)
+    assert len(site.vehicles) > 30
+    covered_m = corners_m(site.solids)[:, :2]
+    assert nearest(covered_m, site.town.lanes)[0].min() > LANE_HALF_WIDTH_M
+    assert nearest(covered_m, site.town.walks)[0].min() > WALK_HALF_WIDTH_M
+
+
+def test_it_is_headed_as_the_traffic_beside_it():
+    site = parked_along(1.0)
+    bays = site.patches(BAY_RISE_M)
+    _, ahead = nearest(np.array([bay.origin_m for bay in bays]), site.town.lanes)
+    heading_rad = np.arctan2(ahead[:, 1], ahead[:, 0])
+    assert np.cos(heading_rad - [bay.yaw_rad for bay in bays]).min() > 0.99
+    for vehicle, bay in zip(site.vehicles, bays, strict=True):
+        # Its own parts are turned as its bay is.
+        turned = vehicle[0].scene_from_solid[:2, 0]
+        assert turned == pytest.approx([np.cos(bay.yaw_rad), np.sin(bay.yaw_rad)])
+
+
+def test_cars_and_trucks_have_the_classes_of_those_that_drive():
+    classes = [{solid.class_id for solid in vehicle} for vehicle in parked_along(1.0).vehicles]
+    assert classes.count({CAR}) > 5 * classes.count({LARGE_VEHICLE}) > 0
+    assert classes.count({CAR}) + classes.count({LARGE_VEHICLE}) == len(classes)
+
+
+def test_the_share_says_how_many_places_are_taken():
+    counts = [len(parked_along(share).vehicles) for share in (0.0, 0.4, 1.0)]
+    assert counts[0] == 0
+    assert 0.25 * counts[2] < counts[1] < 0.6 * counts[2]
+
+
+def test_no_bays_without_a_pavement():
+    path = Profile(4.0, "gravel", 0.0, "gravel", None, 2.4, 6.0)
+    assert parked_along(1.0, profile=path).vehicles == []
+
+
+@pytest.mark.parametrize("place", ["kerb", "drive", "lot"])
+def test_every_vehicle_stands_on_a_paved_patch_of_its_own(place):
+    site, rng = Ring(), np.random.default_rng(3)
+    if place == "lot":
+        lot(site, (80.0, 45.0), 0.4, rng, columns=7, share=0.8)
+    for street in site.network.streets:
+        if place == "kerb":
+            park(site, street, rng, 1.0)
+        if place == "drive":
+            drives(site, street, rng, 14.0)
+    rise_m = {"kerb": BAY_RISE_M, "drive": DRIVE_RISE_M, "lot": LOT_RISE_M}[place]
+    patches = site.patches(rise_m)
+    assert len(patches) == (1 if place == "lot" else len(site.vehicles))
+    assert len(site.vehicles) > 7
+    for vehicle in site.vehicles:
+        corners = corners_m(vehicle)
+        assert corners[:, 2].min() == pytest.approx(rise_m, abs=0.05)
+        assert sum(all(covers(patch, corner) for corner in corners) for patch in patches) == 1
+
+
+def covers(patch: GroundPatch, point: np.ndarray, slack_m: float = 0.1) -> bool:
+    cos, sin = np.cos(patch.yaw_rad), np.sin(patch.yaw_rad)
+    along, across = np.array([[cos, sin], [-sin, cos]]) @ (point[:2] - patch.origin_m)
+    return abs(along) < patch.length_m / 2 + slack_m and abs(across) < patch.width_m / 2 + slack_m
+
+
+@pytest.mark.parametrize("kind", ["car", "truck"])
+def test_a_full_lot_has_two_rows_with_an_aisle_between_them(kind):
+    site = Ring()
+    lot(site, (80.0, 45.0), 0.0, np.random.default_rng(1), columns=5, share=1.0, kind=kind)
+    class_id = {"car": CAR, "truck": LARGE_VEHICLE}[kind]
+    assert [{s.class_id for s in vehicle} for vehicle in site.vehicles] == 10 * [{class_id}]
+    across_m = np.array([corners_m(vehicle)[:, 1] - 45.0 for vehicle in site.vehicles])
+    assert (across_m.min(axis=1) > AISLE_M[kind] / 2 - 0.3).sum() == 5
+    assert (across_m.max(axis=1) < 0.3 - AISLE_M[kind] / 2).sum() == 5

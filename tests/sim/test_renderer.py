@@ -1,0 +1,88 @@
+"""What is said where a renderer cannot run, and that Bullet says nothing itself."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from src.errors import UserError
+from src.sim import renderer
+from src.sim.renderer import import_bullet, require_renderer, silent
+
+
+@pytest.fixture
+def unprobed():
+    renderer._require_egl.cache_clear()
+    yield
+    renderer._require_egl.cache_clear()
+
+
+def refusal(name):
+    with pytest.raises(UserError) as error:
+        require_renderer(name)
+    message = str(error.value)
+    assert "\n" not in message
+    assert message.startswith("sim.renderer: ")
+    return message
+
+
+def test_an_unknown_renderer_is_refused_with_those_that_there_are():
+    assert refusal("blender") == "sim.renderer: there is no 'blender'; there are tiny, egl"
+
+
+def test_without_the_library_the_package_is_named(monkeypatch, unprobed):
+    monkeypatch.setattr(renderer, "EGL_LIBRARY", "libEGL-that-nobody-has.so.1")
+    message = refusal("egl")
+    for word in ("libEGL-that-nobody-has.so.1", "libegl1", "sim.renderer=tiny"):
+        assert word in message
+
+
+def test_without_the_plugin_the_wheel_is_named(monkeypatch, unprobed):
+    monkeypatch.setattr(renderer.ctypes, "CDLL", _opens_everything(renderer.ctypes.CDLL))
+    monkeypatch.setattr(renderer, "EGL_PLUGIN", "a_plugin_that_nobody_has")
+    assert "a_plugin_that_nobody_has" in refusal("egl")
+
+
+@pytest.mark.parametrize("death", ["import os; os.abort()", "raise SystemExit(1)"])
+def test_a_probe_that_dies_is_a_refusal_and_not_a_crash(monkeypatch, unprobed, death):
+    monkeypatch.setattr(renderer.ctypes, "CDLL", _opens_everything(renderer.ctypes.CDLL))
+    monkeypatch.setattr(renderer, "_DRAW_ONE_TRIANGLE", death)
+    assert "draws nothing" in refusal("egl")
+
+
+def _opens_everything(opened):
+    return lambda name: opened(None)
+
+
+def test_without_pybullet_the_way_out_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    for needs_it in (import_bullet, lambda: require_renderer("tiny")):
+        with pytest.raises(UserError, match=r"pybullet is not installed.*3\.11") as error:
+            needs_it()
+        assert "\n" not in str(error.value)
+
+
+def test_importing_bullet_says_nothing():
+    words = [sys.executable, "-c", "from src.sim.renderer import import_bullet; import_bullet()"]
+    done = subprocess.run(words, capture_output=True, check=True)
+    assert done.stdout == done.stderr == b""
+
+
+def test_what_c_held_back_is_not_printed_after_all():
+    code = "import ctypes; from src.sim.renderer import silent\nwith silent(): "
+    code += "ctypes.CDLL(None).puts(b'during')"
+    # Where Python does not hold its output back, C does not either.
+    env = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, env=env)
+    assert done.stdout == done.stderr == b""
+
+
+def test_silence_ends(capfd):
+    os.write(1, b"before\n")
+    with silent():
+        os.write(1, b"during\n")
+        os.write(2, b"during\n")
+    os.write(1, b"after\n")
+    said = capfd.readouterr()
+    assert (said.out, said.err) == ("before\nafter\n", "")

@@ -1,0 +1,136 @@
+"""The waterfront's own claims: water below the quay, and a road overhead that one can fly over."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from src.ontology import BUILDING, THIN_STRUCTURE
+from src.sim.assets import bounds_m, pose
+from src.sim.flight import FlightConfig, fly
+from src.sim.layout import Path, Town
+from src.sim.scene import Scene, pieces_of, static_parts
+from src.sim.solid import Solid
+from src.sim.towns import build_town
+from src.sim.towns.network import Network, Street
+from src.sim.towns.polyline import arc_m, point_at
+from src.sim.towns.site import Site
+from src.sim.towns.streetscape import TWO_LANES
+
+DECK_M = 5.9, 6.8
+"""Underside and top of the elevated road, above z = 0."""
+
+
+@cache
+def town() -> Town:
+    return build_town("waterfront", np.random.default_rng(0))
+
+
+def deck() -> list[Solid]:
+    """The slabs of the level part of the overpass."""
+    return [
+        solid
+        for solid in town().solids
+        if solid.class_id == BUILDING
+        and bounds_m(solid)[0][2] == pytest.approx(DECK_M[0], abs=1e-6)
+        and bounds_m(solid)[1][2] == pytest.approx(DECK_M[1], abs=1e-6)
+    ]
+
+
+def under_the_deck(paths: tuple[Path, ...]) -> np.ndarray:
+    """Places on the middle lines of paths that lie under the deck, with the ground's height."""
+    points = [
+        point_at(path.points_m, np.arange(0.1, arc_m(path.points_m)[-1], 0.5)) for path in paths
+    ]
+    xy = np.concatenate(points)
+    xyz = np.column_stack([xy, np.full(len(xy), sum(DECK_M) / 2)])
+    xy = xy[np.any([solid.contains(xyz) for solid in deck()], axis=0)]
+    return np.column_stack([xy, town().terrain(xy[:, 0], xy[:, 1])])
+
+
+def test_the_water_lies_below_the_quay_and_no_street_leads_into_it():
+    sea = [patch for patch in town().ground if patch.material == "water"]
+    assert sum(patch.length_m * patch.width_m for patch in sea) > 10_000
+    assert all(-1.5 <= patch.rise_m <= -1.0 for patch in sea)
+    shore_y_m = max(patch.origin_m[1] + patch.width_m / 2 for patch in sea)
+    for path in town().lanes + town().walks + town().corridors:
+        assert path.points_m[:, 1].min() - path.half_width_m > shore_y_m
+    dry = [patch for patch in town().ground if patch.material != "water"]
+    assert all(patch.origin_m[1] > shore_y_m for patch in dry)
+
+
+def test_the_overpass_crosses_streets_at_a_clear_height():
+    lanes, corridors = under_the_deck(town().lanes), under_the_deck(town().corridors)
+    assert len(deck()) > 20
+    assert min(len(lanes), len(corridors)) > 100
+    clear_m = DECK_M[0] - np.concatenate([lanes, corridors])[:, 2]
+    assert clear_m.min() >= 5.0
+    assert clear_m.max() <= 6.6
+
+
+def test_the_overpass_has_railings_all_along_and_lamps_beside_the_corridors():
+    above = [
+        bounds_m(solid)[1]
+        for solid in town().solids
+        if solid.class_id == THIN_STRUCTURE
+        and bounds_m(solid)[0][2] > DECK_M[1]
+        and abs(solid.scene_from_solid[1, 3] - deck()[0].scene_from_solid[1, 3]) < 4.2
+    ]
+    tops_m = np.array(above)[:, 2] - DECK_M[1]
+    assert (tops_m < 1.2).sum() > 8 * len(deck())
+    assert (tops_m > 5.0).sum() > len(deck()) / 2
+
+
+def test_the_overpass_stands_on_columns():
+    """Under every piece, but where it spans a street."""
+    feet = [
+        solid.scene_from_solid[0, 3]
+        for solid in town().solids
+        if solid.class_id == BUILDING
+        and solid.shape == "cylinder"
+        and bounds_m(solid)[1][2] == pytest.approx(DECK_M[0], abs=0.1)
+    ]
+    xs = np.sort(feet)
+    assert len(xs) > len(deck())
+    assert np.diff(xs).max() < 40
+
+
+@pytest.fixture(scope="module")
+def flights():
+    place = town()
+    scene = Scene(static_parts(pieces_of(place)), ())
+    return [
+        fly(place, np.random.default_rng(seed), scene.cast_static, FlightConfig(tries=8))
+        for seed in range(6)
+    ]
+
+
+def test_the_flight_climbs_over_the_overpass(flights):
+    lower, upper = zip(*map(bounds_m, deck()))
+    lower, upper = np.min(lower, axis=0), np.max(upper, axis=0)
+    above_m = []
+    for flight in flights:
+        there = ((flight.position_m > lower) | [0, 0, 1]).all(axis=1)
+        there &= ((flight.position_m < upper) | [0, 0, 1]).astype(bool).all(axis=1)
+        above_m += list(flight.position_m[there, 2])
+    assert len(above_m) > 50, "no flight crosses it"
+    assert min(above_m) > DECK_M[1] + 1.0
+
+
+def test_a_site_lets_only_what_is_overhead_cross_a_corridor():
+    corners_m = np.array([(0.0, 0.0), (160.0, 0.0), (80.0, 130.0)])
+    pairs = ((0, 1), (1, 2), (2, 0))
+    streets = tuple(Street(a, b, corners_m[[a, b]], TWO_LANES) for a, b in pairs)
+    site = Site("ring", Network(corners_m, streets), lambda x, y: np.zeros_like(x + y))
+
+    def slab(low_m: float, high_m: float) -> list[Solid]:
+        middle = pose(80.0, 0.0, (low_m + high_m) / 2)
+        return [Solid("box", BUILDING, (8.0, 40.0, high_m - low_m), middle, "concrete")]
+
+    assert not site.hang(slab(5.9, 6.8), 0.0)
+    assert not site.hang(slab(3.0, 3.9), 0.0, overhead=True)
+    assert not site.hang(slab(8.5, 9.5), 0.0, overhead=True)
+    assert site.hang(slab(5.9, 6.8), 0.0, overhead=True)
+    mast = [Solid("box", BUILDING, (0.5, 0.5, 8.0), pose(0.0, 0.0, 4.0), "concrete")]
+    assert not site.place(mast, 80.0, 15.0, 0.0), "it would stand through the bridge"
+    assert site.place(mast, 60.0, 15.0, 0.0)

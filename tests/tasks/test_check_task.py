@@ -1,0 +1,161 @@
+"""task=check as its user meets it: every flipped byte is found, and mended clip by clip."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from src.data.clip import SUMS, Clip, unfinished
+from src.data.manifest import MANIFEST
+from src.errors import UserError
+from src.geometry import VoxelGrid
+from src.ontology import COLORS
+from src.report import animation
+from src.report.card import CARD, CARD_SUMS, write_card
+from src.report.check_sheet import COLOR_SHARE, EDGE_SHARE, overlaid
+from src.tasks.check import check
+from src.tasks.dataset import root_of
+from tests.synthetic import BOXES, GROUND_RGB, SKY_RGB, compose_config, write_clip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_flight():
+    """An animation of two frames: its own test makes the whole one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(animation, "SECONDS", 0.8)
+        yield
+
+
+@pytest.fixture(scope="module")
+def original(mini_dataset, tmp_path_factory):
+    """The small data set with its card, where `config` expects it; not to be changed."""
+    root = tmp_path_factory.mktemp("checked") / "data" / mini_dataset.name
+    shutil.copytree(mini_dataset, root)
+    write_card(root)
+    return root
+
+
+@pytest.fixture
+def config(mini_sim, tmp_path):
+    """The configuration that the small data set was made with, its data under ``tmp_path``."""
+    del mini_sim["grid"]
+    mini_sim["workers"] = 1
+    words = ["scale=tiny", "scale_name=mini", f"paths.data={tmp_path}", "data.test_clips=[]"]
+    for key, value in mini_sim.items():
+        values = value if isinstance(value, dict) and value else {"": value}
+        words += [f"sim.{key}{'.' * bool(k)}{k}={v}" for k, v in values.items()]
+    return compose_config(*words, "data.test_clips=[suburb/clip01]")
+
+
+@pytest.fixture
+def root(original, config):
+    """A copy of it that may be damaged."""
+    shutil.copytree(original, root_of(config))
+    return root_of(config)
+
+
+def contents(root):
+    return {
+        path.relative_to(root): path.read_bytes()
+        for path in sorted(root.rglob("*"))
+        if path.is_file() and not path.name.startswith(".")
+    }
+
+
+def flip(path, share=0.5):
+    data = bytearray(path.read_bytes())
+    data[int(share * (len(data) - 1))] ^= 1
+    path.write_bytes(bytes(data))
+
+
+def complaint(config, capsys, **how):
+    """The lines about problems, and the one that ends it."""
+    with pytest.raises(UserError) as error:
+        check(config, **({"mend": False, "sheets": False} | how))
+    return capsys.readouterr().out.splitlines(), str(error.value)
+
+
+def test_a_sound_data_set_passes_and_nothing_is_written(root, config, capsys):
+    before = contents(root)
+    check(config, mend=False, sheets=False)
+    assert "2 clips are sound" in capsys.readouterr().out
+    assert contents(root) == before
+
+
+def test_a_flipped_byte_in_any_file_is_found_and_the_file_named(root, config, capsys):
+    for name in contents(root):
+        for share in (0.0, 0.37, 1.0):
+            data = (root / name).read_bytes()
+            flip(root / name, share)
+            lines, end = complaint(config, capsys)
+            # Of a list of sums one may find the file that it lists wrongly.
+            named = str(root / name) if name.name != SUMS else str(root)
+            assert any(named in line for line in lines), (name, share)
+            assert "problems, in " in end
+            assert "task.mend=true" in end
+            (root / name).write_bytes(data)
+
+
+@pytest.mark.slow
+def test_mending_makes_the_damaged_clip_again_and_no_other(root, config, original, capsys):
+    for path in (root / "suburb/clip01").iterdir():
+        flip(path)
+    untouched = (root / "suburb/clip00").stat().st_ino
+    check(config, mend=True, sheets=False)
+    said = capsys.readouterr().out
+    assert "mended: suburb/clip01" in said
+    assert "2 clips are sound" in said
+    assert contents(root) == contents(original)
+    assert (root / "suburb/clip00").stat().st_ino == untouched
+
+
+def test_a_damaged_manifest_and_card_are_written_again(root, config, original, capsys):
+    for name in (MANIFEST, CARD, CARD_SUMS):
+        flip(root / name)
+    made = {path: path.stat().st_ino for path in root.glob("suburb/*")}
+    check(config, mend=True, sheets=False)
+    assert contents(root) == contents(original)
+    assert made == {path: path.stat().st_ino for path in root.glob("suburb/*")}
+    assert not unfinished(root / "suburb/clip00").exists()
+
+
+def test_a_named_data_set_is_not_mended(root, config):
+    config.paths.dataset = str(root)
+    with pytest.raises(UserError, match=r"task\.mend.*drop paths\.dataset"):
+        check(config, mend=True, sheets=False)
+
+
+def test_no_data_set_is_no_damaged_one(config):
+    with pytest.raises(UserError, match=r"manifest\.json: not found.*run task=generate"):
+        check(config, mend=False, sheets=False)
+
+
+def test_there_is_a_sheet_for_every_town(root, config):
+    check(config, mend=False, sheets=True)
+    assert [path.name for path in (root / "check").iterdir()] == ["suburb.jpg"]
+    # They are no part of the data set.
+    check(config, mend=False, sheets=False)
+
+
+def test_colours_lie_on_their_objects(tmp_path):
+    """A red box and a green one on grey ground: whatever is red is tinted as a building."""
+    write_clip(tmp_path / "suburb/clip00", grid=VoxelGrid(shape=(100, 100, 60)))
+    clip = Clip(tmp_path / "suburb/clip00")
+    for frame in (0, 7, 20):
+        image = clip.image(frame).astype(float)
+        # What was mixed in, but for the edges of voxels, which are darker.
+        tint = (overlaid(clip, frame) - (1 - COLOR_SHARE) * image) / COLOR_SHARE
+        for color, name in ((BOXES[0][3], "building"), (GROUND_RGB, "ground")):
+            shown = np.abs(image - color).max(axis=-1) < 12
+            assert shown.sum() > 100
+            share = tint[shown] / COLORS[name]
+            plain = (np.abs(share - 1) < 0.05).all(axis=-1)
+            edge = (np.abs(share - 1 + EDGE_SHARE) < 0.05).all(axis=-1)
+            # The ground goes on beyond the grid.
+            assert (plain | edge).mean() > (0.9 if name == "building" else 0.7), (frame, name)
+        sky = (np.abs(image - SKY_RGB).max(axis=-1) < 12) & (np.abs(image - tint).max(axis=-1) > 9)
+        assert sky.mean() < 0.03
+
+
+def test_every_clip_has_its_sums(root):
+    assert all((root / clip / SUMS).is_file() for clip in ("suburb/clip00", "suburb/clip01"))
