@@ -4,21 +4,21 @@ import math
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 import pandas as pd
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from ..data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses_of
 from ..errors import UserError
 from ..geometry import VoxelGrid, front_mount, pinhole
 from ..ontology import ACTOR_TYPES
 from .air import Viewpoint, apply_weather
-from .annotation import View, label_frame
+from .annotation import Labels, View, label_frame
 from .assets import ACTORS
 from .flight import Flight, FlightConfig, fly
 from .fusion import ActorMap, StaticMap
@@ -29,7 +29,7 @@ from .sensors import Scan, scan
 from .towns import build_town
 from .traffic import Traffic, TrafficConfig, simulate_traffic
 from .weather import weather_named
-from .world import World
+from .world import Rendering, World
 
 DRAWN_RADIUS_M = 90.0
 """Of the town, what lies within this distance of the route is drawn."""
@@ -65,6 +65,20 @@ class Signals:
 
     view: View
     lidar_returns: dict[int, int]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A clip as it was flown, and all that its sensors measured, fused."""
+
+    frames: pd.DataFrame
+    scene: Scene
+    static: StaticMap
+    actors: ActorMap
+    signals: list[Signals]
+
+
+OnImage = Callable[[int, UInt8[np.ndarray, "h w 3"], Rendering], None]
 
 
 def generator_for(seed: int, *names: str | int) -> np.random.Generator:
@@ -105,24 +119,43 @@ class ClipMaker:
     def make(self, plan: ClipPlan, on_frame: Callable[[], None]) -> None:
         """Writes the clip's folder; ``on_frame`` is called as frames are finished."""
         with ClipWriter(self.root / plan.clip_id, self._meta(plan)) as writer:
-            flight, scene = self.stage(plan)
-            frames = frame_table(flight, self.sim["capture_hz"])
-            static, actors = self._maps(flight)
-            returns = self._scan(flight, scene, static, actors)
-            signals = []
-            for frame, view in enumerate(self._film(plan, scene, poses_of(frames), writer)):
-                self._fuse_view(view, frame, scene, static, actors)
-                signals.append(Signals(view, returns[self._scan_index(frame)]))
-            static.freeze()
-            actors.freeze()
-            for frame, signal in enumerate(signals):
-                step = self.step_of(frame)
-                labels = label_frame(
-                    signal.view, self.grid, static, actors, scene.bodies, step, signal.lidar_returns
-                )
+            seen = self.observe(plan, partial(self._write_images, writer))
+            for frame in range(len(seen.signals)):
+                labels = self.label(seen, frame)
                 writer.add_labels(frame, labels.semantics, labels.visible)
                 on_frame()
-            writer.add_tables(frames, self._actor_table(scene, signals))
+            writer.add_tables(seen.frames, self._actor_table(seen.scene, seen.signals))
+
+    def observe(self, plan: ClipPlan, on_image: OnImage) -> Observation:
+        """Flies and films the clip and fuses its scans; ``on_image`` is given every frame's number,
+        image and what was rendered."""
+        flight, scene = self.stage(plan)
+        frames = frame_table(flight, self.sim["capture_hz"])
+        static, actors = self._maps(flight)
+        returns = self._scan(flight, scene, static, actors)
+        signals = []
+        for frame, view in enumerate(self._film(plan, scene, poses_of(frames), on_image)):
+            self._fuse_view(view, frame, scene, static, actors)
+            signals.append(Signals(view, returns[self._scan_index(frame)]))
+        static.freeze()
+        actors.freeze()
+        return Observation(frames, scene, static, actors, signals)
+
+    def label(self, seen: Observation, frame: int) -> Labels:
+        """The labels of one frame of what was observed."""
+        signal = seen.signals[frame]
+        return label_frame(
+            *(signal.view, self.grid, seen.static, seen.actors, seen.scene.bodies),
+            *(self.step_of(frame), signal.lidar_returns),
+        )
+
+    def _write_images(
+        self, writer: ClipWriter, frame: int, image: UInt8[np.ndarray, "h w 3"], shown: Rendering
+    ) -> None:
+        writer.add_image(frame, image)
+        if self.sim["save_aux"]:
+            images = {"class": shown.class_id, "instance": shown.actor_id}
+            writer.add_aux(frame, depth=shown.depth_m, **images)
 
     def _meta(self, plan: ClipPlan) -> ClipMeta:
         return ClipMeta(
@@ -218,9 +251,9 @@ class ClipMaker:
         plan: ClipPlan,
         scene: Scene,
         world_from_body: Float[torch.Tensor, "t 4 4"],
-        writer: ClipWriter,
+        on_image: OnImage,
     ) -> Iterator[View]:
-        """Renders every frame, writes its image, and yields what the camera measured."""
+        """Renders every frame, hands its image over, and yields what the camera measured."""
         weather = weather_named(plan.weather)
         with World(scene, self.pix_from_camera, *self.size, self.sim["renderer"]) as world:
             for frame, pose in enumerate(world_from_body):
@@ -229,13 +262,7 @@ class ClipMaker:
                 rng = generator_for(self.sim["seed"], "air", plan.town, plan.index, frame)
                 viewpoint = Viewpoint.of(world_from_camera, self.pix_from_camera)
                 image = apply_weather(rendering, viewpoint, weather, rng)
-                writer.add_image(frame, image)
-                if self.sim["save_aux"]:
-                    writer.add_aux(
-                        frame,
-                        depth=rendering.depth_m,
-                        **{"class": rendering.class_id, "instance": rendering.actor_id},
-                    )
+                on_image(frame, image, rendering)
                 seen = (rendering.depth_m, rendering.class_id, rendering.actor_id)
                 yield View(pose, self.body_from_camera, self.pix_from_camera, *seen)
 

@@ -119,12 +119,15 @@ def test_asset_is_rooted_in_the_ground_and_whole(name, seed):
     assert floating(solids) == 0
 
 
+ALWAYS_THE_SAME = ("apartment", "bollard", "jetty")
+
+
 @pytest.mark.parametrize("name", STANDING)
 def test_same_generator_same_asset_other_generator_other(name):
     make, _ = STANDING[name]
     same = [repr(make(rng(3))) for _ in range(2)]
     assert same[0] == same[1]
-    if name != "apartment":
+    if name not in ALWAYS_THE_SAME:
         assert len({repr(make(rng(seed))) for seed in SEEDS}) > 1
 
 

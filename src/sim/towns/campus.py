@@ -112,7 +112,7 @@ def _furnish_street(site: Site, street: Street, rng: np.random.Generator) -> Non
     row(site, street, 0.5, 38.0, furniture.sign_post, rng)
     row(site, street, 0.9, 13.0, vegetation.street_tree, rng)
     row(site, street, 0.6, 30.0, partial(furniture.railing, length_m=6.0), rng)
-    park(site, street, rng, 0.2)
+    park(site, street, rng, 0.15)
     edge = street.profile.pavement_m
     row(site, street, edge + 0.6, 14.0, plaza.bollards, rng)
     row(site, street, edge + 1.0, 16.0, plaza.bike_rack, rng)

@@ -42,7 +42,7 @@ def _furnish(site: Site, street: Street, rng: np.random.Generator) -> None:
     row(site, street, 0.55, 27.0, furniture.lamp_post, rng)
     row(site, street, 0.9, 11.0, vegetation.street_tree, rng)
     row(site, street, 0.5, 38.0, furniture.sign_post, rng)
-    park(site, street, rng, 0.3)
+    park(site, street, rng, 0.2)
     row(site, street, 0.7, 33.0, furniture.litter_bin, rng)
     row(site, street, 0.7, 40.0, furniture.bench, rng)
     row(site, street, 0.4, 45.0, partial(furniture.railing, length_m=6.0), rng)

@@ -57,7 +57,7 @@ def _furnish(site: Site, street: Street, rng: np.random.Generator) -> None:
     row(site, street, edge + 1.2, 36.0, industry.floodlight_mast, rng)
     row(site, street, 0.5, 42.0, furniture.sign_post, rng)
     row(site, street, 0.5, 34.0, furniture.lamp_post, rng)
-    park(site, street, rng, 0.25)
+    park(site, street, rng, 0.2)
     row(site, street, edge + 3.0, 9.0, industry.container_stack, rng)
     row(site, street, edge + 1.6, 13.0, furniture.barrier, rng)
     in_gardens(site, street, 3, furniture.container, rng, (6.0, 26.0))

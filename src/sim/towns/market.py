@@ -130,7 +130,7 @@ def _furnish_street(site: Site, street: Street, rng: np.random.Generator) -> Non
     edge = street.profile.pavement_m
     row(site, street, 0.5, 30.0, furniture.lamp_post, rng)
     row(site, street, 0.5, 34.0, furniture.sign_post, rng)
-    park(site, street, rng, 0.2)
+    park(site, street, rng, 0.15)
     row(site, street, edge + 1.4, 11.0, furniture.stall, rng)
     row(site, street, edge + 0.5, 11.0, partial(_fence, length_m=7.8), rng)
     row(site, street, edge + 1.0, 15.0, furniture.barrier, rng)

@@ -54,7 +54,7 @@ def _furnish_street(site: Site, street: Street, rng: np.random.Generator) -> Non
     row(site, street, edge + 0.9, 9.0, partial(vegetation.hedge, length_m=6.0), rng, (outer,))
     row(site, street, edge + 3.0, 8.0, vegetation.broadleaf, rng)
     row(site, street, 0.9, 14.0, vegetation.street_tree, rng)
-    park(site, street, rng, 0.3)
+    park(site, street, rng, 0.2)
 
 
 def _furnish_path(site: Site, path: Street, rng: np.random.Generator) -> None:

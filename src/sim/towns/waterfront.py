@@ -149,7 +149,7 @@ def _furnish(site: Site, street: Street, rng: np.random.Generator) -> None:
         row(site, street, 7.2, 30.0, industry.floodlight_mast, rng, (-1,))
         row(site, street, 5.6, 48.0, buildings.kiosk, rng, (-1,))
     row(site, street, 0.9, 12.0, vegetation.street_tree, rng)
-    park(site, street, rng, 0.3)
+    park(site, street, rng, 0.2)
     row(site, street, street.profile.pavement_m + 1.0, 15.0, vegetation.bush, rng)
     row(site, street, street.profile.pavement_m + 1.2, 24.0, furniture.litter_bin, rng)
     row(site, street, street.profile.pavement_m + 2.4, 30.0, industry.container_stack, rng, (1,))

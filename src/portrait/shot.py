@@ -1,4 +1,4 @@
-"""Portraits of the simulated world: towns from above and from the UAV, one frame in all weathers.
+"""Shots of the simulated world: towns from above and from the UAV, under any weather.
 
 Everything comes from the ``sim`` configuration and its seed, as the clips do; only the picture's
 size is chosen for print.
@@ -16,13 +16,13 @@ from torch import Tensor
 
 from ..geometry import front_mount, pinhole, rigid, rotation_from_euler
 from ..ontology import SKY
-from .air import Viewpoint, apply_weather
-from .camera import FAR_M, NEAR_M
-from .clip_maker import ClipMaker, ClipPlan, generator_for, place_of
-from .pilot import STEP_HZ
-from .scene import Scene
-from .weather import WEATHERS, weather_named
-from .world import World
+from ..sim.air import Viewpoint, apply_weather
+from ..sim.camera import FAR_M, NEAR_M
+from ..sim.clip_maker import ClipMaker, ClipPlan, generator_for, place_of
+from ..sim.pilot import STEP_HZ
+from ..sim.scene import Scene
+from ..sim.weather import WEATHERS, weather_named
+from ..sim.world import World
 
 SIZE_PIX = (960, 544)
 PREVIEW_PIX = (96, 64)

@@ -1,0 +1,171 @@
+"""How a frame is annotated (App. A.3), drawn from what the annotation itself computed."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from matplotlib.colors import LogNorm
+from PIL import Image
+
+from ..geometry import in_image, project
+from ..ontology import FREE, SKY, UNKNOWN
+from ..report.check_sheet import PALETTE
+from ..report.top import render_top
+from ..report.view import Frustum
+from ..report.voxels import render_voxels, view_of
+from ..sim.annotation import View, elect, is_supported, vote_actors, vote_camera
+from ..sim.clip_maker import ClipMaker, ClipPlan, Observation
+from ..sim.sensors import scan
+from ..sim.world import Rendering
+from .sheet import write_sheet
+from .shot import entropy
+
+CELL_PIX = (560, 315)
+MAX_BYTES = 900_000
+DEPTH_M = (1.0, 80.0)
+DOT_PIX = 3
+Picture = UInt8[np.ndarray, "h w 3"]
+
+
+def draw_pipeline(sim: Mapping, plan: ClipPlan, path: Path) -> None:
+    """Write a JPEG: what was sensed in one frame of a clip, what the clip's scans say together, and
+    the labels that come of it.
+
+    The frame is the one whose pixels are spread most evenly over the classes; it is captured at the
+    LiDARs' rate, at which the clips fuse too. Raises `UserError` for settings that cannot be made.
+    """
+    rate_hz = min(sim["capture_hz"], sim["lidar_hz"])
+    maker = ClipMaker({**sim, "capture_hz": rate_hz}, Path())
+    images: list[Picture] = []
+
+    def keep(_: int, image: Picture, __: Rendering) -> None:
+        images.append(image)
+
+    seen = maker.observe(plan, keep)
+    views = [signal.view for signal in seen.signals]
+    frame = max(range(len(views)), key=lambda n: entropy(views[n].class_id))
+    rows = [_sensed(maker, seen, frame, images[frame]), _labelled(maker, seen, frame)]
+    write_sheet(rows, path, CELL_PIX[0], MAX_BYTES)
+
+
+# ---------------------------------------------------------------------------------- what is sensed
+
+
+def _sensed(
+    maker: ClipMaker, seen: Observation, frame: int, image: Picture
+) -> list[tuple[str, Picture]]:
+    view = seen.signals[frame].view
+    return [
+        ("1  front image", _shaped(image)),
+        ("2  depth, 1 to 80 m", _shaped(_depth(view))),
+        ("3  semantics", _shaped(_classes(view))),
+        ("4  instances of moving actors", _shaped(_instances(view))),
+        ("5  returns of both LiDARs, by range", _shaped(_returns(maker, seen, frame, image))),
+    ]
+
+
+def _depth(view: View) -> Picture:
+    return np.where(np.isinf(view.depth_m)[..., None], np.uint8(255), _by_range(view.depth_m))
+
+
+def _by_range(distance_m: Float[np.ndarray, "*n"]) -> UInt8[np.ndarray, "*n 3"]:
+    share = LogNorm(*DEPTH_M, clip=True)(np.minimum(distance_m, DEPTH_M[1]))
+    return matplotlib.colormaps["turbo_r"](share, bytes=True)[..., :3]
+
+
+def _classes(view: View) -> Picture:
+    colors = np.append(PALETTE, [[255, 255, 255]], axis=0).astype(np.uint8)
+    return colors[np.where(view.class_id == SKY, len(PALETTE), view.class_id)]
+
+
+def _instances(view: View) -> Picture:
+    """Every actor in a colour of its own, all else pale."""
+    hues = matplotlib.colormaps["tab20"](view.actor_id % 20, bytes=True)[..., :3]
+    pale = (0.25 * _classes(view) + 0.75 * 255).astype(np.uint8)
+    return np.where((view.actor_id > 0)[..., None], hues, pale)
+
+
+def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) -> Picture:
+    """The LiDAR returns of the frame's own scan that lie in the image, over it."""
+    view, sim = seen.signals[frame].view, maker.sim
+    pose, step = view.world_from_body.numpy(), maker.step_of(frame)
+    scans = scan(seen.scene, step, pose, sim["lidar_rays"], frame, maker.range_m)
+    points_m = np.concatenate([each.points_m(each.hits.actor_id >= 0) for each in scans])
+    height, width = view.depth_m.shape
+    camera_from_world = torch.linalg.inv(view.world_from_body @ view.body_from_camera)
+    pix, depth_m = project(torch.from_numpy(points_m), camera_from_world, view.pix_from_camera)
+    shown = in_image(pix, depth_m, width, height)
+    scale = CELL_PIX[0] / width
+    picture = (0.35 * _scaled(image) + 0.65 * 255).astype(np.uint8)
+    order = torch.argsort(depth_m[shown], descending=True)
+    column, row = (pix[shown][order] * scale).long().numpy().T
+    colors = _by_range(depth_m[shown][order].numpy())
+    for right in range(DOT_PIX):
+        for down in range(DOT_PIX):
+            u = np.minimum(column + right, picture.shape[1] - 1)
+            picture[np.minimum(row + down, picture.shape[0] - 1), u] = colors
+    return picture
+
+
+# --------------------------------------------------------------------------------- what is labelled
+
+
+def _labelled(maker: ClipMaker, seen: Observation, frame: int) -> list[tuple[str, Picture]]:
+    view, grid = seen.signals[frame].view, maker.grid
+    fused, placed = _static(maker, seen, view), _all(maker, seen, frame)
+    labels = maker.label(seen, frame)
+    final = labels.semantics
+    visible = np.where(labels.visible, final, np.uint8(UNKNOWN))
+    meta = (view.camera_from_occ, view.pix_from_camera, view.depth_m.shape[::-1])
+    frustum, point_of_view = Frustum(*meta), view_of([fused, placed], grid, CELL_PIX)
+
+    def voxels(semantics: UInt8[np.ndarray, "X Y Z"]) -> Picture:
+        return render_voxels(semantics, grid, CELL_PIX, point_of_view, frustum)
+
+    return [
+        ("6  static surfaces, fused over the clip", voxels(fused)),
+        ("7  and actors, fused, where they are now", voxels(placed)),
+        ("8  labels: majority of each voxel in the image", voxels(final)),
+        ("9  from above, with free space", render_top(final, grid, CELL_PIX)),
+        ("10  of these, visible to the camera now", voxels(visible)),
+    ]
+
+
+def _static(maker: ClipMaker, seen: Observation, view: View) -> UInt8[np.ndarray, "X Y Z"]:
+    votes = np.zeros((*maker.grid.shape, FREE), dtype=np.int32)
+    seen.static.vote(votes, maker.grid, view.occ_from_world)
+    return elect(votes, np.zeros(maker.grid.shape, dtype=bool))
+
+
+def _all(maker: ClipMaker, seen: Observation, frame: int) -> UInt8[np.ndarray, "X Y Z"]:
+    """All surfaces that any signal speaks for, in the image or not."""
+    signal, grid = seen.signals[frame], maker.grid
+    votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
+    seen.static.vote(votes, grid, signal.view.occ_from_world)
+    vote_camera(votes, signal.view, grid)
+    supported = [
+        body for body in seen.scene.bodies if is_supported(body, signal.view, signal.lidar_returns)
+    ]
+    vote_actors(votes, signal.view, grid, seen.actors, supported, maker.step_of(frame))
+    return elect(votes, np.zeros(grid.shape, dtype=bool))
+
+
+def _scaled(picture: Picture) -> Picture:
+    height = round(CELL_PIX[0] * picture.shape[0] / picture.shape[1])
+    return np.asarray(Image.fromarray(picture).resize((CELL_PIX[0], height), 0))
+
+
+def _shaped(picture: Picture) -> Picture:
+    """As wide as a cell, its middle as high as a cell, on white where it is lower."""
+    scaled = _scaled(picture) if picture.shape[1] != CELL_PIX[0] else picture
+    height = scaled.shape[0]
+    if height >= CELL_PIX[1]:
+        top = (height - CELL_PIX[1]) // 2
+        return scaled[top : top + CELL_PIX[1]]
+    cell = np.full((CELL_PIX[1], CELL_PIX[0], 3), 255, dtype=np.uint8)
+    top = (CELL_PIX[1] - height) // 2
+    cell[top : top + height] = scaled
+    return cell

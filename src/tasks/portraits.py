@@ -1,0 +1,60 @@
+"""task=portraits: pictures of the simulated world for people who have not generated any of it."""
+
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from omegaconf import DictConfig, OmegaConf
+from rich.console import Console
+from rich.progress import track
+
+from ..portrait.pipeline import draw_pipeline
+from ..portrait.sheet import write_sheet
+from ..portrait.shot import aerial_shot, photograph, street_shot
+from ..sim.clip_maker import ClipPlan
+from ..sim.plan import plan_clips
+from ..sim.renderer import require_renderer
+
+MAX_TOWN_BYTES, MAX_WEATHER_BYTES = 150_000, 450_000
+TOWN_WIDTH_PIX, WEATHER_WIDTH_PIX, WEATHER_COLUMNS = 620, 400, 5
+
+
+def portraits(cfg: DictConfig, out: str) -> None:
+    """Writes ``towns/<town>.jpg`` (from above, and as the UAV sees it), ``weathers.jpg`` (one frame
+    under all of them) and ``pipeline.jpg`` (how a frame is annotated) to the folder ``out``.
+
+    Everything comes from ``sim`` and its seed. Raises `UserError` for settings that cannot be made.
+    """
+    sim = OmegaConf.to_container(cfg.sim, resolve=True)
+    plans = plan_clips(sim)
+    require_renderer(sim["renderer"])
+    folder, console = Path(out), Console()
+    steps = len(sim["towns"]) + 2
+    quiet = not sys.stdout.isatty()
+    drawn = _drawn(sim, plans[0], folder)
+    for path in track(drawn, "drawing", steps, transient=True, disable=quiet):
+        console.print(f"{path}", soft_wrap=True, highlight=False)
+
+
+def _drawn(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:
+    first = None
+    for town in sim["towns"]:
+        street = street_shot(sim, town)
+        first = first or street
+        shots = {"from above": aerial_shot(sim, town), "from the UAV": street}
+        pictures = [
+            (f"{town.replace('_', ' ')}, {name}", photograph(shot, ["clear"], sim["seed"])["clear"])
+            for name, shot in shots.items()
+        ]
+        path = folder / "towns" / f"{town}.jpg"
+        write_sheet([pictures], path, TOWN_WIDTH_PIX, MAX_TOWN_BYTES)
+        yield path
+    shown = [
+        (name.replace("_", " "), picture)
+        for name, picture in photograph(first, sim["weathers"], sim["seed"]).items()
+    ]
+    rows = [shown[k : k + WEATHER_COLUMNS] for k in range(0, len(shown), WEATHER_COLUMNS)]
+    write_sheet(rows, folder / "weathers.jpg", WEATHER_WIDTH_PIX, MAX_WEATHER_BYTES)
+    yield folder / "weathers.jpg"
+    draw_pipeline(sim, plan, folder / "pipeline.jpg")
+    yield folder / "pipeline.jpg"
