@@ -25,7 +25,7 @@ class FlightConfig:
     """How widely corners are cut: see `Route.through`."""
 
     altitude_range_m: tuple[float, float] = (2.5, 16.0)
-    altitude_scale_m: float = 5.0
+    altitude_scale_m: float = 4.7
     """h_ref is drawn once a flight, exponentially above the lower end of its range: with what
     obstacles add, this gives the paper's mean of 7.2 m and 86 % of the frames below 11 m."""
     altitude_drift_m: float = 0.8

@@ -5,11 +5,13 @@ import pytest
 
 from src.errors import UserError
 from src.ontology import ACTOR_TYPES
-from src.sim.driver import HABITS, Traveller, drive
+from src.sim.driver import drive
+from src.sim.footprint import boxes_overlap
 from src.sim.layout import Path, Town
 from src.sim.pilot import STEP_S
 from src.sim.route import Route
-from src.sim.traffic import TrafficConfig, boxes_overlap, simulate_traffic, size_of
+from src.sim.traveller import HABITS, Traveller
+from src.sim.traffic import TrafficConfig, simulate_traffic, size_of
 
 SIZES_M = {
     "car": (4.5, 1.8, 1.5),
