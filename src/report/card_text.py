@@ -25,9 +25,8 @@ WHAT_IT_IS = (
     "as a Safety Interface for Low-Altitude UAV Autonomy*."
 )
 PICTURES = {
-    "towns.png": "The towns, from above and from the UAV",
-    "weathers.png": "One frame under every weather",
-    "pipeline.png": "How a frame is annotated, from its real intermediate results",
+    "weathers.jpg": "One frame under every weather",
+    "pipeline.jpg": "How a frame is annotated, from its real intermediate results",
 }
 """Made with the simulator by another task; shown where they lie beside the card's own."""
 

@@ -1,6 +1,6 @@
 """The data set that a configuration names: found, made where clips are missing, never mixed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from ..data.shards import forget_shards, join_shards
 from ..data.split import Split, make_split
 from ..errors import UserError
 from ..locks import locked, locked_if_free
-from ..report.card import CARD, write_card
+from ..report.card import CARD, FIGURES, write_card
 
 
 def spec_of(cfg: DictConfig) -> DatasetSpec:
@@ -90,7 +90,7 @@ def make_dataset(cfg: DictConfig, root: Path, spec: DatasetSpec) -> tuple[int, l
     with _finishing(root / LOCK, sim["shards"]) as alone:
         missing = missing_clips(root, clip_ids)
         if alone and not missing:
-            _finish(root, spec, clip_ids, split, made > 0)
+            _finish(sim, root, spec, clip_ids, split, made > 0)
     return made, missing
 
 
@@ -110,11 +110,15 @@ def _finishing(lock: Path, shards: int) -> Iterator[bool]:
 
 
 def _finish(
-    root: Path, spec: DatasetSpec, clip_ids: list[str], split: Split, changed: bool
+    sim: Mapping, root: Path, spec: DatasetSpec, clip_ids: list[str], split: Split, changed: bool
 ) -> None:
     """Writes what tells of all clips together: the manifest and the card."""
+    from ..portrait.pipeline import draw_pipeline
+    from ..sim.plan import plan_clips
+
     write_manifest(root, spec, clip_ids, split)
     if changed or not (root / CARD).is_file():
+        draw_pipeline(sim, plan_clips(sim)[0], root / FIGURES / "pipeline.jpg")
         write_card(root)
     forget_shards(root.parent, spec)
 

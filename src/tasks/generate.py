@@ -1,19 +1,22 @@
-"""task=generate: only the data set; with sim.dry_run=true only its plan and split."""
+"""task=generate: only the data set; with sim.dry_run=true only its plan, split, size and time."""
 
 import math
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 
 from ..data.rates import frames_per_clip
+from ..sim.clip_maker import ClipPlan
 from ..sim.plan import plan_clips
+from ..worker_pool import default_workers
 from .dataset import make_dataset, root_of, spec_of, split_of
 
-BYTES_PER_PIXEL = 0.76
-BYTES_PER_VOXEL = 0.076
-BYTES_PER_FRAME = 8_600
+BYTES = {"pixel": 0.76, "voxel": 0.076, "frame": 8_600}
 """Of the image, both label arrays and the tables, measured on the data set of scale=small."""
+SECONDS = {"pixel": 1.2e-6, "voxel": 8e-8, "frame": 0.012, "clip": 2.0, "town": 5.0}
+"""Of one core, from the tables of benchmarks/generation.py in docs/results/world."""
 
 
 def generate(cfg: DictConfig) -> None:
@@ -21,19 +24,47 @@ def generate(cfg: DictConfig) -> None:
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     plans = plan_clips(sim)
     split = split_of(cfg, [plan.clip_id for plan in plans])
-    root, console = root_of(cfg), Console()
+    root, console = root_of(cfg), Console(soft_wrap=True, highlight=False)
     if sim["dry_run"]:
-        frames = frames_per_clip(sim["capture_hz"]) * len(plans)
-        console.print(f"{root}: {len(plans)} clips, {frames} frames")
-        console.print(" / ".join(f"{part} {len(samples)}" for part, samples in split.items()))
-        pixels = sim["image"]["width"] * sim["image"]["height"]
-        voxels = math.prod(sim["grid"]["shape"])
-        size = pixels * BYTES_PER_PIXEL + voxels * BYTES_PER_VOXEL + BYTES_PER_FRAME
-        console.print(f"about {frames * size / 2**20:.0f} MiB on disk")
-        table = pd.DataFrame([vars(plan) for plan in plans])
-        console.print(pd.crosstab(table["town"], table["weather"]).to_string())
+        console.print(f"{root}: {len(plans)} clips, {frames_of(sim, plans):,} frames")
+        console.print(" / ".join(f"{part} {len(frames):,}" for part, frames in split.items()))
+        console.print(_effort(sim, plans))
+        console.print(matrix_of(sim, plans).to_string())
         return
     made, missing = make_dataset(cfg, root, spec_of(cfg))
     share = f"shard {sim['shard']} of {sim['shards']}, " if sim["shards"] > 1 else ""
     state = f"{len(missing)} still to be made by other shards" if missing else "all there"
     console.print(f"{root}: {share}{made} clips made now; of {len(plans)} clips {state}")
+
+
+def frames_of(sim: Mapping, plans: Sequence[ClipPlan]) -> int:
+    """Frames of all clips."""
+    return frames_per_clip(sim["capture_hz"]) * len(plans)
+
+
+def matrix_of(sim: Mapping, plans: Sequence[ClipPlan]) -> pd.DataFrame:
+    """Clips by town and weather, in the order of the settings, with sums."""
+    table = pd.DataFrame([vars(plan) for plan in plans])
+    counts = pd.crosstab(table["town"], table["weather"]).reindex(sim["towns"])
+    counts = counts.reindex(columns=sim["weathers"], fill_value=0)
+    counts.loc["all"] = counts.sum()
+    counts["all"] = counts.sum(axis=1)
+    return counts.rename_axis(index=None, columns=None)
+
+
+def _effort(sim: Mapping, plans: Sequence[ClipPlan]) -> str:
+    """Disk and time, estimated from measured costs of a pixel, a voxel, a frame and so on."""
+    frames = frames_of(sim, plans)
+    counts = {
+        "pixel": frames * sim["image"]["width"] * sim["image"]["height"],
+        "voxel": frames * math.prod(sim["grid"]["shape"]),
+        "frame": frames,
+        "clip": len(plans),
+    }
+    workers = sim["workers"] or default_workers()
+    size_mib = sum(counts[unit] * cost for unit, cost in BYTES.items()) / 2**20
+    # Every worker builds every town.
+    counts["town"] = len(sim["towns"]) * workers
+    minutes = sum(counts[unit] * cost for unit, cost in SECONDS.items()) / workers / 60
+    cores = f"{workers} core" + "s" * (workers > 1)
+    return f"about {size_mib:,.0f} MiB on disk, and {minutes:,.0f} minutes on {cores}"

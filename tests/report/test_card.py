@@ -96,14 +96,14 @@ def test_it_is_the_same_when_written_again(root):
 
 
 def test_pictures_of_the_simulator_are_shown_where_they_are(root, text, tmp_path):
-    assert "pipeline.png" not in text
+    assert "pipeline.jpg" not in text
     copy = tmp_path / "data"
     shutil.copytree(root, copy)
-    shutil.copy(root / "card/statistics.png", copy / "card/pipeline.png")
+    shutil.copy(root / "card/statistics.png", copy / "card/pipeline.jpg")
     write_card(copy)
     shown = (copy / "README.md").read_text()
-    assert "(card/pipeline.png)" in shown
-    assert "(card/towns.png)" not in shown
+    assert "(card/pipeline.jpg)" in shown
+    assert "(card/weathers.jpg)" not in shown
 
 
 def test_the_task_writes_it(root, tmp_path, capsys):

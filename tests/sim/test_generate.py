@@ -189,6 +189,23 @@ def test_killed_at_any_point_it_goes_on_to_the_same_bytes(mini_dataset, mini_sim
 
 
 @pytest.mark.slow
+def test_killed_at_ten_random_moments_it_ends_with_the_same_bytes(mini_dataset, mini_sim, tmp_path):
+    root, hit = tmp_path / "data", 0
+    for moment_s in np.random.default_rng(0).uniform(0.3, 9.0, 10):
+        process = start(mini_sim | {"workers": 1}, root, tmp_path)
+        time.sleep(moment_s)
+        workers = workers_of(process.pid) if is_running(process.pid) else []
+        hit += process.poll() is None
+        process.kill()
+        process.wait()
+        wait_for(lambda pids=workers: not any(is_running(pid) for pid in pids))
+    assert hit >= 5
+    generate(mini_sim, root)
+    assert hashes(root) == hashes(mini_dataset)
+    assert {path.name for path in root.rglob(".*")} == {LOCK}
+
+
+@pytest.mark.slow
 def test_a_dead_worker_is_told_in_one_line_and_leaves_nothing_running(mini_sim, tmp_path):
     root = tmp_path / "data"
     process = start(mini_sim, root, tmp_path)

@@ -1,17 +1,17 @@
-"""Traffic on a few hand-made lanes and pavements."""
+"""Traffic on a few hand-made lanes and pavements, and in a real town."""
 
 import numpy as np
 import pytest
 
 from src.errors import UserError
 from src.ontology import ACTOR_TYPES
-from src.sim.driver import drive
 from src.sim.footprint import boxes_overlap
 from src.sim.layout import Path, Town
 from src.sim.pilot import STEP_S
-from src.sim.route import Route
-from src.sim.traveller import HABITS, Traveller
+from src.sim.route import Route, chain
+from src.sim.towns import build_town
 from src.sim.traffic import TrafficConfig, simulate_traffic, size_of
+from src.sim.traveller import HABITS
 
 SIZES_M = {
     "car": (4.5, 1.8, 1.5),
@@ -62,6 +62,30 @@ def busy():
     return traffic(0)
 
 
+@pytest.fixture(scope="module")
+def downtown():
+    """The actors around a flight of 12 s through streets with traffic lights."""
+    rng = np.random.default_rng(1)
+    town = build_town("downtown", rng)
+    first = int(rng.integers(len(town.corridors)))
+    way_m, _ = Route.through(town.corridors, chain(town.corridors, rng, first, 90), 5.0).at(
+        np.linspace(0, 72, 600)
+    )
+    uav_m = np.c_[way_m, np.full(600, 12.0)]
+    return simulate_traffic(town, rng, TrafficConfig(), uav_m).actors
+
+
+def overlapping(actors):
+    """The pairs that are in the same place at some step."""
+    boxes = [(actor.position_m[:, :2], actor.yaw_rad, actor.size_m[:2]) for actor in actors]
+    return [
+        (actors[i].actor_id, actors[j].actor_id)
+        for i in range(len(boxes))
+        for j in range(i)
+        if boxes_overlap(*boxes[i], *boxes[j]).any()
+    ]
+
+
 def test_every_type_is_there_and_numbered_from_one(busy):
     assert {actor.type for actor in busy} == set(ACTOR_TYPES)
     assert [actor.actor_id for actor in busy] == list(range(1, len(busy) + 1))
@@ -91,12 +115,7 @@ def test_there_is_room_between_bumpers_at_the_start():
 def test_no_two_actors_ever_overlap():
     crowd = traffic(2, car=24, truck=6, bus=6, motorcycle=12, bicycle=20, pedestrian=40)
     assert len(crowd) > 50
-    for i, one in enumerate(crowd):
-        for other in crowd[:i]:
-            boxes = [
-                (actor.position_m[:, :2], actor.yaw_rad, actor.size_m[:2]) for actor in (one, other)
-            ]
-            assert not boxes_overlap(*boxes[0], *boxes[1]).any()
+    assert not overlapping(crowd)
 
 
 def test_actors_face_where_they_go_and_turn_smoothly():
@@ -131,51 +150,6 @@ def test_narrow_ones_keep_right():
             assert (actor.position_m[:, 1] < middle_m - 0.2).all()
 
 
-def line_up(*cars, lane=LANES[0]):
-    route = Route.through((lane,), (0,), 1.0)
-    return [
-        Traveller("car", SIZES_M["car"], route, start_m, speed_mps) for start_m, speed_mps in cars
-    ]
-
-
-def test_a_fast_car_settles_behind_a_slow_one():
-    motion = drive(line_up((10, 9.0), (45, 0.5)), 14.0)
-    gap_m = motion.arc_m[:, 1] - motion.arc_m[:, 0] - SIZES_M["car"][0]
-    assert gap_m.min() > HABITS["car"].gap_m
-    assert motion.speed_mps[0, 0] == pytest.approx(9.0)
-    assert motion.speed_mps[-1, 0] == pytest.approx(0.5, abs=0.3)
-    # It sees the difference of the speeds early enough to brake no harder than is comfortable.
-    assert motion.acceleration_mps2[:, 0].min() > -HABITS["car"].brake_mps2
-
-
-def test_cars_stop_at_the_end_of_their_way():
-    motion = drive(line_up((100, 9.0)), 20.0)
-    assert motion.speed_mps[-1, 0] < 0.1
-    assert 140 < motion.arc_m[-1, 0] + SIZES_M["car"][0] / 2 < 150
-
-
-def test_who_crosses_is_waited_for():
-    crossing = way((50, -30), (50, 30), speed_mps=1.4)
-    route = Route.through((crossing,), (0,), 0.5)
-    walker = Traveller("pedestrian", SIZES_M["pedestrian"], route, 28.0, 0.05)
-    motion = drive([*line_up((70, 9.0)), walker], 8.0)
-    assert motion.speed_mps[-1, 0] < 0.3
-    assert motion.arc_m[-1, 0] + SIZES_M["car"][0] / 2 < 99.5
-    # It does not brake for someone who is still on the pavement.
-    aside = Traveller("pedestrian", SIZES_M["pedestrian"], route, 20.0, 0.05)
-    passed = drive([*line_up((70, 9.0)), aside], 5.0)
-    assert passed.arc_m[-1, 0] > 105
-
-
-def test_motion_between_decisions_is_continuous():
-    motion = drive(line_up((10, 9.0), (30, 2.0)), 6.0)
-    time_s = np.arange(300) * STEP_S
-    arc_m = motion.arc_at(time_s)
-    assert arc_m[::5] == pytest.approx(motion.arc_m[:60])
-    assert np.diff(arc_m, axis=0).min() > -1e-9
-    assert np.abs(np.diff(arc_m, 2, axis=0)).max() / STEP_S**2 < 10
-
-
 def test_what_comes_near_the_uav_is_left_out():
     low = np.c_[UAV_M[:, :2] - (0, 2), np.full(600, 2.0)]
     for seed in range(3):
@@ -199,23 +173,27 @@ def test_sizes_come_from_the_shapes():
     assert length_m > 9 > height_m > width_m > 2
 
 
-def test_overlap_of_turned_boxes():
-    here, size_m = np.zeros(2), (4.0, 2.0)
-    for place, yaw_rad, expected in (
-        ((3.9, 0), 0.0, True),
-        ((4.1, 0), 0.0, False),
-        ((2.9, 0), np.pi / 2, True),
-        ((3.1, 0), np.pi / 2, False),
-        ((2.9, 2.0), np.pi / 4, True),
-        ((3.6, 2.4), np.pi / 4, False),
-    ):
-        met = boxes_overlap(
-            here, np.float64(0), size_m, np.array(place), np.float64(yaw_rad), size_m
-        )
-        assert bool(met) is expected, (place, yaw_rad)
-
-
 def test_no_traffic_and_unknown_types():
     assert traffic(0, car=0) == ()
     with pytest.raises(UserError, match=r"tram.*bus"):
         TrafficConfig({"tram": 1})
+
+
+def test_in_a_real_town_actors_stop_and_turn_and_never_overlap(downtown):
+    assert len(downtown) > 15
+    assert not overlapping(downtown)
+    speed_mps = np.array([np.hypot(*actor.velocity_mps[:, :2].T) for actor in downtown])
+    assert ((speed_mps[:, 0] > 2) & (speed_mps.min(axis=1) < 0.1)).sum() >= 3
+    turned_rad = np.array([np.ptp(np.unwrap(actor.yaw_rad)) for actor in downtown])
+    assert (turned_rad > 1).sum() >= 2
+
+
+def test_nobody_reacts_to_what_was_left_out():
+    """A car that would meet the UAV is gone, and so is the queue that it would have caused."""
+    hovering = np.tile([60.0, -2.0, 1.0], (600, 1))
+    actors = traffic(0, uav_m=hovering, car=12)
+    assert len(actors) < len(traffic(0, uav_m=hovering + (0, 0, 30), car=12))
+    before = [a for a in actors if a.position_m[0, 0] < 50 and abs(a.yaw_rad[0]) < 0.01]
+    for actor in before:
+        # It would have driven through the UAV, had nobody stood before it.
+        assert actor.position_m[:, 0].max() < 60 - actor.size_m[0] / 2 - 2

@@ -1,0 +1,70 @@
+"""Rectangles that turn: where they overlap, and how far things are from them."""
+
+import numpy as np
+import pytest
+
+from src.sim.footprint import box_distance_m, boxes_overlap
+
+
+def test_overlap_of_turned_boxes():
+    here, size_m = np.zeros(2), (4.0, 2.0)
+    for place, yaw_rad, expected in (
+        ((3.9, 0), 0.0, True),
+        ((4.1, 0), 0.0, False),
+        ((2.9, 0), np.pi / 2, True),
+        ((3.1, 0), np.pi / 2, False),
+        ((2.9, 2.0), np.pi / 4, True),
+        ((3.6, 2.4), np.pi / 4, False),
+    ):
+        met = boxes_overlap(
+            here, np.float64(0), size_m, np.array(place), np.float64(yaw_rad), size_m
+        )
+        assert bool(met) is expected, (place, yaw_rad)
+
+
+def test_overlap_is_the_same_from_both_sides_and_wherever_they_are():
+    rng = np.random.default_rng(0)
+    one_m, other_m = rng.uniform(-4, 4, (2, 500, 2))
+    one_rad, other_rad = rng.uniform(-9, 9, (2, 500))
+    one, other = (one_m, one_rad, (4.0, 2.0)), (other_m, other_rad, (6.0, 1.0))
+    met = boxes_overlap(*one, *other)
+    assert 0.1 < met.mean() < 0.9
+    np.testing.assert_array_equal(boxes_overlap(*other, *one), met)
+    moved = boxes_overlap(one_m + 70, one_rad + np.pi, (4.0, 2.0), other_m + 70, *other[1:])
+    np.testing.assert_array_equal(moved, met)
+
+
+def test_boxes_overlap_where_they_have_a_point_in_common():
+    rng = np.random.default_rng(1)
+    grid = np.stack(np.meshgrid(np.linspace(-2, 2, 41), np.linspace(-1, 1, 21)), axis=-1)
+    points_m = np.c_[grid.reshape(-1, 2), np.full(grid[..., 0].size, 0.5)]
+    for _ in range(60):
+        place_m, yaw_rad = np.r_[rng.uniform(-4, 4, 2), 0.0], rng.uniform(-4, 4)
+        size_m = (3.0, 2.0, 1.0)
+        tiled = np.tile(place_m, (len(points_m), 1)), np.full(len(points_m), yaw_rad)
+        least_m = box_distance_m(points_m, *tiled, size_m).min()
+        met = boxes_overlap(
+            np.zeros(2), np.float64(0), (4.0, 2.0), place_m[:2], np.float64(yaw_rad), size_m[:2]
+        )
+        # Between the points of the grid there are 0.1 m.
+        assert met if least_m == 0 else not met or least_m < 0.08
+
+
+@pytest.mark.parametrize(
+    ("point_m", "distance_m"),
+    [
+        ((0, 0, 1), 0.0),
+        ((0, 5, 1), 3.0),
+        ((4, 0, 1), 3.0),
+        ((0, 0, 4.5), 3.0),
+        ((0, 0, -2), 2.0),
+        ((4, 6, 1), 5.0),
+        ((4, 6, 13.5), 13.0),
+    ],
+)
+def test_distance_from_a_box_that_stands_on_its_position(point_m, distance_m):
+    """It is 4 m long, to the north, 2 m wide and 1.5 m high; it may stand anywhere."""
+    for place_m in ((0.0, 0.0, 0.0), (7.0, -3.0, 20.0)):
+        at_m = np.array([place_m])
+        found_m = box_distance_m(at_m + point_m, at_m, np.array([np.pi / 2]), (4.0, 2.0, 1.5))
+        assert found_m == pytest.approx([distance_m])

@@ -1,0 +1,329 @@
+"""A hand-made junction of two roads: who goes over it when, with traffic lights and without."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from src.sim.driver import DECISION_S, drive
+from src.sim.footprint import boxes_overlap
+from src.sim.junction import RightOfWay, passages_of
+from src.sim.layout import Gate, Path
+from src.sim.route import Route
+from src.sim.signals import AMBER_S, GREEN_S, PHASE_S, SignalPlan
+from src.sim.towns.polyline import turn
+from src.sim.traveller import HABITS, Traveller
+
+SIZES_M = {
+    "car": (4.5, 1.8, 1.5),
+    "bus": (11.0, 2.5, 3.2),
+    "motorcycle": (2.1, 0.8, 1.5),
+    "pedestrian": (0.5, 0.6, 1.75),
+}
+EAST, NORTH, WEST, SOUTH = range(4)
+STRAIGHT, LEFT, RIGHT = 0, 1, 3
+LINE_M, CLEAR_M, END_M = 48.0, 4.0, 52.0
+KERB_M, WALK_M = 5.0, 18.0
+
+
+def rotated(points_m, quarters):
+    for _ in range(quarters):
+        points_m = [(-y_m, x_m) for x_m, y_m in points_m]
+    return np.array(points_m, dtype=float)
+
+
+def junction(lights):
+    """The lanes into it by their direction, those out of it, then all turns; and a crossing.
+
+    People cross the road from the west, both ways.
+    """
+    phases = [(k % 2, 2) if lights else (None, 0) for k in range(4)]
+    turns, ways_on = [], {come: [] for come in range(4)}
+    for come, by in product(range(4), (STRAIGHT, LEFT, RIGHT)):
+        start_m, end_m = rotated([(-8, -2)], come)[0], rotated([(8, -2)], (come + by) % 4)[0]
+        corner_m = {STRAIGHT: (0, -2), LEFT: (2, -2), RIGHT: (-2, -2)}[by]
+        ways_on[come].append(8 + len(turns))
+        points_m = turn(start_m, rotated([corner_m], come)[0], end_m)
+        turns.append(Path(points_m, 1.4, 6.0, (4 + (come + by) % 4,)))
+    come_in = [
+        Path(
+            rotated([(-60, -2), (-8, -2)], k),
+            1.4,
+            9.0,
+            tuple(ways_on[k]),
+            gate=Gate(0, LINE_M, CLEAR_M, False, *phases[k]),
+        )
+        for k in range(4)
+    ]
+    go_out = [Path(rotated([(8, -2), (180, -2)], k), 1.4, 9.0, ()) for k in range(4)]
+    gate = Gate(0, KERB_M, -KERB_M, True, *phases[EAST])
+    ends_m = np.array([(-10.0, -9), (-10, 9)])
+    walks = [Path(points_m, 0.4, 2.5, (), gate=gate) for points_m in (ends_m, ends_m[::-1])]
+    return (*come_in, *go_out, *turns), tuple(walks)
+
+
+OPEN, LIT = junction(lights=False), junction(lights=True)
+
+
+def wheels(come, by=STRAIGHT, start_m=10.0, speed_mps=9.0, name="car", paths=OPEN):
+    which = (STRAIGHT, LEFT, RIGHT).index(by)
+    indices = (come, 8 + 3 * come + which, 4 + (come + by) % 4)
+    route = Route.through(paths[0], indices, HABITS[name].corner_m)
+    return Traveller(name, SIZES_M[name], route, start_m, speed_mps)
+
+
+def walker(start_m=1.0, back=False, speed_mps=1.4, paths=OPEN):
+    route = Route.through(paths[1], (int(back),), 0.5)
+    # Everybody keeps to the right.
+    route = route.shifted(np.full(len(route.points_m), -0.35))
+    return Traveller("pedestrian", SIZES_M["pedestrian"], route, start_m, speed_mps)
+
+
+def overlap(travellers, motion):
+    places = [one.route.at(motion.arc_m[:, k]) for k, one in enumerate(travellers)]
+    boxes = [(*place, one.size_m[:2]) for place, one in zip(places, travellers)]
+    pairs = ((i, j) for i in range(len(boxes)) for j in range(i))
+    return any(boxes_overlap(*boxes[i], *boxes[j]).any() for i, j in pairs)
+
+
+def times_s(travellers, motion):
+    """When the front of each one passes the line, and when its rear is over; inf if never."""
+    rows = []
+    for k, one in enumerate(travellers):
+        (passage,) = passages_of(one)
+        half_m = one.size_m[0] / 2
+        ahead_m = motion.arc_m[:, k] + half_m - passage.start_m
+        beyond_m = motion.arc_m[:, k] - half_m - passage.end_m
+        rows.append(
+            [
+                np.argmax(m > 0) * DECISION_S if (m > 0).any() else np.inf
+                for m in (ahead_m, beyond_m)
+            ]
+        )
+    return np.array(rows)
+
+
+def arcs_alone_m(one, duration_s):
+    return drive([one], duration_s).arc_m[:, 0]
+
+
+def test_a_passage_leads_from_the_line_over_the_turn_until_the_junction_is_clear():
+    (straight,) = passages_of(wheels(EAST))
+    assert (straight.start_m, straight.end_m) == pytest.approx((LINE_M, END_M + 16 + CLEAR_M))
+    assert straight.approach is OPEN[0][EAST]
+    (crossing,) = passages_of(walker())
+    assert (crossing.start_m, crossing.end_m) == pytest.approx((KERB_M, WALK_M - KERB_M), abs=0.1)
+    lane = OPEN[0][4 + EAST]
+    away = Traveller("car", SIZES_M["car"], Route.through((lane,), (0,), 3.0), 5.0, 9.0)
+    assert passages_of(away) == []
+
+
+@pytest.mark.parametrize("by", [STRAIGHT, LEFT, RIGHT])
+def test_a_passage_sweeps_wherever_the_ends_of_a_long_vehicle_come(by):
+    bus = wheels(NORTH, by, name="bus")
+    (passage,) = passages_of(bus)
+    arc_m = np.linspace(passage.start_m, passage.end_m, 50)
+    middle_m, heading_rad = bus.route.at(arc_m)
+    for share in (-0.5, 0, 0.5):
+        along_m = share * SIZES_M["bus"][0] * np.array([np.cos(heading_rad), np.sin(heading_rad)]).T
+        apart_m = np.linalg.norm((middle_m + along_m)[:, None] - passage.swept_m, axis=-1)
+        assert apart_m.min(axis=1).max() < 0.5
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("by", [(STRAIGHT, STRAIGHT), (LEFT, STRAIGHT), (STRAIGHT, LEFT)])
+def test_who_comes_first_goes_first_and_the_other_waits_before_the_line(first, by):
+    starts_m = (22.0, 12.0) if first == 0 else (12.0, 22.0)
+    cars = [wheels(come, by[k], starts_m[k]) for k, come in enumerate((EAST, NORTH))]
+    motion = drive(cars, 25.0)
+    assert not overlap(cars, motion)
+    entered_s, left_s = times_s(cars, motion).T
+    assert entered_s[first] < left_s[first] <= entered_s[1 - first] < np.inf
+    assert left_s.max() < 20
+    # The first drives as though it were alone; the other does not.
+    alone_m = [arcs_alone_m(car, 25.0) for car in cars]
+    assert motion.arc_m[:, first] == pytest.approx(alone_m[first], abs=1e-6)
+    assert (motion.arc_m[:, 1 - first] < alone_m[1 - first] - 5).any()
+
+
+def test_ways_that_do_not_meet_are_used_at_the_same_time():
+    for ways in (
+        ((EAST, STRAIGHT), (WEST, STRAIGHT)),
+        ((EAST, RIGHT), (NORTH, STRAIGHT)),
+        ((EAST, RIGHT), (NORTH, RIGHT), (WEST, RIGHT), (SOUTH, RIGHT)),
+    ):
+        cars = [wheels(*way, start_m=20.0) for way in ways]
+        motion = drive(cars, 8.0)
+        assert not overlap(cars, motion)
+        for k, car in enumerate(cars):
+            assert motion.arc_m[:, k] == pytest.approx(arcs_alone_m(car, 8.0), abs=0.2)
+
+
+@pytest.mark.parametrize("by", [(0, 0, 0, 0), (1, 1, 1, 1), (1, 0, 1, 0), (0, 1, 3, 1)])
+def test_of_four_who_come_at_once_nobody_waits_for_ever(by):
+    cars = [wheels(come, by[come], 20.0) for come in range(4)]
+    motion = drive(cars, 35.0)
+    assert not overlap(cars, motion)
+    assert times_s(cars, motion)[:, 1].max() < 30
+
+
+@pytest.mark.parametrize("paths", [OPEN, LIT])
+@pytest.mark.parametrize("seed", range(3))
+def test_all_get_over_a_busy_junction_and_nobody_overlaps(paths, seed):
+    rng = np.random.default_rng(seed)
+    crowd = [
+        wheels(
+            come,
+            int(rng.choice([STRAIGHT, LEFT, RIGHT])),
+            start_m,
+            rng.uniform(6, 10),
+            str(rng.choice(["car", "bus", "motorcycle"])),
+            paths,
+        )
+        for come, start_m in product(range(4), (8.0, 24.0, 40.0))
+    ]
+    crowd += [walker(2.0, back, paths=paths) for back in (False, True)]
+    motion = drive(crowd, 110.0, {0: SignalPlan(2, rng.uniform(0, 2 * PHASE_S))})
+    assert not overlap(crowd, motion)
+    entered_s, left_s = times_s(crowd, motion).T
+    assert left_s.max() < 100
+    # Nobody passes anybody on an approach.
+    for come in range(4):
+        assert (np.diff(entered_s[3 * come : 3 * come + 3]) < 0).all()
+
+
+def test_who_is_behind_waits_for_the_first_of_the_approach():
+    """Its own way is free, but it could not go before the one that waits for a third."""
+    third = wheels(NORTH, STRAIGHT, 55.0)
+    first, behind = wheels(EAST, STRAIGHT, 45.0), wheels(EAST, RIGHT, 38.0)
+
+    def stops_m(*travellers):
+        arc_m = np.array([one.start_m for one in travellers])
+        return RightOfWay(travellers, {}).stops_m(0.1, arc_m, np.full(len(arc_m), 5.0))
+
+    def waiting(*travellers):
+        right_of_way = RightOfWay(travellers, {})
+        arc_m = np.array([one.start_m for one in travellers])
+        right_of_way.stops_m(0.0, arc_m, np.full(len(arc_m), 5.0))
+        return np.isfinite(right_of_way.stops_m(0.1, arc_m, np.full(len(arc_m), 5.0))).tolist()
+
+    assert waiting(third, behind) == [False, False]
+    assert waiting(third, first) == [False, True]
+    assert waiting(third, first, behind) == [False, True, True]
+    cars = [third, first, behind]
+    motion = drive(cars, 20.0)
+    entered_s, left_s = times_s(cars, motion).T
+    assert left_s[0] <= entered_s[1] < entered_s[2]
+    assert not overlap(cars, motion)
+
+
+def test_who_is_on_a_junction_at_the_start_goes_on():
+    cars = [wheels(EAST, STRAIGHT, 52.0), wheels(NORTH, STRAIGHT, 40.0)]
+    motion = drive(cars, 15.0)
+    assert motion.speed_mps[:, 0].min() > 5
+    entered_s, left_s = times_s(cars, motion).T
+    assert left_s[0] <= entered_s[1] < np.inf
+
+
+def test_people_and_cars_wait_for_each_other():
+    # The walker is on the crossing before the car comes.
+    both = [wheels(EAST, start_m=8.0), walker(4.5)]
+    motion = drive(both, 25.0)
+    assert not overlap(both, motion)
+    entered_s, left_s = times_s(both, motion).T
+    assert left_s[1] <= entered_s[0] < np.inf
+    # The car is before the line first.
+    both = [wheels(EAST, start_m=40.0), walker(3.0)]
+    motion = drive(both, 25.0)
+    assert not overlap(both, motion)
+    entered_s, left_s = times_s(both, motion).T
+    assert left_s[0] <= entered_s[1] < np.inf
+    waiting = motion.arc_m[motion.speed_mps[:, 1] < 0.01, 1]
+    assert len(waiting) > 5
+    assert waiting.max() + SIZES_M["pedestrian"][0] / 2 < KERB_M
+
+
+def test_people_share_a_crossing():
+    people = [walker(3.0), walker(3.0, back=True), walker(1.5)]
+    motion = drive(people, 15.0)
+    assert not overlap(people, motion)
+    assert motion.speed_mps[:80].min() > 0.8
+
+
+def drives_under_lights():
+    """Two cars whose arms have green in turn, from many times of the cycle on."""
+    for offset_s, start_m in product(np.arange(0, 2 * PHASE_S, 1.25), (5.0, 25.0)):
+        plan = SignalPlan(2, offset_s)
+        cars = [
+            wheels(come, start_m=start_m, speed_mps=speed_mps, paths=LIT)
+            for come, speed_mps in ((EAST, 7.0), (NORTH, 9.0))
+        ]
+        yield plan, cars, drive(cars, 25.0, {0: plan})
+
+
+def test_nobody_enters_on_red_and_everybody_stops_before_the_line():
+    waited = late = 0
+    for plan, cars, motion in drives_under_lights():
+        assert not overlap(cars, motion)
+        for k, (entered_s, _) in enumerate(times_s(cars, motion)):
+            phase = passages_of(cars[k])[0].gate.phase
+            assert entered_s < np.inf
+            assert plan.red_for_s(phase, entered_s) == 0
+            stands = motion.speed_mps[:, k] < 0.01
+            front_m = motion.arc_m[stands, k] + SIZES_M["car"][0] / 2
+            assert (front_m < LINE_M - 0.3).all()
+            waited += bool(len(front_m))
+            if not plan.is_green(phase, entered_s):
+                # It is amber, and when that began the car could not have stopped any more.
+                late += 1
+                since_s = PHASE_S * phase - plan.offset_s + GREEN_S
+                amber_s = since_s + 2 * PHASE_S * np.round((entered_s - since_s) / (2 * PHASE_S))
+                assert 0 <= entered_s - amber_s < AMBER_S
+                at = max(int(amber_s / DECISION_S), 0)
+                left_m = LINE_M - SIZES_M["car"][0] / 2 - motion.arc_m[at, k]
+                assert left_m < motion.speed_mps[at, k] ** 2 / (2 * HABITS["car"].brake_mps2) + 1.5
+    assert waited > 15
+    assert late >= 1
+
+
+@pytest.mark.parametrize(("ahead_m", "goes"), [(8.0, True), (14.0, True), (20.0, False)])
+def test_at_amber_those_go_on_who_cannot_stop_any_more(ahead_m, goes):
+    """At 9 m/s a car needs 16 m, and half a metre more to stand before the line."""
+    plan = SignalPlan(2, GREEN_S - 1.0)
+    car = wheels(EAST, start_m=LINE_M - SIZES_M["car"][0] / 2 - ahead_m - 9.0, paths=LIT)
+    motion = drive([car], 10.0, {0: plan})
+    ((entered_s, _),) = times_s([car], motion)
+    assert (1 < entered_s < 1 + AMBER_S) if goes else entered_s == np.inf
+    always_green = drive([car], 10.0, {0: SignalPlan(2, 0.0)})
+    if goes:
+        assert motion.arc_m == pytest.approx(always_green.arc_m)
+    else:
+        assert motion.acceleration_mps2.min() > -1.2 * HABITS["car"].brake_mps2
+        assert motion.speed_mps[-1, 0] < 0.1
+
+
+@pytest.mark.parametrize(("spare_s", "goes"), [(0.3, True), (-0.3, False)])
+def test_people_set_out_only_if_they_will_be_over_before_green(spare_s, goes):
+    one = walker(KERB_M - 1.0, paths=LIT)
+    (passage,) = passages_of(one)
+    needed_s = (passage.end_m - passage.start_m) / one.speed_mps
+    # Their arm's next green begins after that time and the spare one.
+    plan = SignalPlan(2, 2 * PHASE_S - needed_s - spare_s)
+    arc_m, speed_mps = np.array([one.start_m]), np.array([1.4])
+    stops_m = RightOfWay([one], {0: plan}).stops_m(0.0, arc_m, speed_mps)
+    assert np.isinf(stops_m[0]) == goes
+
+
+def test_people_cross_on_red_for_the_cars_and_are_off_the_road_before_green():
+    waited = 0
+    for offset_s in np.arange(0, 2 * PHASE_S, 1.5):
+        plan, one = SignalPlan(2, offset_s), walker(3.0, paths=LIT)
+        motion = drive([one], 2 * PHASE_S + 15, {0: plan})
+        ((entered_s, _),) = times_s([one], motion)
+        assert plan.red_for_s(0, entered_s) > 0
+        waited += entered_s > 5
+        # Who has waited must first get going, which may cost a second.
+        on_road = (motion.arc_m[:, 0] > KERB_M) & (motion.arc_m[:, 0] < WALK_M - KERB_M)
+        green = [plan.is_green(0, k * DECISION_S - 1.0) for k in range(len(on_road))]
+        assert not (on_road & np.array(green)).any()
+    assert waited > 5

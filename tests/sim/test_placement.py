@@ -1,0 +1,230 @@
+"""Where actors start: in the camera's view, with room around them, never on a junction."""
+
+import numpy as np
+import pytest
+
+from src.sim.footprint import boxes_overlap
+from src.sim.layout import Gate, Path, Town
+from src.sim.pilot import STEP_S
+from src.sim.placement import SHOULDER_M, SPOT_M, START_GAP_M, Gaze, Placer, Spots
+from src.sim.route import Route
+from src.sim.traveller import Traveller
+
+CAR_M, BUS_M, PERSON_M = (4.5, 1.8, 1.5), (11.0, 2.5, 3.2), (0.5, 0.6, 1.75)
+REACH_M = 45.0
+
+
+def way(*points_m, successors=(), gate=None, half_width_m=1.4):
+    return Path(np.array(points_m, dtype=float), half_width_m, 9.0, successors, gate=gate)
+
+
+LINE_M, CLEAR_M = 56.0, 4.0
+LANES = (
+    way((-60, -2), (0, -2), successors=(1, 2), gate=Gate(0, LINE_M, CLEAR_M, False, None, 0)),
+    way((0, -2), (16, -2), successors=(3,)),
+    way((0, -2), (4, -4), (6, -8), successors=(4,)),
+    way((16, -2), (120, -2)),
+    way((6, -8), (6, -70)),
+    way((120, 2), (-60, 2)),
+)
+"""Eastward over a junction or to the right at it; westward there is nothing to wait for."""
+
+WALKS = (
+    way((-60, -8), (-5, -8), successors=(1,), half_width_m=0.4),
+    way((-5, -8), (-5, 8), gate=Gate(0, 3.0, -3.0, True, None, 0), half_width_m=0.4),
+)
+TOWN = Town("hand-made", lambda x, y: 0 * x, (), (), LANES, WALKS, ())
+
+
+def flight(x_mps=5.0, y_mps=0.0, start_m=(0.0, 0.0), seconds=10.0):
+    time_s = np.arange(round(seconds / STEP_S) + 1) * STEP_S
+    return np.c_[start_m[0] + x_mps * time_s, start_m[1] + y_mps * time_s, 9 + 0 * time_s]
+
+
+def gaze(**kwargs):
+    return Gaze(flight(**kwargs), REACH_M)
+
+
+def car_on(path, start_m, name="car", size_m=CAR_M):
+    return Traveller(name, size_m, Route.through((path,), (0,), 1.0), start_m, 9.0)
+
+
+def filled(name, size_m, seed=0, uav_m=None, near_m=90.0):
+    """As many of a kind as a flight eastward over the junction finds room for."""
+    uav_m = flight(start_m=(-50.0, 0.0)) if uav_m is None else uav_m
+    placer, placed = Placer(TOWN, np.random.default_rng(seed), uav_m, near_m, REACH_M), []
+    while (one := placer.place(name, size_m, placed)) is not None:
+        placed.append(one)
+        assert len(placed) < 200
+    return placed
+
+
+@pytest.mark.parametrize(
+    ("offset_m", "seen"),
+    [
+        ((10, 0), 1),
+        ((-10, 0), 0),
+        ((10, 9.9), 1),
+        ((10, -9.9), 1),
+        ((10, 10.1), 0),
+        ((9, -10), 0),
+        ((44.9, 0), 1),
+        ((45.1, 0), 0),
+    ],
+)
+def test_what_keeps_its_place_before_the_camera_is_always_in_view_or_never(offset_m, seen):
+    for x_mps, y_mps in ((5.0, 0.0), (0.0, 5.0), (-3.0, -3.0)):
+        it = gaze(x_mps=x_mps, y_mps=y_mps)
+        ahead = np.array([x_mps, y_mps]) / np.hypot(x_mps, y_mps)
+        left = np.array([-ahead[1], ahead[0]])
+        assert it.share(it.at_m + offset_m[0] * ahead + offset_m[1] * left) == seen
+
+
+def test_the_share_is_that_of_the_time_in_view():
+    it = gaze()
+    standing_m = np.array([(25.0, 0), (5, 0), (70, 0), (-1, 0), (25, 30)])
+    seen = it.share(np.tile(standing_m[:, None], (1, len(it.at_m), 1)))
+    # Passed after 5 s and 1 s; in reach after 5 s; never ahead; always too far aside.
+    assert seen == pytest.approx([0.5, 0.1, 0.5, 0, 0], abs=0.06)
+
+
+def test_who_hovers_looks_where_it_last_flew_to():
+    uav_m = np.concatenate([flight(0.0, 5.0, seconds=4.0), np.tile([0.0, 20.0, 9.0], (500, 1))])
+    it = Gaze(uav_m, REACH_M)
+    still = [np.tile(place_m, (len(it.at_m), 1)) for place_m in ((0.0, 40.0), (20.0, 20.0))]
+    assert it.share(np.array(still)) == pytest.approx([1, 0])
+
+
+def test_spots_are_every_two_metres_near_the_way_and_not_on_a_junction():
+    way_m, near_m = np.array([(-50.0, 0.0), (40.0, 0.0)]), 55.0
+    spots = Spots.near(LANES, way_m, near_m)
+    assert set(spots.index) == {0, 3, 4, 5}
+    apart_m = np.linalg.norm(spots.points_m[:, None] - way_m, axis=-1).min(axis=1)
+    assert apart_m.max() < near_m
+    for k in (0, 3, 5):
+        assert np.diff(spots.arc_m[spots.index == k]) == pytest.approx(SPOT_M)
+    assert spots.arc_m[spots.index == 3].min() == pytest.approx(CLEAR_M + SPOT_M / 2, abs=SPOT_M)
+    assert spots.arc_m[np.isin(spots.index, (3, 4))].min() > CLEAR_M
+    assert spots.arc_m[spots.index == 5].min() > 180 - 160
+    for k, yaw_rad in ((0, 0.0), (4, -np.pi / 2), (5, np.pi)):
+        assert np.cos(spots.yaw_rad[spots.index == k] - yaw_rad) == pytest.approx(1)
+
+
+def test_how_much_is_seen_of_who_goes_along_before_the_camera_or_towards_it():
+    it = gaze(start_m=(-50.0, 0.0))
+    spots = Spots.near(LANES, it.at_m, 90.0)
+    x_m, seen = spots.points_m[:, 0], spots.seen(5.0, it)
+    along = np.isin(spots.index, (0, 3))
+    assert seen[along & (x_m > -45) & (x_m < -10)] == pytest.approx(1)
+    assert seen[along & (x_m < -51)] == pytest.approx(0)
+    # Those who come the other way are past it at half of the distance.
+    towards = (spots.index == 5) & (np.abs(x_m + 30) < 1.1)
+    assert seen[towards] == pytest.approx(0.15, abs=0.1)
+    # Nobody goes faster than the path allows.
+    assert spots.seen(90.0, it) == pytest.approx(spots.seen(9.0, it))
+
+
+def test_crowded_spots_are_not_free():
+    spots = Spots.near(LANES, np.zeros((1, 2)), 90.0)
+    assert spots.free(CAR_M, []).all()
+    for size_m in (CAR_M, BUS_M):
+        free = spots.free(size_m, [car_on(LANES[0], 30.0)])
+        apart_m = np.abs(spots.arc_m - 30.0)
+        needed_m = (size_m[0] + CAR_M[0]) / 2 + 2 * START_GAP_M
+        lane = spots.index == 0
+        assert not free[lane & (apart_m < needed_m - 0.2)].any()
+        assert (free[lane] == (apart_m[lane] > needed_m)).all()
+        assert free[~lane].all()
+    both = spots.free(CAR_M, [car_on(LANES[0], 30.0), car_on(LANES[5], 60.0)])
+    assert not both[spots.index == 5].all()
+    assert not both[spots.index == 0].all()
+
+
+@pytest.mark.parametrize(
+    ("name", "size_m"), [("car", CAR_M), ("bus", BUS_M), ("motorcycle", (2.1, 0.8, 1.5))]
+)
+def test_nobody_starts_on_a_junction(name, size_m):
+    placed = [one for seed in range(3) for one in filled(name, size_m, seed)]
+    assert len(placed) > 12
+    first = [next(k for k, lane in enumerate(LANES) if lane is it.route.paths[0]) for it in placed]
+    assert set(first) >= {0, 3, 5}
+    assert set(first) <= {0, 3, 4, 5}
+    for k, one in zip(first, placed):
+        (x_m, y_m), _ = one.start
+        half_m = size_m[0] / 2
+        if k == 0:
+            assert x_m + half_m <= -60 + LINE_M + 0.1
+        if k == 3:
+            assert x_m >= 16 + CLEAR_M + half_m - 0.1
+        if k == 4:
+            assert y_m <= -8 - CLEAR_M - half_m + 0.1
+        assert half_m < one.start_m < one.route.length_m - half_m - 1
+
+
+def test_nobody_starts_on_a_crossing():
+    placed = [one for seed in range(3) for one in filled("pedestrian", PERSON_M, seed)]
+    assert len(placed) > 20
+    on_road = [one for one in placed if one.route.paths[0] is WALKS[1]]
+    for one in on_road:
+        assert not -5 < one.start[0][1] < 5
+
+
+def test_nobody_starts_where_nothing_is_seen():
+    for seed in range(3):
+        # It flies faster than anybody drives, so what is behind it stays there.
+        ahead = filled("car", CAR_M, seed, flight(12.0, start_m=(-20.0, 0.0)))
+        assert len(ahead) > 5
+        assert min(one.start[0][0] for one in ahead) > -20 - 1
+    assert filled("car", CAR_M, uav_m=flight(5.0, start_m=(130.0, 0.0))) == []
+    assert filled("car", CAR_M, uav_m=flight(0.0, 9.0, start_m=(30.0, 60.0))) == []
+
+
+def test_nobody_starts_far_from_the_flight():
+    uav_m = flight(start_m=(-30.0, 0.0))
+    placed = filled("motorcycle", (2.1, 0.8, 1.5), uav_m=uav_m, near_m=12.0)
+    assert placed
+    for one in placed:
+        assert np.linalg.norm(uav_m[:, :2] - one.start[0], axis=1).min() < 12 + 2
+
+
+def test_they_start_with_room_around_them_until_there_is_none():
+    placed = filled("car", CAR_M)
+    assert 8 < len(placed) < 40
+    room_m = (CAR_M[0] + 2 * START_GAP_M, CAR_M[1])
+    for i, one in enumerate(placed):
+        for other in placed[:i]:
+            assert not boxes_overlap(*one.start, room_m, *other.start, room_m)
+
+
+def test_they_start_more_often_where_more_is_seen_of_them():
+    """Along with the camera cars are seen for all of the time, against it for hardly any."""
+    uav_m, along = flight(8.0, start_m=(-50.0, 0.0)), 0
+    for seed in range(40):
+        placer = Placer(TOWN, np.random.default_rng(seed), uav_m, 90.0, REACH_M)
+        along += abs(placer.place("car", CAR_M, []).start[1]) < 1
+    assert along > 28
+
+
+def test_cars_take_lanes_and_people_walks_as_wide_as_they_may():
+    for one in filled("car", CAR_M):
+        assert one.route.paths[0] in LANES
+        assert abs(abs(one.start[0][1]) - 2) < 0.2 or abs(one.start[0][0] - 6) < 0.2
+    for one in filled("pedestrian", PERSON_M):
+        assert one.route.paths[0] in WALKS
+        (x_m, y_m), yaw_rad = one.start
+        if abs(yaw_rad) < 0.01 and x_m < -15:
+            # To the right of the middle, but with no more of it beyond the edge than towns keep.
+            assert -8 - 0.4 - SHOULDER_M - 1e-6 <= y_m - PERSON_M[1] / 2 < -8 - 0.4
+    lefts = [one.start[0][1] for one in filled("motorcycle", (2.1, 0.8, 1.5)) if one.start[1] == 0]
+    assert max(lefts) < -2.2
+
+
+def test_the_seed_decides():
+    starts = [[tuple(one.start[0]) for one in filled("car", CAR_M, seed)] for seed in (0, 0, 1)]
+    assert starts[0] == starts[1] != starts[2]
+
+
+def test_of_those_who_ride_bicycles_some_are_on_walks():
+    placed = [one for seed in range(3) for one in filled("bicycle", (1.8, 0.6, 1.7), seed)]
+    on_walks = [one.route.paths[0] in WALKS for one in placed]
+    assert 0 < sum(on_walks) < len(placed)
