@@ -97,7 +97,7 @@ def main() -> None:
         columns[f"{plan.town} {plan.weather}"] = _measure(sim, plan)
     table = pd.DataFrame(columns)
     table["mean"] = table.mean(axis=1)
-    print(table.T.to_string(float_format="{:.1f}".format))
+    print(table.to_string(float_format="{:.1f}".format))
     print(f"building a town: {max(built_s):.1f} s at most")
     print(f"labelled frames a second of one core: {1000 / table.loc['in all', 'mean']:.1f}")
     peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

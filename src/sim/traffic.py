@@ -26,12 +26,12 @@ class TrafficConfig:
 
     counts: Mapping[str, int] = field(
         default_factory=lambda: {
-            "car": 7,
+            "car": 6,
             "truck": 2,
             "bus": 2,
             "pedestrian": 2,
-            "bicycle": 2,
-            "motorcycle": 13,
+            "bicycle": 3,
+            "motorcycle": 9,
         }
     )
     near_m: float = 90.0
