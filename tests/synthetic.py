@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from src.data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses_of
-from src.data.manifest import write_manifest
+from src.data.manifest import read_manifest, write_manifest
 from src.data.split import make_split
 from src.geometry import (
     VoxelGrid,
@@ -53,6 +53,15 @@ def compose_config(*overrides):
 def mini_overrides(folder, *more):
     """The words that make every command small and keep it in a folder."""
     return [*MINI, f"paths.data={folder}/data", f"paths.runs={folder}/runs", *more]
+
+
+def config_of(root, folder):
+    """The configuration with which the small generated data set was made, for another folder."""
+    words = ["scale=tiny", "scale_name=mini", f"paths.data={folder}", "sim.workers=1"]
+    for key, value in read_manifest(root)["sim"].items():
+        values = value if isinstance(value, dict) and value else {"": value}
+        words += [f"sim.{key}{'.' * bool(k)}{k}={v}" for k, v in values.items() if key != "grid"]
+    return compose_config(*words, "data.test_clips=[suburb/clip01]")
 
 
 def write_dataset(cfg):

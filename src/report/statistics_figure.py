@@ -75,6 +75,7 @@ def _draw_heights(axes: Axes, statistics: Statistics) -> None:
     for height_m, color, style, label in lines:
         axes.axvline(height_m, color=color, linestyle=style, linewidth=1.8, label=label)
     axes.legend(frameon=False, fontsize=9)
+    axes.set_ylim(top=1.3 * axes.get_ylim()[1])  # room for the legend
     axes.set_xlabel("height above the ground (m)")
     axes.set_ylabel("frames")
     axes.set_xlim(0, last_m)

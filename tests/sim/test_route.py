@@ -83,3 +83,21 @@ def test_the_rise_is_the_path_s_and_passes_over_smoothly():
         assert it.rise_m[x_m > 54] == pytest.approx(0.16, abs=1e-4)
         assert (np.diff(it.rise_m) >= -1e-12).all()
         assert np.diff(it.rise_m).max() < 0.015
+
+
+def test_places_along_the_paths_are_found_on_the_shifted_curve():
+    route = Route.through(CROSS, (0, 2), 3.0)
+    outside = route.shifted(np.full(len(route.points_m), -2.0))
+    for it in (route, outside):
+        early_m, late_m = it.at(it.arc_of(np.array([20.0, 80.0])))[0]
+        assert early_m[0] == pytest.approx(20, abs=0.2)
+        assert late_m[1] == pytest.approx(30, abs=0.2)
+    assert outside.arc_of(80.0) > route.arc_of(80.0) + 1
+
+
+def test_the_half_width_is_nowhere_more_than_the_path_s():
+    wide, narrow = CROSS[0], replace(CROSS[1], half_width_m=1.0)
+    route = Route.through((wide, narrow), (0, 1), corner_m=2.0)
+    assert (route.half_width_m <= np.where(route.along_m < 50, 3.0, 1.0) + 1e-9).all()
+    assert route.half_width_m[[0, -1]] == pytest.approx([3, 1])
+    assert np.abs(np.diff(route.half_width_m)).max() < 0.2

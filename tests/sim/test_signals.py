@@ -1,5 +1,7 @@
 """Traffic lights: who has green when, and which ways of a town they are for."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -48,8 +50,8 @@ def test_phases_have_green_in_turn_and_never_together(phases, offset_s):
     cycle = round(phases * PHASE_S / STEP_S)
     assert green[:cycle].sum(axis=0) * STEP_S == pytest.approx(GREEN_S, abs=2 * STEP_S)
     order = [int(np.argmax(row)) for row in green if row.any()]
-    turns = [a for a, b in zip(order, order[1:]) if a != b]
-    assert all((b - a) % phases == 1 for a, b in zip(turns, turns[1:]))
+    turns = [a for a, b in pairwise(order) if a != b]
+    assert all((b - a) % phases == 1 for a, b in pairwise(turns))
     assert plan.is_green(0, phases * PHASE_S - offset_s + 0.01)
 
 

@@ -105,7 +105,9 @@ def test_vehicles_are_parked_in_every_town(name, seed):
     assert len(wheels) >= 4 * 4
 
 
-@pytest.mark.parametrize("name", TOWNS)
+@pytest.mark.parametrize(
+    "name", [n if n == "park" else pytest.param(n, marks=pytest.mark.slow) for n in TOWNS]
+)
 def test_the_seed_decides(name):
     def fingerprint(town: Town) -> bytes:
         return (

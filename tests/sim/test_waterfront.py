@@ -69,12 +69,13 @@ def test_the_overpass_crosses_streets_at_a_clear_height():
 
 
 def test_the_overpass_has_railings_all_along_and_lamps_beside_the_corridors():
+    middle_m = deck()[0].scene_from_solid[1, 3]
     above = [
         bounds_m(solid)[1]
         for solid in town().solids
         if solid.class_id == THIN_STRUCTURE
         and bounds_m(solid)[0][2] > DECK_M[1]
-        and abs(solid.scene_from_solid[1, 3] - deck()[0].scene_from_solid[1, 3]) < 4.2
+        and abs(solid.scene_from_solid[1, 3] - middle_m) < 4.2
     ]
     tops_m = np.array(above)[:, 2] - DECK_M[1]
     assert (tops_m < 1.2).sum() > 8 * len(deck())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from src.data.clip import SUMS, Clip, unfinished
-from src.data.manifest import MANIFEST, read_manifest
+from src.data.manifest import MANIFEST
 from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.ontology import COLORS
@@ -15,7 +15,7 @@ from src.report.card import CARD, CARD_SUMS
 from src.report.check_sheet import COLOR_SHARE, EDGE_SHARE, overlaid
 from src.tasks.check import check
 from src.tasks.dataset import make_dataset, root_of, spec_of
-from tests.synthetic import BOXES, GROUND_RGB, SKY_RGB, compose_config, write_clip
+from tests.synthetic import BOXES, GROUND_RGB, SKY_RGB, config_of, write_clip
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -26,19 +26,10 @@ def short_flight():
         yield
 
 
-def configured(folder, sim):
-    """The configuration of the small data set, its data in a folder."""
-    words = ["scale=tiny", "scale_name=mini", f"paths.data={folder}", "sim.workers=1"]
-    for key, value in sim.items():
-        values = value if isinstance(value, dict) and value else {"": value}
-        words += [f"sim.{key}{'.' * bool(k)}{k}={v}" for k, v in values.items() if key != "grid"]
-    return compose_config(*words, "data.test_clips=[suburb/clip01]")
-
-
 @pytest.fixture(scope="module")
 def original(mini_dataset, tmp_path_factory):
     """The small data set, finished with its card; not to be changed."""
-    config = configured(tmp_path_factory.mktemp("data"), read_manifest(mini_dataset)["sim"])
+    config = config_of(mini_dataset, tmp_path_factory.mktemp("data"))
     root = root_of(config)
     shutil.copytree(mini_dataset, root)
     make_dataset(config, root, spec_of(config))
@@ -48,7 +39,7 @@ def original(mini_dataset, tmp_path_factory):
 @pytest.fixture
 def config(original, tmp_path):
     """The configuration that it was made with, for another folder."""
-    return configured(tmp_path, read_manifest(original)["sim"])
+    return config_of(original, tmp_path)
 
 
 @pytest.fixture
