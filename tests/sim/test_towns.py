@@ -232,7 +232,8 @@ def test_nothing_floats_and_nothing_is_buried(name, seed):
         depth_m = float(town.terrain(x, y)) - lower[bottom, 2]
         class_id = town.solids[bottom].class_id
         # What is wide stands on the lowest ground under it, so its upper end reaches deeper.
-        deepest_m = 1.2 if class_id == BUILDING else 0.5
+        is_wide = max(town.solids[bottom].size_m[:2]) > 3
+        deepest_m = 1.2 if class_id == BUILDING else 0.8 if is_wide else 0.5
         # What is afloat or stands in water is that much deeper.
         deepest_m += water_depth_m(town, x, y)
         # Who is parked stands in a bay, which lies above the terrain.
