@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .footprint import boxes_overlap
-from .junction import passages_of
+from .junction import STOP_SHORT_M, passages_of
 from .layout import Path, Town
 from .pilot import STEP_S
 from .route import Route, chain
@@ -183,7 +183,7 @@ def _set_out(
         return None
     traveller = Traveller(name, size_m, route, start_m, speed_mps)
     for passage in passages_of(traveller):
-        if passage.start_m - half_m < start_m < passage.end_m + half_m:
+        if passage.start_m - half_m - STOP_SHORT_M <= start_m < passage.end_m + half_m:
             return None
     return traveller
 
