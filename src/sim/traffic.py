@@ -31,7 +31,7 @@ class TrafficConfig:
             "bus": 2,
             "pedestrian": 2,
             "bicycle": 3,
-            "motorcycle": 9,
+            "motorcycle": 4,
         }
     )
     near_m: float = 90.0
