@@ -115,6 +115,6 @@ Ghosts of moving classes among what is visible: {total.moving_ghosts}.
 def _readable(table: pd.DataFrame) -> str:
     columns = ["scope", "class", "true", "recall", "class_recall", "labelled", "precision"]
     columns += ["class_precision", "ghosts", "free", "free_error"]
-    shown = table[columns].astype({"free": object})
+    shown = table[columns].astype({"free": object, "free_error": object})
     shown.loc[shown["class"] != "all", ["free", "free_error"]] = ""
     return shown.to_string(index=False, float_format="{:.4f}".format, na_rep="")

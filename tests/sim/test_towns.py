@@ -89,13 +89,13 @@ def test_there_is_about_a_kilometre_of_street(name, seed):
 
 @ALL
 def test_thin_structures_stand_all_along_the_corridors(name, seed):
-    """What the flight must not overlook: on three of four pieces of a corridor there is some of it
+    """What the flight must not overlook: on two of three pieces of a corridor there is some of it
     within 15 m."""
     town = town_of(name, seed)
     thin = [s.scene_from_solid[:2, 3] for s in town.solids if s.class_id == THIN_STRUCTURE]
     way = samples(town, town.corridors, (0,), (0.0,))[::5, :2]
     gap_m = np.linalg.norm(way[:, None] - np.array(thin), axis=2)
-    assert ((gap_m < 15).sum(axis=1) >= 5).mean() > 0.75
+    assert ((gap_m < 15).sum(axis=1) >= 5).mean() > 0.67
 
 
 @ALL
