@@ -85,7 +85,9 @@ def _write(folder: Path, total: Agreement, root: Path, sim: Mapping) -> None:
     table = total.table()
     with replacing(folder / "audit.csv") as temporary:
         table.to_csv(temporary, index=False, float_format="%.6f", lineterminator="\n")
-    command = shlex.join(["python", "run.py", *sys.argv[1:]])
+    # Where it lies on this machine is nobody else's concern.
+    words = [word for word in sys.argv[1:] if not word.startswith("paths.")]
+    command = shlex.join(["python", "run.py", *words])
     text = f"""# Label audit
 
 {total.frames} frames of `{root.name}`, {len(sim["towns"])} towns, `sim.seed={sim["seed"]}`, \

@@ -15,7 +15,7 @@ from .dataset import make_dataset, root_of, spec_of, split_of
 
 BYTES = {"pixel": 0.76, "voxel": 0.076, "frame": 8_600}
 """Of the image, both label arrays and the tables, measured on the data set of scale=small."""
-SECONDS = {"pixel": 1.2e-6, "voxel": 8e-8, "frame": 0.012, "clip": 2.0, "town": 5.0}
+SECONDS = {"pixel": 1.0e-6, "voxel": 6.5e-8, "frame": 0.003, "clip": 7.6, "town": 6.0}
 """Of one core, from the tables of benchmarks/generation.py in docs/results/world."""
 
 
