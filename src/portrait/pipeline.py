@@ -6,7 +6,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 from matplotlib.colors import LogNorm
 from PIL import Image
 
@@ -115,7 +115,8 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) ->
 
 def _labelled(maker: ClipMaker, seen: Observation, frame: int) -> list[tuple[str, Picture]]:
     view, grid = seen.signals[frame].view, maker.grid
-    fused, placed = _static(maker, seen, view), _all(maker, seen, frame)
+    fused = _elected(_static_votes(maker, seen, view))
+    placed = _elected(_all_votes(maker, seen, frame))
     labels = maker.label(seen, frame)
     final = labels.semantics
     visible = np.where(labels.visible, final, np.uint8(UNKNOWN))
@@ -134,23 +135,27 @@ def _labelled(maker: ClipMaker, seen: Observation, frame: int) -> list[tuple[str
     ]
 
 
-def _static(maker: ClipMaker, seen: Observation, view: View) -> UInt8[np.ndarray, "X Y Z"]:
+def _static_votes(maker: ClipMaker, seen: Observation, view: View) -> Int[np.ndarray, "X Y Z 8"]:
     votes = np.zeros((*maker.grid.shape, FREE), dtype=np.int32)
     seen.static.vote(votes, maker.grid, view.occ_from_world)
-    return elect(votes, np.zeros(maker.grid.shape, dtype=bool))
+    return votes
 
 
-def _all(maker: ClipMaker, seen: Observation, frame: int) -> UInt8[np.ndarray, "X Y Z"]:
-    """All surfaces that any signal speaks for, in the image or not."""
-    signal, grid = seen.signals[frame], maker.grid
-    votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
-    seen.static.vote(votes, grid, signal.view.occ_from_world)
-    vote_camera(votes, signal.view, grid)
+def _all_votes(maker: ClipMaker, seen: Observation, frame: int) -> Int[np.ndarray, "X Y Z 8"]:
+    """Of all surfaces that any signal speaks for, in the image or not."""
+    signal = seen.signals[frame]
+    votes = _static_votes(maker, seen, signal.view)
+    vote_camera(votes, signal.view, maker.grid)
     supported = [
         body for body in seen.scene.bodies if is_supported(body, signal.view, signal.lidar_returns)
     ]
-    vote_actors(votes, signal.view, grid, seen.actors, supported, maker.step_of(frame))
-    return elect(votes, np.zeros(grid.shape, dtype=bool))
+    vote_actors(votes, signal.view, maker.grid, seen.actors, supported, maker.step_of(frame))
+    return votes
+
+
+def _elected(votes: Int[np.ndarray, "X Y Z 8"]) -> UInt8[np.ndarray, "X Y Z"]:
+    """The surfaces alone: what nobody votes for is unknown, not free."""
+    return elect(votes, np.zeros(votes.shape[:3], dtype=bool))
 
 
 def _scaled(picture: Picture) -> Picture:

@@ -1,20 +1,16 @@
 """Labels laid over the images that they belong to: for the eye that trusts no number."""
 
-import io
 from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import UInt8
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from PIL import Image
 
-from ..atomic import replacing
 from ..data.clip import Clip
 from ..geometry import camera_from_occ, inverse, pixel_centres, unproject
 from ..ontology import CLASSES, COLORS, FREE
-from .qualitative import INK, MUTED, add_legend
+from .canvas import MUTED, Canvas, resized, write_jpeg
+from .qualitative import add_legend
 from .raycast import VOXEL, cast
 from .voxels import SUN
 
@@ -24,7 +20,7 @@ CELL_WIDTH_PIX, GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 420, 8, 30, 56, 56
 COLOR_SHARE, EDGE_SHARE = 0.6, 0.35
 """How much of a pixel is its voxel's colour, and how much darker the voxel's edges are."""
 
-JPEG_QUALITY, DPI = 88, 100
+JPEG_QUALITY = 88
 PALETTE = np.array([COLORS[name] for name in CLASSES], dtype=np.float32)
 
 
@@ -38,14 +34,7 @@ def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading:
     picked = [(Clip(root / clip_ids[n]), frame) for n, frame in _picked(root, clip_ids)]
     pairs = [(clip.image(frame), overlaid(clip, frame)) for clip, frame in picked]
     titles = [_title(clip, frame) for clip, frame in picked]
-    figure, size_pix = _figure(pairs, titles, heading)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    buffer = io.BytesIO()
-    sheet = np.asarray(canvas.buffer_rgba())[: size_pix[1], : size_pix[0], :3]
-    Image.fromarray(sheet).save(buffer, "JPEG", quality=JPEG_QUALITY)
-    with replacing(path) as temporary:
-        temporary.write_bytes(buffer.getvalue())
+    write_jpeg(_page(pairs, titles, heading).drawn(), path, JPEG_QUALITY)
 
 
 def overlaid(clip: Clip, frame: int) -> UInt8[np.ndarray, "h w 3"]:
@@ -96,29 +85,20 @@ def _title(clip: Clip, frame: int) -> str:
     )
 
 
-def _figure(
-    pairs: list[tuple[np.ndarray, np.ndarray]], titles: list[str], heading: str
-) -> tuple[Figure, tuple[int, int]]:
+def _page(pairs: list[tuple[np.ndarray, np.ndarray]], titles: list[str], heading: str) -> Canvas:
     height_pix, width_pix = pairs[0][0].shape[:2]
     cell_pix = (CELL_WIDTH_PIX, round(CELL_WIDTH_PIX * height_pix / width_pix))
     pair_pix = 2 * cell_pix[0] + 3 * GAP_PIX
     row_pix = cell_pix[1] + TITLE_PIX
     rows = -(-len(pairs) // COLUMNS)
-    width, height = COLUMNS * pair_pix, HEADER_PIX + rows * row_pix + FOOTER_PIX
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
-    figure.text(
-        GAP_PIX / width, 1 - HEADER_PIX / 2 / height, heading, size=19, va="center", color=INK
-    )
+    page = Canvas(COLUMNS * pair_pix, HEADER_PIX + rows * row_pix + FOOTER_PIX)
+    page.text(GAP_PIX, HEADER_PIX / 2, heading, size=19)
     for n, (pair, title) in enumerate(zip(pairs, titles)):
         row, column = divmod(n, COLUMNS)
         left, top = GAP_PIX + column * pair_pix, HEADER_PIX + row * row_pix
-        middle = 1 - (top + TITLE_PIX / 2) / height
-        figure.text(left / width, middle, title, size=13, va="center", color=MUTED)
+        page.text(left, top + TITLE_PIX / 2, title, size=13, color=MUTED)
         for side, picture in enumerate(pair):
-            scaled = Image.fromarray(picture).resize(cell_pix, Image.Resampling.LANCZOS)
-            # figimage counts from the bottom, and is the one way to place pixels unresampled.
-            bottom = height - top - TITLE_PIX - cell_pix[1]
             u = left + side * (cell_pix[0] + GAP_PIX)
-            figure.figimage(np.asarray(scaled)[::-1], u, bottom, origin="lower")
-    add_legend(figure, FOOTER_PIX / 2 / height, skip=("free",))
-    return figure, (width, height)
+            page.picture(resized(picture, *cell_pix), u, top + TITLE_PIX)
+    add_legend(page.figure, FOOTER_PIX / 2 / page.height_pix, skip=("free",))
+    return page

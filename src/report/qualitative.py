@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, UInt8
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from PIL import Image
@@ -16,6 +15,7 @@ from ..atomic import replacing
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES, COLORS, UNKNOWN
+from .canvas import MUTED, Canvas
 from .top import render_top
 from .view import Frustum
 from .voxels import ground_level, render_voxels, view_of
@@ -24,8 +24,6 @@ ROW_PIX, GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 440, 18, 46, 112, 104
 COLUMNS = ("RGB", "Ground truth", "Prediction", "Ground truth, top", "Prediction, top")
 IMAGE_ASPECT, VOXEL_ASPECT, TOP_ASPECT = 1.2, 1.25, 0.93
 MAX_BYTES = 1_500_000
-DPI = 100
-INK, MUTED = "#181c24", "#5a606a"
 CAPTION = (
     "Seen from behind and above the UAV, and from above with its heading up. Free space shows from "
     "above only; space without a label is hidden in ground truth and prediction alike."
@@ -115,26 +113,18 @@ def _compose(
     left = [GAP_PIX + sum(widths[:n]) + n * GAP_PIX for n in range(len(COLUMNS))]
     width = left[-1] + widths[-1] + GAP_PIX
     height = HEADER_PIX + len(rows) * (ROW_PIX + TITLE_PIX) + FOOTER_PIX
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
-
-    def text(u: float, v: float, content: str, **style) -> None:
-        figure.text(u / width, 1 - v / height, content, va="center", **style)
-
-    text(GAP_PIX, 30, heading, size=21, weight="bold", color=INK)
+    page = Canvas(width, height)
+    page.text(GAP_PIX, 30, heading, size=21, weight="bold")
     for n, name in enumerate(COLUMNS):
-        text(left[n] + widths[n] / 2, 88, name, size=18, ha="center", color=INK)
+        page.text(left[n] + widths[n] / 2, 88, name, size=18, ha="center")
     for n, (row, example) in enumerate(zip(rows, examples)):
         top = HEADER_PIX + n * (ROW_PIX + TITLE_PIX)
-        text(GAP_PIX, top + TITLE_PIX / 2, example.title, size=15, color=MUTED)
+        page.text(GAP_PIX, top + TITLE_PIX / 2, example.title, size=15, color=MUTED)
         for picture, u in zip(row, left):
-            # figimage counts from the bottom, and is the one way to place pixels unresampled.
-            bottom = height - top - TITLE_PIX - ROW_PIX
-            figure.figimage(picture[::-1], u, bottom, origin="lower")
-    add_legend(figure, 66 / height)
-    text(width / 2, height - 22, CAPTION, size=14, ha="center", color=MUTED)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+            page.picture(picture, u, top + TITLE_PIX)
+    add_legend(page.figure, 66 / height)
+    page.text(width / 2, height - 22, CAPTION, size=14, ha="center", color=MUTED)
+    return page.drawn()
 
 
 def add_legend(figure: Figure, middle: float, skip: Sequence[str] = ()) -> None:

@@ -14,9 +14,10 @@ from ..atomic import replacing
 from ..data.statistics import DENOMINATORS, LOW_FLIGHT_M, Statistics
 from ..ontology import ACTOR_TYPES, CLASSES, COLORS
 from . import paper
+from .canvas import INK, MUTED
 
 SIZE_INCHES, DPI = (13.0, 8.6), 130
-INK, MUTED, RULE, BAR, ACCENT = "#181c24", "#5a606a", "#e3e6ea", "#7d9cc0", "#d1495b"
+RULE, BAR, ACCENT = "#e3e6ea", "#7d9cc0", "#d1495b"
 HEIGHT_BIN_M = 0.5
 DENOMINATOR_OPACITY = dict(zip(DENOMINATORS, (1.0, 0.55, 0.22)))
 VOXEL_COLORS = {name: np.array(COLORS[name]) / 255 for name in CLASSES}

@@ -1,0 +1,78 @@
+"""A white page on which text and pictures are placed to the pixel, and its files."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from ..atomic import replacing
+
+DPI = 100
+INK, MUTED = "#181c24", "#5a606a"
+QUALITIES = range(92, 39, -4)
+"""Of JPEG, the best first."""
+
+
+class Canvas:
+    """A page; places are in pixels from its upper left corner."""
+
+    def __init__(self, width_pix: int, height_pix: int) -> None:
+        self.width_pix, self.height_pix = width_pix, height_pix
+        size_inches = (width_pix / DPI, height_pix / DPI)
+        self.figure = Figure(figsize=size_inches, dpi=DPI, facecolor="white")
+
+    def text(self, u: float, v: float, content: str, **style) -> None:
+        """Text whose middle is at height ``v``; ``style`` is matplotlib's."""
+        style = {"va": "center", "color": INK, **style}
+        self.figure.text(u / self.width_pix, 1 - v / self.height_pix, content, **style)
+
+    def picture(self, pixels: UInt8[np.ndarray, "h w 3"], u: int, v: int) -> None:
+        """A picture, pixel by pixel, with its upper left corner at a place."""
+        # figimage counts from the bottom, and is the one way to place pixels unresampled.
+        bottom = self.height_pix - v - pixels.shape[0]
+        self.figure.figimage(pixels[::-1], u, bottom, origin="lower")
+
+    def drawn(self) -> Image.Image:
+        """The page as it is now."""
+        canvas = FigureCanvasAgg(self.figure)
+        canvas.draw()
+        # Inches are rounded to pixels upwards now and then.
+        pixels = np.asarray(canvas.buffer_rgba())[: self.height_pix, : self.width_pix, :3]
+        return Image.fromarray(pixels.copy())
+
+
+def resized(
+    picture: UInt8[np.ndarray, "h w 3"], width_pix: int, height_pix: int
+) -> UInt8[np.ndarray, "H W 3"]:
+    """A picture at another size, sharp."""
+    image = Image.fromarray(picture).resize((width_pix, height_pix), Image.Resampling.LANCZOS)
+    return np.asarray(image)
+
+
+def write_jpeg(image: Image.Image, path: str | Path, quality: int) -> None:
+    """Write a JPEG of one quality. Raises `UserError` for a path that cannot be written."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(_jpeg(image, quality=quality))
+
+
+def write_small_jpeg(image: Image.Image, path: str | Path, max_bytes: int) -> None:
+    """Write a JPEG of as good a quality as ``max_bytes`` allow, and of 40 at the least.
+
+    Raises `UserError` for a path that cannot be written.
+    """
+    for quality in QUALITIES:
+        encoded = _jpeg(image, quality=quality, optimize=True, progressive=True)
+        if len(encoded) <= max_bytes:
+            break
+    with replacing(path) as temporary:
+        temporary.write_bytes(encoded)
+
+
+def _jpeg(image: Image.Image, **settings) -> bytes:
+    buffer = io.BytesIO()
+    image.save(buffer, "JPEG", **settings)
+    return buffer.getvalue()
