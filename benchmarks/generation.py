@@ -9,7 +9,6 @@ beforehand, as a worker does once for all clips of a town; what that takes is pr
 """
 
 import argparse
-import platform
 import resource
 import tempfile
 import time
@@ -24,6 +23,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from src.data.clip import ClipWriter
+from src.provenance import machine
 from src.sim import clip_maker
 from src.sim.clip_maker import ClipMaker, ClipPlan, place_of
 from src.sim.fusion import ActorMap, StaticMap
@@ -86,7 +86,7 @@ def main() -> None:
     sim = _sim(args)
     plans = plan_clips(sim)
     _make(_sim(args, "sim.capture_hz=2.5"), plans[0])
-    print(f"{platform.processor() or platform.machine()}, one thread, 1 clip a town, sim.seed=0")
+    print(f"{machine()}, one thread, 1 clip a town, sim.seed=0")
     print(f"{args.width}x{args.height}, grid {sim['grid']['shape']}, {args.capture_hz:g} Hz")
     built_s = []
     columns = {}

@@ -4,7 +4,6 @@ Takes the overrides of run.py, needs the data set to be there, and prints sample
 share of each stage, and the peak memory. It asserts nothing.
 """
 
-import platform
 import resource
 import sys
 import time
@@ -24,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from src.failures import told_in_one_line
 from src.models.losses import OccupancyLoss
 from src.ontology import NUM_CLASSES
+from src.provenance import machine
 from src.tasks.dataset import data_of, ready_dataset
 
 STEPS = 10
@@ -78,7 +78,7 @@ def main() -> None:
     console.print(table)
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     threads = torch.get_num_threads()
-    console.print(f"peak memory {peak_mib:.0f} MiB; {platform.machine()}, {threads} threads, CPU")
+    console.print(f"peak memory {peak_mib:.0f} MiB; {machine()}, {threads} threads")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
-"""Where a number comes from: hashes of code and configuration, the git commit, package versions."""
+"""Where a number comes from: hashes of code and configuration, commit, packages, machine."""
 
 import ast
 import hashlib
 import importlib.metadata
 import json
+import os
+import platform
 import subprocess
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -55,6 +57,18 @@ def package_versions() -> dict[str, str]:
         except importlib.metadata.PackageNotFoundError:
             continue
     return versions
+
+
+def machine() -> str:
+    """What ran it: the processor's name, the cores that this process may use, Python's version."""
+    name = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+        name = names[0] if names else name
+    except OSError:
+        pass
+    return f"{name}, {len(os.sched_getaffinity(0))} cores, Python {platform.python_version()}"
 
 
 def _git(*words: str) -> str:

@@ -1,5 +1,7 @@
 """Where a number comes from."""
 
+import os
+import platform
 import subprocess
 
 import pytest
@@ -90,3 +92,10 @@ def test_outside_a_checkout_the_commit_is_empty(tmp_path, monkeypatch):
 def test_versions_of_absent_packages_are_left_out(monkeypatch):
     monkeypatch.setattr(provenance, "PACKAGES", ("torch", "no-such-package"))
     assert set(package_versions()) == {"torch"}
+
+
+def test_the_machine_is_told_with_its_cores_and_python():
+    told = provenance.machine()
+    assert f"{len(os.sched_getaffinity(0))} cores" in told
+    assert f"Python {platform.python_version()}" in told
+    assert not told.startswith(",")

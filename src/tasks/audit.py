@@ -1,6 +1,5 @@
 """task=audit: the labels of a data set against the exact geometry of the scenes they came from."""
 
-import platform
 import shlex
 import sys
 from collections.abc import Mapping
@@ -19,7 +18,7 @@ from ..audit.truth import Camera, Truth
 from ..data.clip import Clip
 from ..data.manifest import DatasetSpec, missing_clips, read_manifest, require_same_data
 from ..errors import UserError
-from ..provenance import git_commit
+from ..provenance import git_commit, machine
 from ..sim.clip_maker import ClipMaker, ClipPlan
 from ..sim.plan import plan_clips
 from ..worker_pool import default_workers, mapped
@@ -91,7 +90,7 @@ def _write(folder: Path, total: Agreement, root: Path, sim: Mapping) -> None:
     text = f"""# Label audit
 
 {total.frames} frames of `{root.name}`, {len(sim["towns"])} towns, `sim.seed={sim["seed"]}`, \
-commit {git_commit() or "unknown"}, {platform.machine()}, Python {platform.python_version()}.
+commit {git_commit() or "unknown"}, {machine()}.
 
     {command}
 
