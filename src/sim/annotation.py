@@ -23,7 +23,7 @@ from ..geometry import (
     unproject,
     world_from_occ,
 )
-from ..ontology import FREE, UNKNOWN
+from ..ontology import FREE
 from .fusion import ActorMap, StaticMap
 from .scene import Body, Hits
 from .sensors import Scan
@@ -34,6 +34,7 @@ from .voxel_kernels import (
     least_of_neighbours,
     mark_box,
     see_centres,
+    settle,
 )
 
 MIN_VISIBLE_PIXELS = 4
@@ -116,10 +117,9 @@ def label_frame(
 
     moving = space_of(bodies, step, view, grid)
     free = (static.free_in(grid, view.world_from_occ) & ~moving) | frustum.seen_free
-    semantics = elect(votes, free)
-    semantics[~frustum.inside] = UNKNOWN
-    occupied = semantics < FREE
-    visible = np.where(occupied, seen, (semantics == FREE) & frustum.seen_free)
+    semantics, visible = elect(votes, free), np.empty(grid.shape, dtype=bool)
+    marks = (visible, frustum.inside, seen, frustum.seen_free)
+    settle(semantics.ravel(), *(mark.ravel() for mark in marks))
     return Labels(semantics, visible)
 
 

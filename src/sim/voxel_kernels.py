@@ -145,18 +145,22 @@ def see_centres(
     """Marks voxels whose centre lies in the image, and of these the ones that lie before the
     depth of their pixel by more than a clearance. The formulas are `project`'s and `in_image`'s."""
     height, width = depth_m.shape
+    of_x, of_y, of_z, offset = pix_from_occ.T
     for i in range(inside.shape[0]):
         x = lower_m[0] + (i + 0.5) * voxel_m
         for j in range(inside.shape[1]):
             y = lower_m[1] + (j + 0.5) * voxel_m
-            column = pix_from_occ[:, 0] * x + pix_from_occ[:, 1] * y + pix_from_occ[:, 3]
+            # Scalars, not arrays of three, as in `carve`.
+            column_u = of_x[0] * x + of_y[0] * y + offset[0]
+            column_v = of_x[1] * x + of_y[1] * y + offset[1]
+            column_depth = of_x[2] * x + of_y[2] * y + offset[2]
             for k in range(inside.shape[2]):
                 z = lower_m[2] + (k + 0.5) * voxel_m
-                depth = column[2] + pix_from_occ[2, 2] * z
+                depth = column_depth + of_z[2] * z
                 if depth <= MIN_DEPTH_M:
                     continue
-                u = (column[0] + pix_from_occ[0, 2] * z) / depth
-                v = (column[1] + pix_from_occ[1, 2] * z) / depth
+                u = (column_u + of_z[0] * z) / depth
+                v = (column_v + of_z[1] * z) / depth
                 if 0 <= u < width and 0 <= v < height:
                     inside[i, j, k] = True
                     before[i, j, k] = depth < depth_m[int(v), int(u)] - clearance_m
@@ -234,14 +238,34 @@ def elect_classes(
     free: Bool[np.ndarray, "X Y Z"],
 ) -> None:
     """The class with most votes, of equals the rarer one; without votes free, or else unknown."""
+    pairs = votes.view(np.int64)
     for i in range(semantics.shape[0]):
         for j in range(semantics.shape[1]):
             for k in range(semantics.shape[2]):
                 most, winner = 0, FREE if free[i, j, k] else UNKNOWN
-                for class_id in _ORDER:
-                    if votes[i, j, k, class_id] > most:
-                        most, winner = votes[i, j, k, class_id], class_id
+                # Most voxels have no vote at all.
+                two = pairs[i, j, k]
+                if two[0] | two[1] | two[2] | two[3]:
+                    for class_id in _ORDER:
+                        if votes[i, j, k, class_id] > most:
+                            most, winner = votes[i, j, k, class_id], class_id
                 semantics[i, j, k] = winner
+
+
+@numba.njit(cache=True)
+def settle(
+    semantics: UInt8[np.ndarray, "n"],
+    visible: Bool[np.ndarray, "n"],
+    inside: Bool[np.ndarray, "n"],
+    seen: Bool[np.ndarray, "n"],
+    seen_free: Bool[np.ndarray, "n"],
+) -> None:
+    """Makes unknown what is not in the image, and marks as visible what the camera sees itself:
+    the surfaces in ``seen``, the free voxels in ``seen_free``."""
+    for i in range(len(semantics)):
+        if not inside[i]:
+            semantics[i] = UNKNOWN
+        visible[i] = (semantics[i] < FREE and seen[i]) or (semantics[i] == FREE and seen_free[i])
 
 
 @numba.njit(cache=True)
