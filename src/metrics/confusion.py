@@ -1,28 +1,25 @@
-"""The state that every score of this package is computed from."""
+"""What every score of voxels against voxels shares: a grid, classes, the penalty, two tables."""
 
+from collections.abc import Mapping
 from typing import Any
 
-import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
-from torchmetrics import Metric
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
+from .tables import TableMetric, Tables
 
 
-class PenalizedConfusion(Metric):
-    """Two int64 [target, prediction] tables over a data set: voxels, and their excess penalties.
+class PenalizedConfusion(TableMetric):
+    """Two [target, prediction] tables over a data set: voxels, and their excess penalties.
 
-    Counts accumulate over frames, so the scores are those of the data set, not means of frames, and
-    are the same to the last bit whatever the batches and ranks. The arguments are those of
-    `KARMeanIoU`; a subclass adds `compute`.
+    The arguments are those of `KARMeanIoU`; a subclass adds `scores`. One that sorts voxels into
+    bins of their distance gives ``n_bins`` and overrides `_bins`, and one that keeps marked voxels
+    apart sets ``by_mark``: then the tables are [bins, c, c] or [2, bins, c, c], the marked second.
+    ``more_tables`` are shapes of tables that it adds itself.
     """
-
-    is_differentiable = False
-    higher_is_better = True
-    full_state_update = False
 
     count: Tensor
     excess: Tensor
@@ -38,30 +35,31 @@ class PenalizedConfusion(Metric):
         decay_per_s: float = 0.5,
         penalty_scale: float = 2.0,
         min_speed_mps: float = 5.0,
+        backend: str = "auto",
+        *,
+        n_bins: int | None = None,
+        by_mark: bool = False,
+        more_tables: Mapping[str, tuple[int, ...]] | None = None,
         **kwargs: Any,
     ) -> None:
-        super().__init__(**kwargs)
-        F.check_penalty(horizon_s, decay_per_s, penalty_scale, min_speed_mps)
-        if not 2 <= num_classes <= F.MAX_CLASSES:
-            raise UserError(f"num_classes: {num_classes} must be 2 to {F.MAX_CLASSES}")
-        if not 0 <= free_index < num_classes:
-            raise UserError(f"free_index: {free_index} must be 0 to {num_classes - 1}")
+        F.check_classes(num_classes, ignore_index, free_index)
+        if backend not in F.BACKENDS:
+            raise UserError(f"backend: {backend!r} is none of {', '.join(F.BACKENDS)}")
+        sorted_by = (2,) * by_mark + ((n_bins,) if n_bins else ())
+        shape = (*sorted_by, num_classes, num_classes)
+        tables = {"count": shape, "excess": shape}
+        super().__init__(tables | dict(more_tables or {}), **kwargs)
         self.grid = grid
         self.num_classes = num_classes
         self.free_index = free_index
         self.ignore_index = ignore_index
-        self.penalty = {
-            "horizon_s": horizon_s,
-            "decay_per_s": decay_per_s,
-            "penalty_scale": penalty_scale,
-            "min_speed_mps": min_speed_mps,
-        }
+        self.penalty = F.Penalty(horizon_s, decay_per_s, penalty_scale, min_speed_mps)
+        self.backend = backend
+        self.n_bins = n_bins
+        self.by_mark = by_mark
         # Not a buffer: a cast of the whole module to half precision must not round it.
         self.shell_m, shell = F.distance_shells(grid)
         self.register_buffer("shell", shell, persistent=False)
-        table = torch.zeros(num_classes, num_classes, dtype=torch.int64)
-        self.add_state("count", default=table.clone(), dist_reduce_fx="sum")
-        self.add_state("excess", default=table.clone(), dist_reduce_fx="sum")
 
     def update(
         self,
@@ -78,31 +76,37 @@ class PenalizedConfusion(Metric):
         ids out of range at counted voxels, and NaN in logits or velocities. A batch without a
         counted voxel is no error.
         """
-        codes, speeds_mps = self._encode(preds, target, velocity, mask)
-        excess = F.excess_table(self.shell_m, speeds_mps, **self.penalty)
-        tables = F.confusion_update(codes, self.shell, excess.to(codes.device), self.num_classes)
-        self.count, self.excess = self.count + tables[0], self.excess + tables[1]
+        super().update(preds, target, velocity, mask)
 
-    def forward(
+    def frame_tables(
         self,
         preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
         target: Int[Tensor, "b X Y Z"],
         velocity: Float[Tensor, "b 3"] | Float[Tensor, "b"],
         mask: Bool[Tensor, "b X Y Z"] | None = None,
-    ) -> Any:
-        """`update`, and the score of this batch alone."""
-        # The framework clears the state before it updates: a batch that raises then would lose it.
-        self._encode(preds, target, velocity, mask)
-        return super().forward(preds, target, velocity, mask)
+        marked: Bool[Tensor, "b X Y Z"] | None = None,
+    ) -> Tables:
+        """``count`` and ``excess`` of every frame; arguments as of `update`."""
+        masks = {"mask": mask, "visible": marked}
+        self._check(preds, target, masks)
+        speeds_mps = F.speeds(velocity, batch=len(target))
+        excess = self.penalty.excess_table(self.shell_m, speeds_mps).to(target.device)
+        bins = self._bins(speeds_mps) if self.n_bins else None
+        space = F.Space(self.shell, excess, bins, self.n_bins or 1)
+        classes = F.Classes(self.num_classes, self.ignore_index)
+        tables = F.confusion_tables(preds, target, mask, marked, space, classes, self.backend)
+        shape = (len(target), *self.shapes["count"])
+        return {name: table.reshape(shape) for name, table in zip(("count", "excess"), tables)}
 
-    def _encode(
-        self, preds: Tensor, target: Tensor, velocity: Tensor, mask: Tensor | None
-    ) -> tuple[Tensor, list[float]]:
-        for name, tensor in (("preds", preds), ("target", target), ("mask", mask)):
+    def _bins(self, speeds_mps: list[float]) -> Int[Tensor, "b s"]:
+        """The bin of every distance in every frame."""
+        raise NotImplementedError
+
+    def _check(self, preds: Tensor, target: Tensor, masks: dict[str, Tensor | None]) -> None:
+        for name, tensor in {"preds": preds, "target": target, **masks}.items():
             if tensor is not None and tensor.device != self.shell.device:
                 raise UserError(
                     f"{name}: on {tensor.device}, but the metric is on {self.shell.device}; "
                     "move the metric with .to(device)"
                 )
-        codes = F.encode(preds, target, mask, self.grid.shape, self.num_classes, self.ignore_index)
-        return codes, F.speeds(velocity, batch=len(target))
+        F.check_shapes(preds, target, masks, self.grid.shape, self.num_classes)

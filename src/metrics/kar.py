@@ -5,6 +5,7 @@ from torch import Tensor
 
 from . import functional as F
 from .confusion import PenalizedConfusion
+from .tables import Scores, Tables
 
 
 class KARMeanIoU(PenalizedConfusion):
@@ -30,6 +31,8 @@ class KARMeanIoU(PenalizedConfusion):
         decay_per_s: how fast the penalty falls with it (lambda).
         penalty_scale: the most that is added to an error's weight (gamma).
         min_speed_mps: speed below which a UAV is not taken to be slower (v_min).
+        backend: what counts: ``numba`` (one compiled pass, CPU only), ``torch`` (plain operations,
+            any device), or ``auto``, the faster one that runs there. All give the same bits.
 
     Raises `UserError`, a ``ValueError``, for parameters or batches that make no sense; see
     `update` for the shapes.
@@ -45,7 +48,11 @@ class KARMeanIoU(PenalizedConfusion):
     tensor(0.5000)
     """
 
+    def scores(self, tables: Tables) -> Scores:
+        """``kar_miou`` of tables ``count`` and ``excess`` [*n, c, c]."""
+        kar_iou = F.iou_compute(tables["count"], tables["excess"])
+        return {"kar_miou": F.mean_iou(kar_iou, without=self.free_index)}
+
     def compute(self) -> Float[Tensor, ""]:
         """The score of everything counted so far."""
-        kar_iou = F.iou_compute(self.count, self.excess)
-        return F.mean_iou(kar_iou, without=self.free_index).float()
+        return super().compute()["kar_miou"]

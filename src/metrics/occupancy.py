@@ -1,11 +1,11 @@
 """Every score of an occupancy prediction that a result table shows."""
 
-from jaxtyping import Float
-from torch import Tensor
+from collections.abc import Sequence
 
 from ..ontology import CLASSES, NUM_CLASSES
 from . import functional as F
 from .confusion import PenalizedConfusion
+from .tables import Scores, Tables
 
 
 class OccupancyScores(PenalizedConfusion):
@@ -40,17 +40,21 @@ class OccupancyScores(PenalizedConfusion):
     kar_iou/free     0.269
     """
 
-    def compute(self) -> dict[str, Float[Tensor, ""]]:
-        """The scores of everything counted so far."""
-        iou = F.iou_compute(self.count)
-        kar_iou = F.iou_compute(self.count, self.excess)
+    def scores(self, tables: Tables) -> Scores:
+        """The scores of tables ``count`` and ``excess`` [*n, c, c]."""
+        iou = F.iou_compute(tables["count"])
+        kar_iou = F.iou_compute(tables["count"], tables["excess"])
         scores = {
             "miou": F.mean_iou(iou),
             "miou_occupied": F.mean_iou(iou, without=self.free_index),
             "kar_miou": F.mean_iou(kar_iou, without=self.free_index),
         }
-        named = self.num_classes == NUM_CLASSES
-        names = CLASSES if named else [str(class_id) for class_id in range(self.num_classes)]
-        scores |= {f"iou/{name}": value for name, value in zip(names, iou)}
-        scores |= {f"kar_iou/{name}": value for name, value in zip(names, kar_iou)}
-        return {name: value.float() for name, value in scores.items()}
+        names = class_names(self.num_classes)
+        scores |= {f"iou/{name}": iou[..., n] for n, name in enumerate(names)}
+        scores |= {f"kar_iou/{name}": kar_iou[..., n] for n, name in enumerate(names)}
+        return scores
+
+
+def class_names(num_classes: int) -> Sequence[str]:
+    """The ontology's, or the ids where there are more or fewer classes."""
+    return CLASSES if num_classes == NUM_CLASSES else list(map(str, range(num_classes)))

@@ -273,7 +273,19 @@ def test_a_checkpoint_holds_nothing_of_the_metric(grid):
     assert not KARMeanIoU(grid).state_dict()
 
 
-@pytest.mark.parametrize("name", ["functional", "kar", "occupancy"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "functional.penalty",
+        "kar",
+        "occupancy",
+        "breakdown",
+        "safety",
+        "calibration",
+        "ray_iou",
+        "sensitivity",
+    ],
+)
 def test_the_examples_run(name):
     results = doctest.testmod(importlib.import_module(f"src.metrics.{name}"))
     assert results.attempted > 0

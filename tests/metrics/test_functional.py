@@ -55,21 +55,23 @@ def test_the_fixed_point_table_is_the_penalty_to_its_last_unit():
     grid = VoxelGrid((0, -5, -4), (10, 5, 2), (10, 10, 6))
     velocity = torch.tensor([[3.0, 4.0, 0.5], [0.0, 0.0, 0.0], [20.0, 0.0, 1.0]])
     shell_m, shell = F.distance_shells(grid)
-    table = F.excess_table(shell_m, F.speeds(velocity, batch=3), **PAPER)
+    table = F.Penalty(**PAPER).excess_table(shell_m, F.speeds(velocity, batch=3))
     exact = F.ttc_penalty(grid, velocity, **PAPER).flatten(1) - 1
     error = (table[:, shell].double() / F.FIXED_POINT - exact).abs().max()
     assert table.dtype == torch.int64
     assert 0 < float(error) < 0.51 / F.FIXED_POINT
 
 
-def test_the_tables_are_indexed_by_target_then_prediction():
+@pytest.mark.parametrize("backend", ["numba", "torch"])
+def test_the_tables_are_indexed_by_target_then_prediction(backend):
     target = torch.tensor([2, 2, 7, 255], dtype=torch.uint8).view(1, 4, 1, 1)
     preds = torch.tensor([2, 8, 8, 3], dtype=torch.uint8).view(1, 4, 1, 1)
-    codes = F.encode(preds, target, None, (4, 1, 1), num_classes=9, ignore_index=255)
-    shell = torch.tensor([0, 1, 2, 3], dtype=torch.int32)
+    codes = F.encode(preds, target, None, num_classes=9, ignore_index=255)
     assert codes.flatten().tolist() == [2 * 16 + 2, 2 * 16 + 8, 7 * 16 + 8, 255]
-    excess = torch.tensor([[10, 20, 30, 40]])
-    count, penalty = F.confusion_update(codes, shell, excess, num_classes=9)
+    shell = torch.tensor([0, 1, 2, 3], dtype=torch.int32)
+    space = F.Space(shell, torch.tensor([[10, 20, 30, 40]]))
+    tables = F.confusion_tables(preds, target, None, None, space, F.Classes(9, 255), backend)
+    count, penalty = (table[0, 0, 0] for table in tables)
     expected_count, expected_penalty = torch.zeros(2, 9, 9, dtype=torch.int64)
     expected_count[2, 2] = expected_count[2, 8] = expected_count[7, 8] = 1
     expected_penalty[2, 8], expected_penalty[7, 8] = 20, 30
@@ -77,13 +79,15 @@ def test_the_tables_are_indexed_by_target_then_prediction():
     assert torch.equal(penalty, expected_penalty)
 
 
-def test_fifteen_classes_fit_in_a_byte():
+@pytest.mark.parametrize("backend", ["numba", "torch"])
+def test_fifteen_classes_fit_in_a_byte(backend):
     every = torch.arange(15, dtype=torch.uint8)
     target, preds = torch.meshgrid(every, every, indexing="ij")
     batch = (1, 15, 15, 1)
-    codes = F.encode(preds.reshape(batch), target.reshape(batch), None, batch[1:], 15, 255)
-    shell = torch.zeros(225, dtype=torch.int32)
-    count, penalty = F.confusion_update(codes, shell, torch.tensor([[3]]), num_classes=15)
+    space = F.Space(torch.zeros(225, dtype=torch.int32), torch.tensor([[3]]))
+    labels = (preds.reshape(batch), target.reshape(batch))
+    tables = F.confusion_tables(*labels, None, None, space, F.Classes(15, 255), backend)
+    count, penalty = (table[0, 0, 0] for table in tables)
     assert torch.equal(count, torch.ones(15, 15, dtype=torch.int64))
     assert torch.equal(penalty, 3 * (1 - torch.eye(15, dtype=torch.int64)))
 

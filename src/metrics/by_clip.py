@@ -1,0 +1,85 @@
+"""The tables of a metric, kept apart by clip."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import torch
+from jaxtyping import Int64
+from torch import Tensor
+from torchmetrics import Metric
+
+from ..errors import UserError
+from .tables import Scores, TableMetric, Tables
+
+
+class ByClip(Metric):
+    """A metric over a data set whose clips can be told apart afterwards.
+
+    Frames of one clip are alike, so intervals resample clips (`intervals`), and the parts of a
+    split are sets of clips. `compute` gives the scores of all clips together.
+
+    Args:
+        metric: says what a frame adds; its own state stays empty.
+        clips: the ids of all clips that may come.
+
+    Raises `UserError` for a clip that is none of them, and as the metric does; then nothing has
+    changed.
+    """
+
+    is_differentiable = False
+    full_state_update = False
+
+    def __init__(self, metric: TableMetric, clips: Sequence[str], **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.metric = metric
+        self.clips = list(clips)
+        self.row = {clip: n for n, clip in enumerate(self.clips)}
+        for name, shape in metric.shapes.items():
+            table = torch.zeros((len(self.clips), *shape), dtype=torch.int64)
+            self.add_state(name, default=table, dist_reduce_fx="sum")
+
+    def update(self, clip: Sequence[str], *batch: Any, **options: Any) -> None:
+        """Count a batch; ``clip`` names the clip of every frame, the rest is the metric's own."""
+        try:
+            rows, tables = self._frames(clip, *batch, **options)
+        except Exception:
+            # The framework has counted this call already.
+            self._update_count -= 1
+            raise
+        for name, table in tables.items():
+            setattr(self, name, getattr(self, name).index_add(0, rows.to(table.device), table))
+
+    def forward(self, clip: Sequence[str], *batch: Any, **options: Any) -> Scores:
+        """`update`, and the scores of this batch alone."""
+        # As in `TableMetric`: the framework clears the state before it updates.
+        self._frames(clip, *batch, **options)
+        return super().forward(clip, *batch, **options)
+
+    def _frames(
+        self, clip: Sequence[str], *batch: Any, **options: Any
+    ) -> tuple[Int64[Tensor, "b"], Tables]:
+        """The row of every frame's clip, and its tables."""
+        if unknown := [name for name in clip if name not in self.row]:
+            raise UserError(f"clip: {unknown[0]} is none of the {len(self.clips)} clips to score")
+        tables = self.metric.frame_tables(*batch, **options)
+        frames = len(next(iter(tables.values())))
+        if len(clip) != frames:
+            raise UserError(f"clip: names {len(clip)} frames, and the batch has {frames}")
+        return torch.tensor([self.row[name] for name in clip], dtype=torch.int64), tables
+
+    def tables(self, chosen: Callable[[str], bool] = lambda clip: True) -> Tables:
+        """The tables of every chosen clip, [clips, ...]."""
+        rows = [n for clip, n in self.row.items() if chosen(clip)]
+        # Inside `compute` the ranks' states are summed already.
+        alone = not self._is_synced
+        with self.sync_context(should_sync=alone, should_unsync=alone):
+            return {name: getattr(self, name)[rows] for name in self.metric.shapes}
+
+    def compute(self) -> Scores:
+        """The scores of all clips together."""
+        return self.scores()
+
+    def scores(self, chosen: Callable[[str], bool] = lambda clip: True) -> Scores:
+        """The scores of the chosen clips together."""
+        summed = {name: table.sum(0) for name, table in self.tables(chosen).items()}
+        return {name: score.float() for name, score in self.metric.scores(summed).items()}

@@ -1,0 +1,130 @@
+"""One byte per voxel, ``target * 16 + prediction``, and everything that is refused on the way."""
+
+import torch
+from jaxtyping import Bool, Float, Int, UInt8
+from torch import Tensor
+
+from ...errors import UserError
+
+MAX_CLASSES = 15
+"""Four bits hold a class id, and their last value stands for a voxel that is not counted."""
+
+CODES = 256
+_UNCOUNTED = 255
+_NO_CLASS = 254
+
+
+def encode(
+    labels: Int[Tensor, "b X Y Z"],
+    target: Int[Tensor, "b X Y Z"],
+    mask: Bool[Tensor, "b X Y Z"] | None,
+    num_classes: int,
+    ignore_index: int,
+) -> UInt8[Tensor, "b X Y Z"]:
+    """One byte per voxel: ``target * 16 + prediction``, or 255 where nothing is counted.
+
+    Counted is every voxel whose target is not ``ignore_index`` and which the mask, if there is one,
+    holds. Raises `UserError` for class ids at counted voxels outside 0 to ``num_classes - 1``.
+    """
+    known = _target_bytes(target, ignore_index)
+    if mask is not None:
+        known = known | (mask.view(torch.uint8) - 1)
+    # 255 wraps to 0 here, and below it has a high bit that no class has. Comparing, selecting and
+    # masking would be several times slower than arithmetic on bytes.
+    _check_ids(*target_rule(num_classes, ignore_index), known + 1, num_classes + 1)
+    labels = _bytes(labels)
+    _check_ids(*preds_rule(num_classes), labels & ((known >> 7) - 1), num_classes)
+    return (known << 4) | labels | (known >> 4)
+
+
+def check_shapes(
+    preds: Tensor,
+    target: Tensor,
+    masks: dict[str, Tensor | None],
+    shape: tuple[int, int, int],
+    num_classes: int,
+) -> None:
+    """Raise `UserError` for shapes that do not fit each other or the grid's ``shape``, and for
+    dtypes that are neither labels nor logits, or of a mask that is not bool."""
+    if target.ndim != 4 or tuple(target.shape[1:]) != shape:
+        raise UserError(
+            f"target: shape {list(target.shape)} is not [B, X, Y, Z] of the grid {list(shape)}"
+        )
+    if target.is_floating_point() or target.dtype == torch.bool:
+        raise UserError(f"target: {target.dtype} holds no class ids; give an integer dtype")
+    if preds.dtype == torch.bool or preds.is_complex():
+        raise UserError(f"preds: {preds.dtype} is neither integer labels nor float logits")
+    classes = (num_classes,) if preds.is_floating_point() else ()
+    if preds.shape != (len(target), *classes, *shape):
+        kind = "logits" if classes else "labels"
+        raise UserError(
+            f"preds: {kind} of shape {list(preds.shape)} do not fit the target, "
+            f"which asks for {[len(target), *classes, *shape]}"
+        )
+    for name, mask in masks.items():
+        if mask is not None and (mask.dtype != torch.bool or mask.shape != target.shape):
+            raise UserError(
+                f"{name}: {mask.dtype} {list(mask.shape)} must be bool {list(target.shape)}, "
+                "as the target"
+            )
+
+
+def check_classes(num_classes: int, ignore_index: int, free_index: int | None = None) -> None:
+    """Raise `UserError` for ids that cannot be told apart."""
+    if not 2 <= num_classes <= MAX_CLASSES:
+        raise UserError(f"num_classes: {num_classes} must be 2 to {MAX_CLASSES}")
+    if free_index is not None and not 0 <= free_index < num_classes:
+        raise UserError(f"free_index: {free_index} must be 0 to {num_classes - 1}")
+    if 0 <= ignore_index < num_classes:
+        raise UserError(f"ignore_index: {ignore_index} is a class; give another number")
+
+
+def labels_of(
+    preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
+) -> Int[Tensor, "b X Y Z"]:
+    """Labels as they are, of logits the class of the highest. Raises `UserError` for NaN."""
+    if not preds.is_floating_point():
+        return preds
+    # `max` along a strided dimension is several times faster than `argmax` on the CPU.
+    highest, labels = preds.detach().max(dim=1)
+    if highest.numel() and highest.amax().isnan():
+        raise UserError("preds: the logits hold NaN; look for a loss that diverged")
+    return labels
+
+
+def target_rule(num_classes: int, ignore_index: int) -> tuple[str, str]:
+    """What is checked of a target, and what it may hold."""
+    return "target", f"0 to {num_classes - 1} or {ignore_index}"
+
+
+def preds_rule(num_classes: int) -> tuple[str, str]:
+    """What is checked of predicted labels, and what they may hold."""
+    return "preds", f"0 to {num_classes - 1}"
+
+
+def bad_id(name: str, allowed: str) -> UserError:
+    """The error of a class id that is none."""
+    return UserError(f"{name}: holds a class id at a counted voxel that is not {allowed}")
+
+
+def _target_bytes(target: Int[Tensor, "b X Y Z"], ignore_index: int) -> UInt8[Tensor, "b X Y Z"]:
+    if ignore_index == _UNCOUNTED:
+        return _bytes(target)
+    target = target.long()
+    target = torch.where(target == _UNCOUNTED, _NO_CLASS, target)
+    return _bytes(torch.where(target == ignore_index, _UNCOUNTED, target))
+
+
+def _bytes(ids: Int[Tensor, "*v"]) -> UInt8[Tensor, "*v"]:
+    if ids.dtype == torch.uint8 or ids.numel() == 0:
+        return ids.to(torch.uint8)
+    ids = ids.long()
+    lowest, highest = ids.aminmax()
+    if lowest < 0 or highest > 255:
+        ids = torch.where((ids < 0) | (ids > 255), _NO_CLASS, ids)
+    return ids.to(torch.uint8)
+
+
+def _check_ids(name: str, allowed: str, ids: UInt8[Tensor, "*v"], bound: int) -> None:
+    if ids.numel() and ids.amax() >= bound:
+        raise bad_id(name, allowed)

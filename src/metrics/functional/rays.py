@@ -1,0 +1,58 @@
+"""Rays of a camera, and what they meet in predicted and true labels."""
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from ...geometry import VoxelGrid, inverse, unproject
+
+NOTHING = 255
+"""What a ray meets that leaves the grid."""
+
+
+def camera_rays(
+    camera_from_occ: Float[Tensor, "b 4 4"],
+    pix_from_camera: Float[Tensor, "b 3 3"],
+    size_pix: tuple[int, int],
+    rays: tuple[int, int] = (100, 56),
+) -> tuple[Float[Tensor, "b 3"], Float[Tensor, "b n 3"]]:
+    """Origins and unit directions, in the occ frame, of evenly spaced rays through an image.
+
+    ``size_pix`` is the image's width and height, ``rays`` their number across and down: each goes
+    through the centre of its part of the image. float64, row by row.
+    """
+    across, down = (
+        (torch.arange(count, dtype=torch.float64) + 0.5) * side / count
+        for count, side in zip(rays, size_pix)
+    )
+    v, u = torch.meshgrid(down, across, indexing="ij")
+    pix = torch.stack([u, v], dim=-1).reshape(-1, 2)
+    pix = pix.to(camera_from_occ.device).expand(len(camera_from_occ), -1, 2)
+    points = unproject(pix, torch.ones_like(pix[..., 0]), pix_from_camera.double())
+    occ_from_camera = inverse(camera_from_occ.double())
+    directions = points @ occ_from_camera[:, :3, :3].transpose(-1, -2)
+    return occ_from_camera[:, :3, 3], torch.nn.functional.normalize(directions, dim=-1)
+
+
+def first_met(
+    codes: UInt8[Tensor, "X Y Z"],
+    origin_m: Float[Tensor, "3"],
+    directions: Float[Tensor, "n 3"],
+    grid: VoxelGrid,
+    free_index: int,
+) -> tuple[UInt8[np.ndarray, "2 n"], Float[np.ndarray, "2 n"]]:
+    """Class and distance in metres of the first occupied voxel on every ray: predicted, then true.
+
+    ``codes`` are those of `encode`; voxels that it does not count are passed through in both. The
+    distance is to where the ray enters the voxel; 0 where it starts in it. On the CPU.
+    """
+    from .ray_kernels import march
+
+    lower_m = np.array(grid.lower_m)
+    origin = (origin_m.double().cpu().numpy() - lower_m) / grid.voxel_m
+    rays = np.ascontiguousarray(directions.double().cpu().numpy()) / grid.voxel_m
+    classes = np.full((2, len(rays)), NOTHING, dtype=np.uint8)
+    distances_m = np.full((2, len(rays)), np.inf)
+    march(codes.cpu().contiguous().numpy(), origin, rays, free_index, classes, distances_m)
+    return classes, distances_m

@@ -1,0 +1,100 @@
+"""What was counted and how: without it a score of this field means little."""
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..errors import UserError
+from ..geometry import VoxelGrid
+
+RULES = {
+    "miou": "9 classes, free in",
+    "miou_occupied": "8 classes, free out",
+    "kar_miou": "8 classes, free out",
+    "absent_class": "left out of the mean",
+    "accumulation": "counts over the data set",
+}
+"""What no setting changes."""
+
+SUPERVISED, VISIBLE = "every supervised voxel", "visible voxels"
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """Everything on which a score depends besides the predictions.
+
+    ``metric`` are the arguments of `OccupancyScores`, ``suite`` those of the other scores.
+    ``frames`` is their number: of a split, or less where predictions were missing and allowed to.
+    """
+
+    dataset: str
+    part: str
+    frames: int
+    grid: dict
+    mask: str = SUPERVISED
+    metric: dict = field(default_factory=dict)
+    suite: dict = field(default_factory=dict)
+    rules: dict = field(default_factory=lambda: dict(RULES))
+
+    @classmethod
+    def of(
+        cls,
+        dataset: str,
+        part: str,
+        frames: int,
+        grid: VoxelGrid,
+        mask: str,
+        metric: Mapping[str, Any],
+        suite: Mapping[str, Any],
+    ) -> "Protocol":
+        """From settings as they are configured; keys that begin with ``_`` are Hydra's."""
+        described = {name: list(value) for name, value in dataclasses.asdict(grid).items()}
+        counted = {key: value for key, value in metric.items() if not key.startswith("_")}
+        return cls(dataset, part, frames, described, mask, counted, dict(suite))
+
+    @classmethod
+    def from_json(cls, text: str) -> "Protocol":
+        """What `to_json` wrote. Raises `UserError` for any other text."""
+        try:
+            return cls(**json.loads(text))
+        except (ValueError, TypeError) as error:
+            raise UserError(f"protocol: cannot be read ({error}); score again") from error
+
+    def to_json(self) -> str:
+        """Compact, with sorted keys: equal protocols have equal texts."""
+        return json.dumps(dataclasses.asdict(self), sort_keys=True, separators=(",", ":"))
+
+    @property
+    def voxel_grid(self) -> VoxelGrid:
+        return VoxelGrid(**self.grid)
+
+    def difference(self, other: "Protocol") -> tuple[str, object, object] | None:
+        """The first thing in which two protocols differ, and both values; ``None`` if equal."""
+        ours, theirs = (_flat(json.loads(one.to_json())) for one in (self, other))
+        for key in sorted(ours.keys() | theirs.keys()):
+            if ours.get(key) != theirs.get(key):
+                return key, ours.get(key), theirs.get(key)
+        return None
+
+
+def require_same_protocol(protocols: Mapping[str, Protocol]) -> None:
+    """Refuses to put scores of different protocols beside each other, naming what differs."""
+    (first, reference), *others = protocols.items()
+    for name, protocol in others:
+        if found := reference.difference(protocol):
+            key, one, other = found
+            raise UserError(
+                f"{name}: was scored with {key}={other}, and {first} with {one}; score both alike"
+            )
+
+
+def _flat(data: Mapping, prefix: str = "") -> dict[str, object]:
+    flat = {}
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat

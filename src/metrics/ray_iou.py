@@ -1,0 +1,142 @@
+"""RayIoU: IoU of what the camera's rays meet first, and how far away."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float, Int, Int64, UInt8
+from torch import Tensor
+
+from ..errors import UserError
+from ..geometry import VoxelGrid
+from . import functional as F
+from .occupancy import class_names
+from .tables import Scores, TableMetric, Tables
+
+CLEAR, PHANTOM = range(2)
+
+
+class RayIoU(TableMetric):
+    """RayIoU (SparseOcc, ECCV 2024) of any rays through any grid, on the CPU.
+
+    Every ray meets a first occupied voxel in the prediction and in the truth, or none. It is a hit
+    of class c if both are of class c and less than a threshold apart along the ray::
+
+        RayIoU_c = hits_c / (rays that truly meet c + rays predicted to meet c - hits_c)
+
+    over the rays that truly meet something; ``ray_iou`` is the mean over the occupied classes that
+    occur and over the thresholds. Unlike IoU it does not reward thick surfaces. Voxels without a
+    label are passed through, predicted or not. `compute` gives ``ray_iou``, ``ray_iou_<t>m`` of
+    each threshold, ``ray_iou/<class>``, and ``ray_phantom_rate``: of the rays that truly meet
+    nothing, the share predicted to meet something, which RayIoU itself leaves out.
+
+    >>> grid = VoxelGrid(lower_m=(0, -1, -1), upper_m=(8, 1, 1), shape=(4, 1, 1))
+    >>> target = torch.tensor([8, 8, 5, 8]).view(1, 4, 1, 1)
+    >>> preds = torch.tensor([8, 5, 8, 8]).view(1, 4, 1, 1)    # the car seen 2 m too near
+    >>> ahead = torch.tensor([[[1.0, 0.0, 0.0]]])
+    >>> rays = RayIoU(grid)
+    >>> rays.update(preds, target, torch.zeros(1, 3), ahead)
+    >>> {f"{t} m": float(rays.compute()[f"ray_iou_{t}m"]) for t in (1, 2, 4)}
+    {'1 m': 0.0, '2 m': 0.0, '4 m': 1.0}
+    """
+
+    hits: Tensor
+    met: Tensor
+    clear: Tensor
+
+    def __init__(
+        self,
+        grid: VoxelGrid,
+        num_classes: int = 9,
+        free_index: int = 8,
+        ignore_index: int = 255,
+        thresholds_m: Sequence[float] = (1.0, 2.0, 4.0),
+        **kwargs: Any,
+    ) -> None:
+        self.thresholds_m = tuple(map(float, thresholds_m))
+        F.check_classes(num_classes, ignore_index, free_index)
+        if not self.thresholds_m or not all(0 < t < math.inf for t in self.thresholds_m):
+            raise UserError(f"thresholds_m: {list(self.thresholds_m)} must be numbers above 0")
+        shapes = {"hits": (len(self.thresholds_m), num_classes), "met": (2, num_classes)}
+        super().__init__({**shapes, "clear": (2,)}, **kwargs)
+        self.grid, self.num_classes = grid, num_classes
+        self.free_index, self.ignore_index = free_index, ignore_index
+
+    def frame_tables(
+        self,
+        preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
+        target: Int[Tensor, "b X Y Z"],
+        origin_m: Float[Tensor, "b 3"],
+        directions: Float[Tensor, "b n 3"],
+        mask: Bool[Tensor, "b X Y Z"] | None = None,
+    ) -> Tables:
+        """``hits`` [threshold, class], rays that ``met`` a class [(predicted, truly), class], and
+        rays that are ``clear`` [(all, met a phantom)], of every frame.
+
+        Rays are given by their origin and unit directions in the occ frame
+        (`functional.camera_rays`). Raises `UserError` as the other metrics do, and for rays that
+        are not finite or have no direction.
+        """
+        F.check_shapes(preds, target, {"mask": mask}, self.grid.shape, self.num_classes)
+        _check_rays(origin_m, directions, len(target))
+        ids = (self.num_classes, self.ignore_index)
+        codes = F.encode(F.labels_of(preds), target, mask, *ids)
+        frames = [self._frame(*frame) for frame in zip(codes, origin_m, directions)]
+        empty = [table.new_zeros(0, *table.shape) for table in self.tables.values()]
+        stacked = [torch.stack(rows).to(self.hits.device) for rows in zip(*frames)] or empty
+        return dict(zip(self.shapes, stacked))
+
+    def scores(self, tables: Tables) -> Scores:
+        """The scores of tables as `frame_tables` gives them, summed."""
+        hits, met = tables["hits"].double(), tables["met"].double()
+        iou = hits / (met.sum(-2, keepdim=True) - hits)
+        by_threshold = F.mean_iou(iou, without=self.free_index)
+        clear = tables["clear"].double()
+        scores = {"ray_iou": by_threshold.mean(-1)}
+        for n, threshold_m in enumerate(self.thresholds_m):
+            scores[f"ray_iou_{threshold_m:g}m"] = by_threshold[..., n]
+        for n, name in enumerate(class_names(self.num_classes)):
+            if n != self.free_index:
+                scores[f"ray_iou/{name}"] = iou[..., n].mean(-1)
+        scores["ray_phantom_rate"] = clear[..., PHANTOM] / clear[..., CLEAR]
+        return scores
+
+    def _frame(
+        self,
+        codes: UInt8[Tensor, "X Y Z"],
+        origin_m: Float[Tensor, "3"],
+        directions: Float[Tensor, "n 3"],
+    ) -> tuple[Int64[Tensor, "t c"], Int64[Tensor, "2 c"], Int64[Tensor, "2"]]:
+        found = F.first_met(codes, origin_m, directions, self.grid, self.free_index)
+        classes, distances_m = map(torch.from_numpy, found)
+        solid = distances_m[1] < torch.inf
+        predicted, true = (row[solid].long() for row in classes)
+        apart_m = (distances_m[0] - distances_m[1]).abs()[solid]
+        known = predicted < self.num_classes
+        count = self.num_classes
+        met = torch.stack(
+            [torch.bincount(row, minlength=count) for row in (predicted[known], true)]
+        )
+        same = predicted == true
+        hits = torch.stack(
+            [
+                torch.bincount(true[same & (apart_m < threshold_m)], minlength=count)
+                for threshold_m in self.thresholds_m
+            ]
+        )
+        phantom = distances_m[0][~solid] < torch.inf
+        return hits, met, torch.tensor([len(phantom), int(phantom.sum())])
+
+
+def _check_rays(origin_m: Tensor, directions: Tensor, batch: int) -> None:
+    if origin_m.shape != (batch, 3) or directions.ndim != 3 or directions.shape[::2] != (batch, 3):
+        raise UserError(
+            f"rays: origins {list(origin_m.shape)} and directions {list(directions.shape)} must be "
+            f"[{batch}, 3] and [{batch}, N, 3]"
+        )
+    if not (origin_m.isfinite().all() and directions.isfinite().all()):
+        raise UserError("rays: hold NaN or infinity; give finite origins and directions")
+    length = directions.square().sum(-1)
+    if length.numel() and (length - 1).abs().max() > 1e-4:
+        raise UserError("rays: the directions are not of length 1; normalize them")

@@ -1,0 +1,77 @@
+"""The integer tables of a scored run, clip by clip, on disk: all scores can be computed again."""
+
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ..atomic import replacing
+from ..errors import UserError
+from .protocol import Protocol
+from .suite import ScoreSuite
+from .tables import Tables
+
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Tables [clips, ...] of every metric, the clips in their order, and the protocol.
+
+    ``frames`` counts each clip's scored frames. ``name`` says whose predictions these are.
+    """
+
+    name: str
+    protocol: Protocol
+    clips: list[str]
+    frames: list[int]
+    tables: dict[str, Tables]
+
+    def suite(self) -> ScoreSuite:
+        """The metrics that say what the tables mean."""
+        return ScoreSuite.of(self.protocol, self.clips)
+
+    def rows(self, chosen: Callable[[str], bool] = lambda clip: True) -> list[int]:
+        """Rows of the chosen clips that have a frame."""
+        return [n for n, clip in enumerate(self.clips) if self.frames[n] and chosen(clip)]
+
+    def write(self, path: Path) -> None:
+        """Write an ``.npz`` of plain arrays; the file is replaced as a whole or not at all."""
+        arrays = {
+            f"{metric}/{name}": table.cpu().numpy()
+            for metric, tables in self.tables.items()
+            for name, table in tables.items()
+        }
+        with replacing(path) as temporary, open(temporary, "wb") as file:
+            np.savez_compressed(
+                file,
+                format=np.array(FORMAT),
+                name=np.array(self.name),
+                protocol=np.array(self.protocol.to_json()),
+                clips=np.array(self.clips),
+                frames=np.array(self.frames, dtype=np.int64),
+                **arrays,
+            )
+
+    @classmethod
+    def read(cls, path: Path) -> "Tally":
+        """What `write` wrote. Raises `UserError` for a file that is missing or anything else."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            if int(arrays.pop("format")) != FORMAT:
+                raise ValueError("it is of another version")
+            name, protocol = (str(arrays.pop(key)) for key in ("name", "protocol"))
+            clips, frames = (arrays.pop(key).tolist() for key in ("clips", "frames"))
+        except FileNotFoundError as error:
+            raise UserError(f"{path}: no such file; finish the run or run task=score") from error
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+            raise UserError(f"{path}: cannot be read ({error}); score again") from error
+        tables: dict[str, Tables] = {}
+        for key, array in arrays.items():
+            metric, table = key.split("/", 1)
+            tables.setdefault(metric, {})[table] = torch.from_numpy(array)
+        return cls(name, Protocol.from_json(protocol), clips, frames, tables)

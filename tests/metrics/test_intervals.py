@@ -1,0 +1,257 @@
+"""Intervals by resampling clips: exact cases, their coverage, and paired differences."""
+
+import math
+
+import pytest
+import torch
+
+from src.errors import UserError
+from src.metrics import KARMeanIoU, SafetyScores
+from src.metrics.intervals import resamplings, score_differences, score_intervals
+from src.metrics.tables import TableMetric
+from src.ontology import CAR, FREE, THIN_STRUCTURE
+
+
+class HitRate(TableMetric):
+    """Hits over voxels."""
+
+    def __init__(self):
+        super().__init__({"hits": (1,), "voxels": (1,)})
+
+    def frame_tables(self, hits, voxels):
+        return {"hits": hits[:, None], "voxels": voxels[:, None]}
+
+    def scores(self, tables):
+        hits, voxels = (tables[name][..., 0].double() for name in ("hits", "voxels"))
+        return {"rate": hits / voxels, "error": 1 - hits / voxels}
+
+
+def rng(seed):
+    return torch.Generator().manual_seed(seed)
+
+
+def clips_of(hits, voxels):
+    return HitRate().frame_tables(torch.as_tensor(hits), torch.as_tensor(voxels))
+
+
+def drawn_clips(clips, generator):
+    """Clips of 50 to 150 voxels, of which a share drawn anew for each is hit: 0.6 on average."""
+    voxels = torch.randint(50, 151, (clips,), generator=generator)
+    share = 0.3 + 0.6 * torch.rand(clips, generator=generator)
+    return clips_of(torch.round(share * voxels).long(), voxels)
+
+
+def rate(tables, seed=0, resamples=500, **arguments):
+    weights = resamplings(len(tables["hits"]), resamples, rng(seed))
+    return score_intervals(HitRate(), tables, weights, **arguments)["rate"]
+
+
+# ---------------------------------------------------------------------------------- resampling
+
+
+def test_every_resample_draws_as_many_clips_as_there_are():
+    weights = resamplings(7, 400, rng(0))
+    assert weights.shape == (400, 7)
+    assert weights.dtype == torch.float64
+    assert torch.equal(weights.sum(1), torch.full((400,), 7.0, dtype=torch.float64))
+    assert torch.equal(weights, weights.round())
+    assert weights.min() == 0
+
+
+def test_every_clip_is_drawn_once_on_average_with_the_variance_of_a_binomial():
+    weights = resamplings(10, 20000, rng(0))
+    torch.testing.assert_close(weights.mean(0), torch.ones(10).double(), atol=0.04, rtol=0)
+    torch.testing.assert_close(weights.var(0), torch.full((10,), 0.9).double(), atol=0.06, rtol=0)
+
+
+def test_the_same_seed_draws_the_same_clips():
+    assert torch.equal(resamplings(5, 50, rng(3)), resamplings(5, 50, rng(3)))
+    assert not torch.equal(resamplings(5, 50, rng(3)), resamplings(5, 50, rng(4)))
+
+
+@pytest.mark.parametrize(("clips", "resamples"), [(0, 10), (5, 0), (-1, 10)])
+def test_nothing_to_draw_is_refused(clips, resamples):
+    with pytest.raises(UserError, match=r"^resamples:"):
+        resamplings(clips, resamples, rng(0))
+
+
+# ----------------------------------------------------------------------------------- intervals
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_value_is_that_of_all_clips_and_lies_inside(seed):
+    tables = drawn_clips(12, rng(seed))
+    interval = rate(tables, seed)
+    assert interval.value == pytest.approx(float(tables["hits"].sum() / tables["voxels"].sum()))
+    assert interval.low < interval.value < interval.high
+
+
+@pytest.mark.parametrize("level", [0.5, 0.9])
+def test_the_bounds_are_the_quantiles_of_the_scores_of_the_drawn_clips(level):
+    tables = drawn_clips(6, rng(1))
+    weights = resamplings(6, 101, rng(2))
+    rates = []
+    for row in weights.long().tolist():
+        drawn = [n for n, times in enumerate(row) for _ in range(times)]
+        hits, voxels = (sum(int(tables[name][n]) for n in drawn) for name in ("hits", "voxels"))
+        rates.append(hits / voxels)
+    rates.sort()
+    interval = score_intervals(HitRate(), tables, weights, level)["rate"]
+    cut = round(100 * (1 - level) / 2)
+    assert (interval.low, interval.high) == pytest.approx((rates[cut], rates[100 - cut]))
+
+
+def test_a_score_and_its_complement_have_mirrored_bounds():
+    tables = drawn_clips(9, rng(0))
+    both = score_intervals(HitRate(), tables, resamplings(9, 300, rng(0)))
+    assert both["error"] == pytest.approx(
+        (1 - both["rate"].value, 1 - both["rate"].high, 1 - both["rate"].low)
+    )
+
+
+def test_identical_clips_give_intervals_without_width():
+    value, low, high = rate(clips_of([30] * 8, [40] * 8))
+    assert value == low == high == 0.75
+
+
+def test_one_clip_gives_no_bounds():
+    value, low, high = rate(clips_of([30], [40]))
+    assert value == 0.75
+    assert math.isnan(low)
+    assert math.isnan(high)
+
+
+def test_a_higher_level_gives_a_wider_interval():
+    tables = drawn_clips(12, rng(0))
+    narrow, wide = rate(tables, level=0.5), rate(tables, level=0.99)
+    assert wide.low < narrow.low < narrow.high < wide.high
+
+
+def test_the_interval_covers_the_true_value_about_as_often_as_it_says():
+    generator = rng(0)
+    covered = 0
+    for seed in range(200):
+        interval = rate(drawn_clips(25, generator), seed, resamples=300)
+        covered += interval.low <= 0.6 <= interval.high
+    assert 0.88 <= covered / 200 <= 0.99
+
+
+def test_an_interval_at_half_the_level_covers_about_half():
+    generator = rng(1)
+    covered = 0
+    for seed in range(200):
+        interval = rate(drawn_clips(25, generator), seed, resamples=300, level=0.5)
+        covered += interval.low <= 0.6 <= interval.high
+    assert 0.38 <= covered / 200 <= 0.62
+
+
+def test_resamples_without_a_score_are_left_out():
+    tables = clips_of([3, 0, 0, 0], [4, 0, 0, 0])
+    weights = resamplings(4, 200, rng(0))
+    assert (weights[:, 0] == 0).any()
+    assert score_intervals(HitRate(), tables, weights)["rate"] == (0.75, 0.75, 0.75)
+
+
+def test_a_score_that_never_is_has_no_bounds():
+    value, low, high = rate(clips_of([0, 0, 0], [0, 0, 0]))
+    assert all(math.isnan(number) for number in (value, low, high))
+
+
+# --------------------------------------------------------------------------- paired differences
+
+
+def shifted(tables, hits):
+    return clips_of(tables["hits"][:, 0] + hits, tables["voxels"][:, 0])
+
+
+def equal_clips(clips, generator):
+    voxels = torch.full((clips,), 100)
+    return clips_of(torch.randint(30, 90, (clips,), generator=generator), voxels)
+
+
+def rate_difference(first, second, seed=0):
+    weights = resamplings(len(first["hits"]), 500, rng(seed))
+    return score_differences(HitRate(), first, second, weights)["rate"]
+
+
+def test_a_constant_shift_in_every_clip_is_certain():
+    first = equal_clips(20, rng(0))
+    difference = rate_difference(first, shifted(first, 5))
+    assert difference == pytest.approx((0.05, 0.05, 0.05, 1.0))
+
+
+def test_a_paired_difference_is_far_narrower_than_an_unpaired_one():
+    first = drawn_clips(20, rng(0))
+    paired = rate_difference(first, shifted(first, 5))
+    unpaired = rate_difference(first, shifted(equal_clips(20, rng(1)), 5))
+    assert paired.high - paired.low < 0.2 * (unpaired.high - unpaired.low)
+    assert paired.low < paired.value < paired.high
+    assert paired.same_sign == 1.0
+
+
+def test_the_difference_is_the_second_minus_the_first():
+    first = drawn_clips(10, rng(0))
+    forth, back = (
+        rate_difference(first, shifted(first, -4)),
+        rate_difference(shifted(first, -4), first),
+    )
+    assert forth.value < 0 < back.value
+    assert back == pytest.approx((-forth.value, -forth.high, -forth.low, forth.same_sign))
+
+
+def test_same_sign_is_the_share_of_resamples_with_the_sign_of_the_difference():
+    first, second = drawn_clips(8, rng(0)), drawn_clips(8, rng(1))
+    weights = resamplings(8, 200, rng(2))
+    difference = score_differences(HitRate(), first, second, weights)["rate"]
+    agree = 0
+    for row in weights:
+        drawn = [
+            float((row @ t["hits"][:, 0].double()) / (row @ t["voxels"][:, 0].double()))
+            for t in (first, second)
+        ]
+        agree += (drawn[1] - drawn[0]) * difference.value > 0
+    assert difference.same_sign == pytest.approx(agree / 200)
+    assert 0 < difference.same_sign < 1
+
+
+def test_the_difference_of_one_clip_has_no_bounds():
+    value, low, high, _ = rate_difference(clips_of([30], [40]), clips_of([20], [40]))
+    assert value == pytest.approx(-0.25)
+    assert math.isnan(low)
+    assert math.isnan(high)
+
+
+def test_a_run_against_itself_differs_by_nothing():
+    first = drawn_clips(10, rng(0))
+    assert rate_difference(first, first)[:3] == (0.0, 0.0, 0.0)
+
+
+def test_resamples_without_a_difference_are_left_out():
+    first, second = clips_of([3, 0, 0], [4, 0, 0]), clips_of([1, 0, 0], [4, 0, 0])
+    assert rate_difference(first, second) == (-0.5, -0.5, -0.5, 1.0)
+
+
+# ------------------------------------------------------------------------------- real metrics
+
+
+def test_the_resamples_of_a_metric_score_as_its_repeated_frames(grid, random_batch):
+    batch = random_batch(0, frames=5)
+    metric = KARMeanIoU(grid)
+    weights = resamplings(5, 1, rng(0))
+    drawn = [n for n, times in enumerate(weights[0].long().tolist()) for _ in range(times)]
+    interval = score_intervals(metric, metric.frame_tables(*batch), weights)["kar_miou"]
+    metric.update(*(tensor[drawn] for tensor in batch))
+    assert interval.low == interval.high == pytest.approx(float(metric.compute()), abs=1e-7)
+    assert interval.value != interval.low
+
+
+def test_thin_structures_of_a_single_clip_have_the_recall_of_that_clip(grid):
+    target = torch.full((6, *grid.shape), FREE)
+    target[:, 3], target[2, 1, :, 0] = CAR, THIN_STRUCTURE
+    preds = torch.where(target == THIN_STRUCTURE, FREE, target)
+    preds[2, 1, :2, 0] = THIN_STRUCTURE
+    metric = SafetyScores(grid)
+    tables = metric.frame_tables(preds, target, torch.ones(6, 3))
+    found = score_intervals(metric, tables, resamplings(6, 100, rng(0)))
+    assert found["thin_recall"] == pytest.approx((0.4, 0.4, 0.4))
+    assert found["geometric_iou"].low < found["geometric_iou"].high

@@ -1,0 +1,440 @@
+"""RayIoU against steps of a millimetre along every ray; the rays of a camera."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from src.errors import UserError
+from src.geometry import (
+    VoxelGrid,
+    front_mount,
+    inverse,
+    occ_from_body,
+    pinhole,
+    project,
+    rigid,
+    rotation_from_euler,
+)
+from src.geometry import camera_from_occ as chain
+from src.metrics import RayIoU
+from src.metrics import functional as F
+from src.ontology import BUILDING, CAR, CLASSES, FREE
+
+STEP_M = 1e-3
+LINE = VoxelGrid(lower_m=(0, -1, -1), upper_m=(20, 1, 1), shape=(10, 1, 1))
+AHEAD = torch.tensor([[[1.0, 0.0, 0.0]]])
+HERE = torch.zeros(1, 3)
+
+
+@pytest.fixture
+def random_rays():
+    """``random_rays(seed, frames, n)`` -> origins, half of them in the grid, and directions."""
+
+    def make(seed, frames=4, n=12):
+        rng = torch.Generator().manual_seed(seed)
+        origin_m = torch.rand(frames, 3, generator=rng, dtype=torch.float64)
+        origin_m = origin_m * torch.tensor([24.0, 20.0, 12.0]) + torch.tensor([0.0, -10.0, -6.0])
+        origin_m[::2, 0] -= 27.0
+        towards = torch.rand(frames, n, 3, generator=rng, dtype=torch.float64)
+        towards = towards * torch.tensor([24.0, 24.0, 16.0]) + torch.tensor([0.0, -12.0, -8.0])
+        directions = torch.nn.functional.normalize(towards - origin_m[:, None], dim=-1)
+        return origin_m, directions
+
+    return make
+
+
+def met_by_steps(labels, known, origin_m, direction, grid):
+    """Class and distance of the first known voxel on a ray that is not free."""
+    s = np.arange(0.0, 80.0, STEP_M)
+    points = origin_m.numpy() + s[:, None] * direction.numpy()
+    cells = np.floor((points - np.array(grid.lower_m)) / grid.voxel_m).astype(int)
+    inside = ((cells >= 0) & (cells < np.array(grid.shape))).all(1)
+    s, cells = s[inside], tuple(cells[inside].T)
+    solid = (labels.numpy()[cells] != FREE) & known.numpy()[cells]
+    if not solid.any():
+        return None, math.inf
+    first = solid.argmax()
+    return int(labels.numpy()[cells][first]), float(s[first])
+
+
+def met_in_batch(grid, preds, target, origin_m, directions, mask=None):
+    """(predicted, its distance), (true, its distance) of every ray."""
+    known = target != 255
+    known = known if mask is None else known & mask
+    return [
+        [
+            met_by_steps(labels[b], known[b], origin_m[b], directions[b, n], grid)
+            for labels in (preds, target)
+        ]
+        for b in range(len(target))
+        for n in range(directions.shape[1])
+    ]
+
+
+def expected_scores(rays, thresholds_m=(1.0, 2.0, 4.0)):
+    solid = [ray for ray in rays if ray[1][0] is not None]
+    clear = [ray for ray in rays if ray[1][0] is None]
+    iou = {}
+    for t in thresholds_m:
+        for c in range(FREE):
+            hits = sum(p == q == c and abs(d - e) < t for (p, d), (q, e) in solid)
+            whole = sum((p == c) + (q == c) for (p, _), (q, _) in solid) - hits
+            iou[t, c] = hits / whole if whole else math.nan
+
+    def mean(values):
+        values = [value for value in values if not math.isnan(value)]
+        return sum(values) / len(values) if values else math.nan
+
+    by_threshold = [mean(iou[t, c] for c in range(FREE)) for t in thresholds_m]
+    scores = {"ray_iou": mean(by_threshold)}
+    scores |= {f"ray_iou_{t:g}m": score for t, score in zip(thresholds_m, by_threshold)}
+    for c in range(FREE):
+        scores[f"ray_iou/{CLASSES[c]}"] = mean(iou[t, c] for t in thresholds_m)
+    phantoms = sum(ray[0][0] is not None for ray in clear)
+    scores["ray_phantom_rate"] = phantoms / len(clear) if clear else math.nan
+    return scores
+
+
+def scores_of(grid, *batches, **arguments):
+    rays = RayIoU(grid, **arguments)
+    for batch in batches:
+        rays.update(*batch)
+    return {name: float(score) for name, score in rays.compute().items()}
+
+
+def sparse(batch):
+    """Mostly free, so that some rays meet nothing."""
+    rng = torch.Generator().manual_seed(3)
+    preds, target, _ = batch
+    kept = torch.rand(target.shape, generator=rng) < 0.3
+    preds = torch.where(torch.rand(target.shape, generator=rng) < 0.1, CAR, preds)
+    free = torch.tensor(FREE, dtype=torch.uint8)
+    return (torch.where(kept, preds, free), torch.where(kept | (target == 255), target, free))
+
+
+def state(rays):
+    return {name: table.clone() for name, table in rays.tables.items()}
+
+
+def same(a, b):
+    return all(torch.equal(a[name], b[name]) for name in a)
+
+
+# ---------------------------------------------------------------------- against tiny steps
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_what_rays_meet_first_matches_tiny_steps(grid, random_batch, random_rays, seed):
+    preds, target = sparse(random_batch(seed))
+    origin_m, directions = random_rays(seed)
+    expected = iter(met_in_batch(grid, preds, target, origin_m, directions))
+    codes = F.encode(preds, target, None, num_classes=9, ignore_index=255)
+    for b in range(len(target)):
+        found = F.first_met(codes[b], origin_m[b], directions[b], grid, free_index=FREE)
+        for classes, distances_m in zip(found[0].T, found[1].T):
+            for class_id, distance_m, (other, other_m) in zip(classes, distances_m, next(expected)):
+                assert class_id == (255 if other is None else other)
+                assert distance_m == pytest.approx(other_m, abs=2 * STEP_M)
+
+
+@pytest.mark.parametrize("thresholds_m", [(1.0, 2.0, 4.0), (0.5, 9.5)])
+def test_every_score_matches_tiny_steps(grid, random_batch, random_rays, thresholds_m):
+    batches = [(*sparse(random_batch(seed)), *random_rays(seed)) for seed in range(2)]
+    rays = [ray for batch in batches for ray in met_in_batch(grid, *batch)]
+    expected = expected_scores(rays, thresholds_m)
+    found = scores_of(grid, *batches, thresholds_m=thresholds_m)
+    assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
+    assert 0 < expected["ray_iou"] < 1
+    assert 0 < expected["ray_phantom_rate"] < 1
+
+
+def test_a_mask_hides_voxels_from_every_ray(grid, random_batch, random_rays):
+    preds, target = sparse(random_batch(2))
+    mask = torch.rand(target.shape, generator=torch.Generator().manual_seed(0)) < 0.6
+    rays = random_rays(2)
+    expected = expected_scores(met_in_batch(grid, preds, target, *rays, mask))
+    found = scores_of(grid, (preds, target, *rays, mask))
+    assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
+    assert found != scores_of(grid, (preds, target, *rays))
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_rays_along_an_axis_match_tiny_steps(grid, random_batch, axis, sign):
+    preds, target = sparse(random_batch(1))
+    direction = torch.zeros(len(target), 1, 3, dtype=torch.float64)
+    direction[:, 0, axis] = sign
+    for inside in (True, False):
+        origin_m = torch.tensor([9.0, 0.5, -0.7], dtype=torch.float64).expand(len(target), 3)
+        origin_m = origin_m if inside else origin_m - 30.0 * direction[:, 0]
+        expected = expected_scores(met_in_batch(grid, preds, target, origin_m, direction))
+        found = scores_of(grid, (preds, target, origin_m, direction))
+        assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
+
+
+# ------------------------------------------------------------------------------------- by hand
+
+
+def line(**occupied):
+    """Free labels with class ids at ``x<index>``, 2 m apart."""
+    labels = torch.full((1, *LINE.shape), FREE)
+    for name, class_id in occupied.items():
+        labels[0, int(name[1:])] = class_id
+    return labels
+
+
+def met_on_line(preds, target, origin_m=HERE, directions=AHEAD):
+    codes = F.encode(preds, target, None, num_classes=9, ignore_index=255)
+    found = F.first_met(codes[0], origin_m[0], directions[0], LINE, free_index=FREE)
+    return [row[:, 0].tolist() for row in found]
+
+
+def test_a_ray_that_starts_in_an_occupied_voxel_meets_it_at_once():
+    start_m = torch.tensor([[6.5, 0.3, 0.0]])
+    assert met_on_line(line(x3=CAR), line(x3=BUILDING), start_m) == [[CAR, BUILDING], [0.0, 0.0]]
+
+
+def test_a_ray_looks_ahead_only():
+    start_m = torch.tensor([[9.0, 0.0, 0.0]])
+    labels = line(x1=CAR, x7=BUILDING)
+    assert met_on_line(labels, labels, start_m)[1] == pytest.approx([5.0, 5.0])
+    assert met_on_line(labels, labels, start_m, -AHEAD) == [[CAR, CAR], [5.0, 5.0]]
+
+
+def test_unknown_voxels_are_passed_through_even_where_something_is_predicted():
+    target = line(x2=255, x4=CAR)
+    for anything in (CAR, BUILDING, 255):
+        found = met_on_line(line(x2=anything, x4=CAR), target)
+        assert found == [[CAR, CAR], [8.0, 8.0]]
+
+
+@pytest.mark.parametrize(("index", "hits"), [(4, 3), (3, 1), (5, 1), (2, 0), (6, 0)])
+def test_a_hit_is_nearer_than_the_threshold(index, hits):
+    scores = scores_of(LINE, (line(**{f"x{index}": CAR}), line(x4=CAR), HERE, AHEAD))
+    assert [scores[f"ray_iou_{t}m"] for t in (1, 2, 4)] == [0.0] * (3 - hits) + [1.0] * hits
+    assert scores["ray_iou"] == pytest.approx(hits / 3)
+    assert scores["ray_iou/car"] == pytest.approx(hits / 3)
+
+
+def test_another_class_at_the_right_place_is_no_hit():
+    scores = scores_of(LINE, (line(x4=BUILDING), line(x4=CAR), HERE, AHEAD))
+    assert (scores["ray_iou/car"], scores["ray_iou/building"]) == (0.0, 0.0)
+    assert math.isnan(scores["ray_iou/vru"])
+
+
+def test_what_lies_behind_the_first_voxel_does_not_matter():
+    target = line(x4=CAR)
+    thin, thick = line(x4=CAR), line(x4=CAR, x5=CAR, x6=BUILDING, x9=CAR)
+    scores = [scores_of(LINE, (preds, target, HERE, AHEAD)) for preds in (thin, thick)]
+    assert scores[0] == pytest.approx(scores[1], abs=0, nan_ok=True)
+    assert scores[0]["ray_iou"] == 1.0
+
+
+def test_a_ray_that_truly_meets_nothing_counts_for_phantoms_only():
+    clear, blocked = (line(), line(x4=CAR))
+    batches = [(preds, clear, HERE, AHEAD) for preds in (clear, clear, clear, blocked)]
+    scores = scores_of(LINE, *batches)
+    assert scores["ray_phantom_rate"] == 0.25
+    assert math.isnan(scores["ray_iou"])
+    scores = scores_of(LINE, *batches, (blocked, blocked, HERE, AHEAD))
+    assert (scores["ray_phantom_rate"], scores["ray_iou"]) == (0.25, 1.0)
+
+
+def test_a_missed_surface_costs_and_is_no_phantom():
+    scores = scores_of(LINE, (line(), line(x4=CAR), HERE, AHEAD))
+    assert scores["ray_iou"] == 0.0
+    assert math.isnan(scores["ray_phantom_rate"])
+
+
+@pytest.mark.parametrize(
+    ("origin_m", "direction"),
+    [
+        ([-5.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
+        ([-5.0, 3.0, 0.0], [1.0, 0.0, 0.0]),
+        ([-5.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
+        ([25.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
+        ([-5.0, 4.0, 0.0], [0.8, 0.6, 0.0]),
+    ],
+)
+def test_rays_that_miss_the_grid_meet_nothing(origin_m, direction):
+    rays = RayIoU(LINE)
+    full = torch.full((1, *LINE.shape), CAR)
+    rays.update(full, full, torch.tensor([origin_m]), torch.tensor([[direction]]))
+    assert not rays.hits.any()
+    assert not rays.met.any()
+    assert rays.clear[1] == 0
+
+
+# -------------------------------------------------------------------------- rays of a camera
+
+
+WIDTH, HEIGHT = 80, 48
+
+
+@pytest.fixture
+def cameras():
+    """``camera_from_occ`` of a level, a rolled and a pitched UAV, and ``pix_from_camera``."""
+    euler = torch.tensor([[0.0, 0.0, 0.0], [0.3, -0.1, 1.2], [-0.2, 0.4, -2.0]]).double()
+    world_from_body = rigid(rotation_from_euler(*euler.T), torch.tensor([[1.0, 2.0, 30.0]] * 3))
+    mount = front_mount((0.1, 0.0, -0.05), pitch_rad=0.2)
+    pix_from_camera = pinhole(WIDTH, HEIGHT, 1.2).expand(3, 3, 3)
+    return chain(world_from_body.double(), mount.expand(3, 4, 4)), pix_from_camera
+
+
+def test_camera_rays_are_unit_and_start_at_the_camera(cameras):
+    origin_m, directions = F.camera_rays(*cameras, (WIDTH, HEIGHT), rays=(7, 5))
+    assert origin_m.shape == (3, 3)
+    assert directions.shape == (3, 35, 3)
+    torch.testing.assert_close(directions.norm(dim=-1), torch.ones(3, 35, dtype=torch.float64))
+    torch.testing.assert_close(origin_m, inverse(cameras[0])[:, :3, 3])
+
+
+def test_the_central_ray_runs_along_the_axis_of_the_camera(cameras):
+    _, directions = F.camera_rays(*cameras, (WIDTH, HEIGHT), rays=(7, 5))
+    axis = inverse(cameras[0])[:, :3, 2]
+    torch.testing.assert_close(directions[:, 17], axis)
+
+
+@pytest.mark.parametrize("depth_m", [0.5, 20.0])
+def test_rays_project_back_to_the_middles_of_their_parts_of_the_image(cameras, depth_m):
+    origin_m, directions = F.camera_rays(*cameras, (WIDTH, HEIGHT), rays=(8, 6))
+    pix, z_m = project(origin_m[:, None] + depth_m * directions, *cameras)
+    expected = [(10 * (n % 8) + 5.0, 8 * (n // 8) + 4.0) for n in range(48)]
+    expected = torch.tensor(expected, dtype=torch.float64).expand(3, 48, 2)
+    torch.testing.assert_close(pix, expected)
+    assert (z_m > 0).all()
+
+
+def test_as_many_rays_as_pixels_go_through_their_centres(cameras):
+    origin_m, directions = F.camera_rays(*cameras, (WIDTH, HEIGHT), rays=(WIDTH, HEIGHT))
+    pix, _ = project(origin_m[:, None] + directions, *cameras)
+    torch.testing.assert_close(pix[1, 0], torch.tensor([0.5, 0.5], dtype=torch.float64))
+    last = torch.tensor([WIDTH - 0.5, HEIGHT - 0.5], dtype=torch.float64)
+    torch.testing.assert_close(pix[1, -1], last)
+
+
+def test_a_level_camera_ahead_looks_along_x_and_its_upper_rows_up():
+    level = torch.eye(4, dtype=torch.float64)
+    assert torch.equal(occ_from_body(level), level)
+    camera = chain(level, front_mount((0.0, 0.0, 0.0)))[None]
+    pix_from_camera = pinhole(WIDTH, HEIGHT, 1.2)[None]
+    _, directions = F.camera_rays(camera, pix_from_camera, (WIDTH, HEIGHT), rays=(3, 3))
+    left, right, top, bottom = directions[0, [3, 5, 1, 7]]
+    torch.testing.assert_close(directions[0, 4], AHEAD[0, 0].double())
+    assert left[1] > 0 > right[1]
+    assert top[2] > 0 > bottom[2]
+
+
+# ------------------------------------------------------------------- input kinds and batches
+
+
+def test_logits_score_as_the_labels_of_their_maximum(grid, random_batch, random_rays):
+    _, target = sparse(random_batch(0))
+    logits = torch.randn(4, 9, *grid.shape, generator=torch.Generator().manual_seed(0))
+    by_logits = scores_of(grid, (logits, target, *random_rays(0)))
+    by_labels = scores_of(grid, (logits.argmax(1), target, *random_rays(0)))
+    assert by_logits == pytest.approx(by_labels, abs=0, nan_ok=True)
+
+
+@pytest.mark.parametrize("masked", [False, True])
+@pytest.mark.parametrize("dtype", [torch.int8, torch.int64, torch.uint16])
+def test_labels_of_any_integer_dtype(grid, random_batch, random_rays, dtype, masked):
+    preds, target = sparse(random_batch(0))
+    target[target == 255] = FREE
+    mask = (target != BUILDING,) if masked else ()
+    expected = scores_of(grid, (preds, target, *random_rays(0), *mask))
+    found = scores_of(grid, (preds.to(dtype), target.to(dtype), *random_rays(0), *mask))
+    assert found == pytest.approx(expected, abs=0, nan_ok=True)
+
+
+def test_another_label_may_mean_unknown_and_a_mask_still_works(grid, random_batch, random_rays):
+    preds, target = sparse(random_batch(0))
+    target[target == 255] = FREE
+    batch = (preds, target, *random_rays(0), target != BUILDING)
+    expected = scores_of(grid, batch)
+    assert scores_of(grid, batch, ignore_index=-100) == pytest.approx(expected, nan_ok=True)
+
+
+@pytest.mark.parametrize("size", [1, 2, 5])
+def test_any_split_into_batches_gives_the_same_bits(grid, random_batch, random_rays, size):
+    batch = (*sparse(random_batch(0, frames=7)), *random_rays(0, frames=7))
+    at_once, in_parts = RayIoU(grid), RayIoU(grid)
+    at_once.update(*batch)
+    for split in reversed(list(zip(*(tensor.split(size) for tensor in batch)))):
+        in_parts.update(*split)
+    assert same(state(at_once), state(in_parts))
+    assert at_once.hits.any()
+
+
+@pytest.mark.parametrize("how", ["no frames", "no rays"])
+def test_a_batch_without_a_ray_changes_nothing(grid, random_batch, random_rays, how):
+    preds, target = sparse(random_batch(0))
+    origin_m, directions = random_rays(0)
+    rays = RayIoU(grid)
+    rays.update(preds, target, origin_m, directions)
+    before = state(rays)
+    if how == "no frames":
+        rays.update(preds[:0], target[:0], origin_m[:0], directions[:0])
+    else:
+        rays.update(preds, target, origin_m, directions[:, :0])
+    assert same(state(rays), before)
+
+
+# -------------------------------------------------------------------------------------- errors
+
+
+BAD_BATCHES = {
+    "target id 9": ("target:", lambda p, t, o, d: (p, t.fill_(9), o, d)),
+    "preds id 9": ("preds:", lambda p, t, o, d: (p.fill_(9), t, o, d)),
+    "preds of another batch": ("preds:", lambda p, t, o, d: (p[:2], t, o, d)),
+    "logits with NaN": (
+        "preds:",
+        lambda p, t, o, d: (torch.full((4, 9, 6, 5, 3), torch.nan), t, o, d),
+    ),
+    "target of another grid": ("target:", lambda p, t, o, d: (p[:, :5], t[:, :5], o, d)),
+    "mask of bytes": ("mask:", lambda p, t, o, d: (p, t, o, d, t)),
+    "origins of another batch": ("rays:", lambda p, t, o, d: (p, t, o[:3], d)),
+    "directions of another batch": ("rays:", lambda p, t, o, d: (p, t, o, d[:3])),
+    "one direction a frame": ("rays:", lambda p, t, o, d: (p, t, o, d[:, 0])),
+    "directions in the plane": ("rays:", lambda p, t, o, d: (p, t, o, d[..., :2])),
+    "no direction": ("rays:", lambda p, t, o, d: (p, t, o, 0 * d)),
+    "long directions": ("rays:", lambda p, t, o, d: (p, t, o, 1.001 * d)),
+    "origin NaN": ("rays:", lambda p, t, o, d: (p, t, o.fill_(torch.nan), d)),
+    "direction infinite": ("rays:", lambda p, t, o, d: (p, t, o, d.fill_(torch.inf))),
+}
+
+
+@pytest.mark.parametrize("call", ["update", "forward"])
+@pytest.mark.parametrize("what", BAD_BATCHES)
+def test_a_bad_batch_is_one_clear_error_and_leaves_the_state(
+    grid, random_batch, random_rays, call, what
+):
+    names, spoil = BAD_BATCHES[what]
+    rays = RayIoU(grid)
+    rays.update(*sparse(random_batch(0)), *random_rays(0))
+    before = state(rays)
+    with pytest.raises(UserError, match=f"^{names}"):
+        getattr(rays, call)(*spoil(*random_batch(1)[:2], *random_rays(1)))
+    assert same(state(rays), before)
+    assert rays.update_count == 1
+
+
+@pytest.mark.parametrize("thresholds_m", [(), (0.0,), (1.0, -2.0)])
+def test_thresholds_that_make_no_sense_are_refused_by_name(grid, thresholds_m):
+    with pytest.raises(UserError, match=r"^thresholds_m:"):
+        RayIoU(grid, thresholds_m=thresholds_m)
+
+
+def test_a_threshold_that_is_not_a_number_is_refused_by_name(grid):
+    with pytest.raises(UserError, match=r"^thresholds_m:"):
+        RayIoU(grid, thresholds_m=(math.nan, 1.0))
+
+
+@pytest.mark.parametrize(
+    "labels", [{"num_classes": 16}, {"num_classes": 1}, {"free_index": 9}, {"ignore_index": 3}]
+)
+def test_labels_that_make_no_sense_are_refused_by_name(grid, labels):
+    with pytest.raises(UserError, match=f"^{next(iter(labels))}:"):
+        RayIoU(grid, **labels)

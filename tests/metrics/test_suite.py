@@ -1,0 +1,132 @@
+"""All metrics together, by clip, and the tally that keeps them on disk."""
+
+import numpy as np
+import pytest
+import torch
+
+from src.errors import UserError
+from src.metrics import KARMeanIoU, OccupancyScores
+from src.metrics.protocol import SUPERVISED, Protocol
+from src.metrics.suite import ScoreSuite, intervals_of
+from src.metrics.tally import Tally
+
+CLIPS = ["town/clip00", "town/clip01", "town/clip02"]
+METRIC = {
+    **{"_target_": "of Hydra", "num_classes": 9, "free_index": 8, "ignore_index": 255},
+    **{"horizon_s": 5.0, "decay_per_s": 0.5, "penalty_scale": 2.0, "min_speed_mps": 5.0},
+}
+SUITE = {
+    **{"ttc_edges_s": [1.0, 5.0], "distance_edges_m": [5.0, 10.0]},
+    **{"tube_radius_m": 3.0, "tube_s": 2.0, "thin_tolerance": 1, "calibration_bins": 5},
+    **{"ray_thresholds_m": [1.0, 4.0], "rays": [6, 4], "sensitivity": {"horizon_s": [2.5, 5.0]}},
+    **{"resamples": 50, "level": 0.9, "seed": 0},
+}
+
+
+def truth_of(target, velocity, clips):
+    level = torch.tensor([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+    lens = torch.tensor([[32.0, 0, 32], [0, 32, 16], [0, 0, 1]])
+    return {
+        "clip": clips,
+        "semantics": target,
+        "velocity_mps": velocity,
+        "visible": target < 4,
+        "camera_from_occ": level.expand(len(target), 4, 4),
+        "pix_from_camera": lens.expand(len(target), 3, 3),
+        "size_pix": (64, 32),
+    }
+
+
+@pytest.fixture
+def scored(grid, random_batch):
+    suite = ScoreSuite(grid, CLIPS, METRIC, SUITE)
+    for seed, clip in enumerate(CLIPS[:2]):
+        preds, target, velocity = random_batch(seed)
+        logits = torch.nn.functional.one_hot(preds.long(), 9).movedim(-1, 1).float()
+        suite.update(logits, truth_of(target, velocity, [clip] * len(target)))
+    return suite
+
+
+@pytest.fixture
+def tally(scored, grid):
+    protocol = Protocol.of("mini-0", "test", 8, grid, SUPERVISED, METRIC, SUITE)
+    return Tally("mine", protocol, CLIPS, [4, 4, 0], scored.tables())
+
+
+def test_every_metric_has_counted(scored):
+    names = ["occupancy", "breakdown", "safety", "rays", "calibration", "sensitivity"]
+    assert list(scored.tables()) == names
+    assert all(not t[2].any() for tables in scored.tables().values() for t in tables.values())
+
+
+def test_scores_of_a_clip_are_those_of_its_frames(scored, grid, random_batch):
+    alone = OccupancyScores(grid)
+    alone.update(*random_batch(1))
+    expected = {name: float(value) for name, value in alone.compute().items()}
+    found = scored.scores(lambda clip: clip == CLIPS[1])
+    assert {name: found[name] for name in expected} == expected
+    assert found["all/kar_miou"] == expected["kar_miou"]
+
+
+def test_names_of_scores_do_not_collide(scored):
+    names = [
+        name for metric in scored.by_clip.values() for name in metric.metric.scores(metric.tables())
+    ]
+    assert len(names) == len(set(names))
+
+
+def test_labels_without_logits_or_cameras_leave_these_scores_out(grid, random_batch):
+    suite = ScoreSuite(grid, CLIPS, METRIC, SUITE)
+    preds, target, velocity = random_batch(0)
+    truth = truth_of(target, velocity, CLIPS[:1] * 4)
+    suite.update(preds, {key: truth[key] for key in ("clip", "semantics", "velocity_mps")})
+    assert list(suite.tables()) == ["occupancy", "breakdown", "safety", "sensitivity"]
+    assert "nll" not in suite.scores()
+
+
+def test_logits_beside_labels_serve_the_calibration_alone(grid, random_batch):
+    suite = ScoreSuite(grid, CLIPS, METRIC, SUITE)
+    preds, target, velocity = random_batch(0)
+    logits = torch.zeros(4, 9, *grid.shape)
+    suite.update(preds, truth_of(target, velocity, CLIPS[:1] * 4), logits)
+    alone = KARMeanIoU(grid)
+    alone.update(preds, target, velocity)
+    assert suite.scores()["kar_miou"] == float(alone.compute())
+    assert suite.scores()["nll"] == pytest.approx(np.log(9), abs=1e-5)
+
+
+def test_a_tally_reads_back_and_scores_the_same(tally, scored, tmp_path):
+    tally.write(tmp_path / "tallies" / "mine.npz")
+    again = Tally.read(tmp_path / "tallies" / "mine.npz")
+    assert (again.name, again.clips, again.frames) == (tally.name, tally.clips, tally.frames)
+    assert again.protocol.difference(tally.protocol) is None
+    for metric, tables in tally.tables.items():
+        for name, table in tables.items():
+            assert torch.equal(again.tables[metric][name], table)
+    rows = again.rows()
+    assert rows == [0, 1]
+    intervals = intervals_of(again.suite(), again.tables, rows, 50, seed=0, level=0.9)
+    for name, score in scored.scores().items():
+        assert intervals[name].value == pytest.approx(score, abs=1e-6, nan_ok=True)
+        if not np.isnan(score):
+            assert intervals[name].low - 1e-9 <= intervals[name].value
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all"])
+def test_a_broken_tally_is_one_clear_error(tmp_path, content):
+    path = tmp_path / "mine.npz"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match="cannot be read") as error:
+        Tally.read(path)
+    assert str(path) in str(error.value)
+
+
+def test_a_missing_tally_says_what_to_do(tmp_path):
+    with pytest.raises(UserError, match="no such file; finish the run or run task=score"):
+        Tally.read(tmp_path / "mine.npz")
+
+
+def test_an_archive_of_something_else_is_refused(tmp_path):
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(UserError, match="cannot be read"):
+        Tally.read(tmp_path / "other.npz")
