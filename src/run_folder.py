@@ -19,6 +19,7 @@ SESSIONS = "sessions"
 VERSION = ".version"
 NOT_SHAPING = (
     *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
+    *("predictions", "dataset", "layout"),
     *("data.workers", "sim.workers", "sim.shards", "sim.shard", "sim.dry_run"),
 )
 """Keys that say where, how fast and what to do, not how the model is trained."""

@@ -1,4 +1,4 @@
-"""Executes `docs/conventions.md`: its rules are asserts, and a broken one names its line."""
+"""Executes the pages under `docs/`: their rules are asserts, and a broken one names its line."""
 
 import re
 import traceback
@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-PAGE = Path(__file__).parents[1] / "docs" / "conventions.md"
+DOCS = Path(__file__).parents[1] / "docs"
+PAGE = DOCS / "conventions.md"
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -29,8 +30,9 @@ def run_blocks(page: str, name: str) -> None:
             raise AssertionError(f"{name}:{line}: {source}: {error!r}") from error
 
 
-def test_every_rule_of_the_page_holds() -> None:
-    run_blocks(PAGE.read_text(encoding="utf-8"), "docs/conventions.md")
+@pytest.mark.parametrize("name", ["conventions.md", "metrics.md"])
+def test_every_rule_of_the_page_holds(name: str) -> None:
+    run_blocks((DOCS / name).read_text(encoding="utf-8"), f"docs/{name}")
 
 
 def test_every_section_carries_an_assert() -> None:

@@ -24,6 +24,8 @@ from src.tasks import evaluate
 from src.tasks.dataset import data_of
 from src.tasks.fit import fit
 from src.tasks.model import module_of, prior_of
+from src.tasks.predict import predict
+from src.tasks.score import score as score_predictions
 from src.tasks.test import test as score
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
@@ -125,7 +127,8 @@ def test_a_run_leaves_its_folder_complete(finished):
         *("config.yaml", ".version", "class_weights.json", "metrics.csv", "results.csv"),
         *("checkpoints/best.ckpt", "checkpoints/last.ckpt"),
         *("figures/curves.png", "figures/qualitative.png"),
-        "sessions/version_0/metrics.csv",
+        *("scores.csv", "sessions/version_0/metrics.csv"),
+        *(f"tallies/{name}.npz" for name in ("skyocc", "all_free", "voxel_prior")),
     }
     assert yaml.safe_load((folder / "config.yaml").read_text())["name"] == "skyocc"
     assert set(yaml.safe_load((folder / "class_weights.json").read_text())) == set(CLASSES)
@@ -148,7 +151,9 @@ def test_results_hold_every_score_of_the_model_and_the_anchors_on_every_part(fin
     assert free["iou/free"] > 0.3
     protocol = yaml.safe_load(table["protocol"].iloc[0])
     assert protocol["grid"]["shape"] == [25, 25, 15]
-    assert protocol["horizon_s"] == 5.0
+    assert protocol["metric"]["horizon_s"] == 5.0
+    assert protocol["dataset"] == table["dataset"].iloc[0]
+    assert protocol["frames"] == 30 + 2  # a held-out clip, and the last second of the other
 
 
 def test_metrics_have_a_row_an_epoch_of_training_and_validation(finished):
@@ -248,6 +253,38 @@ def test_scoring_a_checkpoint_repeats_the_run_s_own_scores(finished):
     again, first = (read_results(path / "results.csv") for path in (folder / "test", folder))
     columns = ["experiment", "split", *SCORES, "dataset", "code_version"]
     pd.testing.assert_frame_equal(again[columns], first[columns])
+
+
+def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path):
+    folder, words = finished
+    words = [*words, f"predictions={tmp_path}/mine"]
+    predict(compose_config(*words, "task=predict", "ckpt_path=best"), "test", logits=True)
+    score_predictions(compose_config(*words, "task=score"), "test", False, None)
+    again = read_results(tmp_path / "mine/scores/results.csv")
+    first = read_results(folder / "results.csv")
+    first = first[first["experiment"] == "skyocc"].reset_index(drop=True)
+    columns = ["experiment", "scale", "seed", "split", *SCORES, "protocol", "parameters"]
+    columns += ["code_version", "dataset"]
+    pd.testing.assert_frame_equal(
+        again[columns].sort_values("split", ignore_index=True),
+        first[columns].sort_values("split", ignore_index=True),
+    )
+    whole, kept = (
+        pd.read_csv(path / "scores.csv").query("experiment == 'skyocc'").set_index("score")
+        for path in (tmp_path / "mine/scores", folder)
+    )
+    # The class scores were rounded to half precision, and nothing else.
+    pd.testing.assert_frame_equal(whole, kept, atol=2e-3, rtol=0)
+    exact = ~kept.index.str.startswith(("ece", "nll"))
+    pd.testing.assert_frame_equal(whole[exact], kept[exact], atol=1e-6, rtol=0)
+
+
+def test_predictions_need_a_checkpoint_and_a_part_that_there_is(finished):
+    cfg = compose_config(*finished[1], "task=predict")
+    with pytest.raises(UserError, match=r"^ckpt_path: task=predict needs a checkpoint"):
+        predict(cfg, "test", logits=False)
+    with pytest.raises(UserError, match=r"^task.part: 'tests'; there are test, val, train"):
+        predict(cfg, "tests", logits=False)
 
 
 def test_a_checkpoint_is_not_scored_as_another_rung(finished):

@@ -81,10 +81,14 @@ class SkyShieldData(LightningDataModule):
         return self._loader(dataset, sampler=sampler, drop_last=len(dataset) >= self.batch_size)
 
     def val_dataloader(self) -> DataLoader:
-        return self._loader(self.dataset("val"))
+        return self.in_order("val")
 
     def test_dataloader(self) -> DataLoader:
-        return self._loader(self.dataset("test"))
+        return self.in_order("test")
+
+    def in_order(self, part: str) -> DataLoader:
+        """Every frame of a part once, clip by clip."""
+        return self._loader(self.dataset(part))
 
     def labels(self, part: str) -> Iterator[tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"]]]:
         """Labels and world velocity in m/s of every frame of a part, without its images."""

@@ -10,14 +10,14 @@ from torch.optim import AdamW
 from torch.optim.lr_scheduler import LambdaLR, LRScheduler
 from torchmetrics import Metric
 
+from ..data.truth import truth_of
 from ..errors import UserError
 
 
 class OccupancyModule(LightningModule):
     """Trains a network that maps a batch to occupancy logits, and scores it.
 
-    ``test_parts`` names the parts of the test split and says which clips belong to each; the test
-    scores are kept for the whole split and for each part. Raises `UserError` when a loss is not
+    ``test_suite`` counts what is predicted on the test split. Raises `UserError` when a loss is not
     finite: in training before the weights are touched, in validation before they are saved.
     """
 
@@ -27,15 +27,14 @@ class OccupancyModule(LightningModule):
         loss: nn.Module,
         make_scores: Callable[[], Metric],
         optimizer: Mapping[str, float],
-        test_parts: Mapping[str, Callable[[str], bool]],
+        test_suite: nn.Module,
     ) -> None:
         super().__init__()
         self.network = network
         self.loss = loss
         self.val_scores = make_scores()
-        self.test_scores = nn.ModuleDict({part: make_scores() for part in test_parts})
+        self.test_suite = test_suite
         self.optimizer_config = dict(optimizer)
-        self.test_parts = dict(test_parts)
 
     def forward(self, batch: Mapping[str, Tensor]) -> Tensor:
         return self.network(batch)
@@ -61,13 +60,7 @@ class OccupancyModule(LightningModule):
         self.log("val/kar", scores["kar_miou"], prog_bar=True, logger=False)
 
     def test_step(self, batch: Mapping[str, Tensor], batch_index: int) -> None:
-        prediction = self(batch).argmax(dim=1)
-        for part, belongs in self.test_parts.items():
-            mine = [index for index, clip in enumerate(batch["clip"]) if belongs(clip)]
-            if mine:
-                self.test_scores[part].update(
-                    prediction[mine], batch["semantics"][mine], batch["velocity_mps"][mine]
-                )
+        self.test_suite.update(self(batch), truth_of(batch))
 
     def configure_optimizers(self) -> dict:
         """AdamW, a short linear warm-up, then the cosine to zero (App. A.5)."""

@@ -1,23 +1,24 @@
 """Scores a trained model and the two anchors on the test split, and draws what it sees."""
 
-import dataclasses
+import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 import lightning
 import numpy as np
 import torch
-from hydra.utils import instantiate
 from jaxtyping import UInt8
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 from rich.console import Console
+from rich.progress import track
 from torch import Tensor
 from torch.utils.data import default_collate
-from torchmetrics import Metric
 
 from ..data.datamodule import SkyShieldData
+from ..data.truth import truth_at
 from ..geometry import camera_from_occ
+from ..metrics.suite import ScoreSuite
 from ..models.module import OccupancyModule
 from ..models.prior import VoxelPrior
 from ..ontology import FREE
@@ -25,8 +26,10 @@ from ..provenance import git_commit
 from ..report.curves import draw_curves
 from ..report.qualitative import Example, pick_frames, qualitative_sheet
 from ..report.results import print_results, read_results, write_results
+from ..report.scores import result_rows, write_scores
 from ..report.view import Frustum
 from ..run_folder import RunFolder
+from .scoring import parts_of, protocol_of, suite_of, tally_of
 
 SHOWN_FRAMES = 5
 
@@ -39,21 +42,38 @@ def evaluate(
     data: SkyShieldData,
     prior: VoxelPrior,
 ) -> None:
-    """Writes ``results.csv`` and the figures, and prints the table.
+    """Writes ``results.csv``, ``scores.csv``, the tallies and the figures, and prints the table.
 
     The results come last: a folder with ``results.csv`` is complete.
     """
-    facts = _facts(cfg, folder, data)
-    parameters = sum(p.numel() for p in module.network.parameters())
+    protocol, samples = protocol_of(cfg, data), data.split["test"]
     start_s = time.perf_counter()
     trainer.test(module, datamodule=data, verbose=False)
-    seconds = time.perf_counter() - start_s
-    rows = _rows(facts, cfg.name, module.test_scores, seconds, parameters)
+    seconds = [time.perf_counter() - start_s]
+    tallies = [tally_of(cfg.name, protocol, module.test_suite, samples)]
     anchors = {"all_free": torch.full_like(prior.labels(), FREE), "voxel_prior": prior.labels()}
     for name, prediction in anchors.items():
         start_s = time.perf_counter()
-        scored = anchor_scores(prediction, data, module.test_parts, instantiate(cfg.metric))
-        rows += _rows(facts, name, scored, time.perf_counter() - start_s, parameters=0)
+        suite = anchor_scores(name, prediction, data, suite_of(cfg, data))
+        tallies.append(tally_of(name, protocol, suite, samples))
+        seconds.append(time.perf_counter() - start_s)
+    parts = parts_of(cfg.data.test_clips)
+    facts = {
+        "scale": cfg.scale_name,
+        "seed": cfg.seed,
+        "code_version": folder.version,
+        "git_commit": git_commit(),
+        "dataset": data.root.name,
+    }
+    parameters = [sum(p.numel() for p in module.network.parameters()), 0, 0]
+    rows = [
+        row
+        for tally, spent_s, count in zip(tallies, seconds, parameters)
+        for row in result_rows(
+            tally, parts, {**facts, "seconds": round(spent_s, 1), "parameters": count}
+        )
+    ]
+    write_scores(folder.path, tallies, parts)
     draw_sheet(module, data, folder.figures / "qualitative.png", f"{cfg.name}, {cfg.scale_name}")
     if folder.metrics.is_file():
         draw_curves(folder.metrics, folder.figures / "curves.png")
@@ -63,64 +83,14 @@ def evaluate(
 
 
 def anchor_scores(
-    prediction: UInt8[Tensor, "X Y Z"],
-    data: SkyShieldData,
-    parts: dict[str, Callable[[str], bool]],
-    make_scores: Callable[..., Metric],
-) -> dict[str, Metric]:
-    """Scores of one fixed prediction on every part of the test split."""
-    scores = {part: make_scores(data.grid) for part in parts}
-    frames = zip(data.split["test"], data.labels("test"))
-    for (clip, _), (semantics, velocity) in frames:
-        for part, belongs in parts.items():
-            if belongs(clip):
-                scores[part].update(prediction[None], semantics[None], velocity[None].float())
-    return scores
-
-
-def _facts(cfg: DictConfig, folder: RunFolder, data: SkyShieldData) -> dict:
-    """What every row of ``results.csv`` shares."""
-    return {
-        "scale": cfg.scale_name,
-        "seed": cfg.seed,
-        "protocol": protocol_of(cfg, data),
-        "code_version": folder.version,
-        "git_commit": git_commit(),
-        "dataset": data.root.name,
-    }
-
-
-def _rows(
-    facts: dict, experiment: str, parts: Mapping[str, Metric], seconds: float, parameters: int
-) -> list[dict]:
-    """A row of ``results.csv`` for each part that has a frame; the seconds are of all together."""
-    return [
-        {
-            **facts,
-            "experiment": experiment,
-            "split": part,
-            **{name: float(value) for name, value in scores.compute().items()},
-            "seconds": round(seconds, 1),
-            "parameters": parameters,
-        }
-        for part, scores in parts.items()
-        if scores.update_called
-    ]
-
-
-def protocol_of(cfg: DictConfig, data: SkyShieldData) -> dict:
-    """What was counted and how: without it a score of this field means little."""
-    metric = OmegaConf.to_container(cfg.metric, resolve=True)
-    return {
-        "mask": "every supervised voxel",
-        "miou": "9 classes, free in",
-        "miou_occupied": "8 classes, free out",
-        "kar_miou": "8 classes, free out",
-        "absent_class": "left out of the mean",
-        "accumulation": "counts over the data set",
-        "grid": dataclasses.asdict(data.grid),
-        **{key: value for key, value in metric.items() if not key.startswith("_")},
-    }
+    name: str, prediction: UInt8[Tensor, "X Y Z"], data: SkyShieldData, suite: ScoreSuite
+) -> ScoreSuite:
+    """Counts one fixed prediction on every frame of the test split."""
+    quiet = not sys.stdout.isatty()
+    samples = data.split["test"]
+    for clip, frame in track(samples, f"scoring {name}", transient=True, disable=quiet):
+        suite.update(prediction[None], truth_at(data.clips[clip], frame))
+    return suite
 
 
 @torch.no_grad()

@@ -13,6 +13,7 @@ from ..errors import UserError
 from ..models.module import OccupancyModule
 from ..models.prior import VoxelPrior
 from ..ontology import FREE, NUM_CLASSES
+from .scoring import suite_of
 
 
 def prior_of(cfg: DictConfig, data: SkyShieldData) -> VoxelPrior:
@@ -33,17 +34,12 @@ def module_of(cfg: DictConfig, data: SkyShieldData, prior: VoxelPrior) -> Occupa
     loss = instantiate(cfg.loss)
     rule = loss.keywords["class_weights"]
     scores = instantiate(cfg.metric)
-    held_out = frozenset(cfg.data.test_clips)
     return OccupancyModule(
         network,
         loss(class_weights=None if rule is None else rule(counts)),
         lambda: scores(data.grid),
         cfg.optimizer,
-        {
-            "test": lambda clip: True,
-            "test_unseen_clips": lambda clip: clip in held_out,
-            "test_seen_clips": lambda clip: clip not in held_out,
-        },
+        suite_of(cfg, data),
     )
 
 

@@ -1,0 +1,101 @@
+"""Labels in Occ3D's layout: one ``labels.npz`` a frame, with ``semantics`` and two masks.
+
+Occ3D stores neither our classes nor its grid nor how fast the vehicle was; all three must be
+stated.
+"""
+
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+from torch import Tensor
+
+from ..errors import UserError
+from ..geometry import VoxelGrid
+from ..ontology import CLASSES, UNKNOWN
+from .predictions import Inventory
+
+LABELS = "labels.npz"
+MASKS = ("mask_camera", "mask_lidar")
+Sample = tuple[str, str]
+
+
+class Occ3DFolder:
+    """Frames ``<scene>/<token>/labels.npz`` as labels of our classes.
+
+    Args:
+        root: the folder, such as Occ3D's ``gts``.
+        class_map: our class, by name, of every one of theirs, in the order of their ids.
+        grid: where the voxels lie, relative to the vehicle.
+
+    Raises `UserError` for a folder without frames, and for a class that is none of ours.
+    """
+
+    def __init__(self, root: Path, class_map: Sequence[str], grid: VoxelGrid) -> None:
+        self.root, self.grid = Path(root), grid
+        if strange := [name for name in class_map if name not in (*CLASSES, "unknown")]:
+            raise UserError(
+                f"layout.class_map: {strange[0]!r} is no class; there are {', '.join(CLASSES)}, "
+                "and unknown"
+            )
+        ids = [UNKNOWN if name == "unknown" else CLASSES.index(name) for name in class_map]
+        self._map = np.full(256, UNKNOWN, dtype=np.uint8)
+        self._map[: len(ids)] = ids
+        self._known = len(ids)
+        paths = sorted(self.root.rglob(LABELS)) if self.root.is_dir() else []
+        self.samples: list[Sample] = [
+            (path.parent.parent.relative_to(self.root).as_posix(), path.parent.name)
+            for path in paths
+        ]
+        if not self.samples:
+            raise UserError(f"{self.root}: holds no <scene>/<token>/{LABELS}")
+
+    @property
+    def name(self) -> str:
+        return self.root.name
+
+    def labels(self, scene: str, token: str) -> UInt8[Tensor, "X Y Z"]:
+        """A frame in our classes. Raises `UserError` for a file that cannot be read or does not
+        fit the grid or the class map."""
+        theirs = self._read(scene, token, "semantics")
+        path = self.root / scene / token / LABELS
+        if theirs.shape != self.grid.shape:
+            raise UserError(
+                f"{path}: semantics are {list(theirs.shape)}, and the grid is "
+                f"{list(self.grid.shape)}; state layout.grid as it is"
+            )
+        if theirs.min() < 0 or (theirs.max() >= self._known and theirs.max() != UNKNOWN):
+            raise UserError(
+                f"{path}: class {theirs.max()} is not in layout.class_map, which has {self._known}"
+            )
+        return torch.from_numpy(self._map[theirs.astype(np.uint8)])
+
+    def mask(self, scene: str, token: str, name: str) -> Tensor:
+        """``mask_camera`` or ``mask_lidar`` as bool [X, Y, Z]."""
+        return torch.from_numpy(self._read(scene, token, name).astype(bool))
+
+    def inventory(self, samples: Sequence[Sample]) -> Inventory:
+        """Compares what is there with the frames that are asked for, and opens every array."""
+        found, wanted, there = Inventory(), set(samples), set(self.samples)
+        found.missing += ["/".join(sample) for sample in sorted(wanted - there)]
+        found.extra += ["/".join(sample) for sample in sorted(there - wanted)]
+        found.corrupt += ["/".join(one) for one in sorted(wanted & there) if not self.has(*one)]
+        return found
+
+    def has(self, scene: str, token: str) -> bool:
+        """Whether a frame is there and can be scored."""
+        try:
+            return bool((self.labels(scene, token) != UNKNOWN).all())
+        except UserError:
+            return False
+
+    def _read(self, scene: str, token: str, name: str) -> np.ndarray:
+        path = self.root / scene / token / LABELS
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                return archive[name]
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise UserError(f"{path}: {name} cannot be read ({error})") from error

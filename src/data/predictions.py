@@ -1,0 +1,191 @@
+"""Predicted labels on disk: ``<clip>/occupancy.npz`` with a ``semantics_<frame>`` for each frame.
+
+The layout is that of a data set's own labels. Class scores may lie beside them, in ``logits.npz``
+as ``logits_<frame>``, floats [C, X, Y, Z]. ``predictions.json`` says whose they are.
+"""
+
+import json
+import os
+import shutil
+import zipfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from ..errors import UserError
+from ..ontology import NUM_CLASSES
+
+FACTS = "predictions.json"
+LABELS, LOGITS = "occupancy.npz", "logits.npz"
+SHOWN = 3
+Sample = tuple[str, int]
+
+
+class PredictionWriter:
+    """Writes predictions under a temporary name, renamed when all are there.
+
+    Frames must come clip by clip. Use it as a context manager; leaving it by an exception removes
+    what was written. Raises `UserError` where the folder exists already.
+    """
+
+    def __init__(self, folder: Path, facts: dict) -> None:
+        self.folder, self.facts = Path(folder), facts
+        self._part = self.folder.with_name(f".{self.folder.name}.part")
+        if self.folder.exists():
+            raise UserError(f"{self.folder}: is there already; delete it, or choose another folder")
+
+    def __enter__(self) -> "PredictionWriter":
+        shutil.rmtree(self._part, ignore_errors=True)
+        self._part.mkdir(parents=True)
+        self._clip, self._labels, self._logits = None, {}, {}
+        return self
+
+    def add(
+        self,
+        clip: str,
+        frame: int,
+        labels: UInt8[Tensor, "X Y Z"],
+        logits: Float[Tensor, "c X Y Z"] | None = None,
+    ) -> None:
+        """Keep one frame; ``logits`` are stored with half precision."""
+        if clip != self._clip:
+            self._flush()
+            self._clip = clip
+        self._labels[f"semantics_{frame:06d}"] = labels.cpu().numpy().astype(np.uint8)
+        if logits is not None:
+            self._logits[f"logits_{frame:06d}"] = logits.cpu().numpy().astype(np.float16)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if kind is None:
+                self._flush()
+                (self._part / FACTS).write_text(json.dumps(self.facts, indent=1) + "\n")
+                os.rename(self._part, self.folder)
+        finally:
+            shutil.rmtree(self._part, ignore_errors=True)
+
+    def _flush(self) -> None:
+        for name, arrays in ((LABELS, self._labels), (LOGITS, self._logits)):
+            if arrays:
+                path = self._part / self._clip / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                np.savez_compressed(path, **arrays)
+        self._labels, self._logits = {}, {}
+
+
+@dataclass
+class Inventory:
+    """What is wrong with a folder of predictions, by frame."""
+
+    missing: list[str] = field(default_factory=list)
+    extra: list[str] = field(default_factory=list)
+    corrupt: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        kinds = {"missing": self.missing, "extra": self.extra, "corrupt": self.corrupt}
+        return "; ".join(
+            f"{len(frames)} {kind}: {', '.join(frames[:SHOWN])}{', ...' * (len(frames) > SHOWN)}"
+            for kind, frames in kinds.items()
+            if frames
+        )
+
+    @property
+    def sound(self) -> bool:
+        return not (self.missing or self.extra or self.corrupt)
+
+
+class Predictions:
+    """Reads a folder of predictions. Raises `UserError` where it is none."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+        if not self.folder.is_dir():
+            raise UserError(f"predictions: {self.folder} is no folder; task=predict writes one")
+        self._open: tuple[Path, np.lib.npyio.NpzFile] | None = None
+
+    @property
+    def facts(self) -> dict:
+        """What ``predictions.json`` says; nothing where there is none."""
+        try:
+            facts = json.loads((self.folder / FACTS).read_text())
+        except (OSError, ValueError):
+            return {}
+        return facts if isinstance(facts, dict) else {}
+
+    def labels(self, clip: str, frame: int) -> UInt8[Tensor, "X Y Z"]:
+        return torch.from_numpy(self._read(clip, LABELS, f"semantics_{frame:06d}"))
+
+    def logits(self, clip: str, frame: int) -> Float[Tensor, "c X Y Z"] | None:
+        """The class scores of a frame as float32, where they were written."""
+        if not (self.folder / clip / LOGITS).is_file():
+            return None
+        return torch.from_numpy(self._read(clip, LOGITS, f"logits_{frame:06d}").astype(np.float32))
+
+    def inventory(self, samples: Sequence[Sample], shape: tuple[int, int, int]) -> Inventory:
+        """Compares what is there with the frames that are asked for, and opens every array."""
+        found, inventory = Inventory(), self._names()
+        wanted = {(clip, f"semantics_{frame:06d}") for clip, frame in samples}
+        there = {(clip, name) for clip, names in inventory.items() for name in names or ()}
+        broken = {clip for clip, names in inventory.items() if names is None}
+        found.corrupt += [f"{clip}/{LABELS}" for clip in sorted(broken)]
+        gone = sorted(wanted - there)
+        found.missing += [f"{clip} {name}" for clip, name in gone if clip not in broken]
+        found.extra += [f"{clip} {name}" for clip, name in sorted(there - wanted)]
+        for clip, frame in samples:
+            if (clip, f"semantics_{frame:06d}") in there and not self._is_sound(clip, frame, shape):
+                found.corrupt.append(f"{clip} semantics_{frame:06d}")
+        return found
+
+    def has(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
+        """Whether a frame is there and can be scored."""
+        return (self.folder / clip / LABELS).is_file() and self._is_sound(clip, frame, shape)
+
+    def _names(self) -> dict[str, Iterable[str] | None]:
+        """The arrays of every clip; ``None`` for a file that cannot be opened."""
+        names: dict[str, Iterable[str] | None] = {}
+        for path in sorted(self.folder.rglob(LABELS)):
+            clip = path.parent.relative_to(self.folder).as_posix()
+            try:
+                with np.load(path, allow_pickle=False) as archive:
+                    names[clip] = tuple(archive.files)
+            except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+                names[clip] = None
+        return names
+
+    def _is_sound(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
+        try:
+            labels = self._read(clip, LABELS, f"semantics_{frame:06d}")
+        except UserError:
+            return False
+        whole = np.issubdtype(labels.dtype, np.integer) and labels.shape == shape
+        return whole and labels.min() >= 0 and labels.max() < NUM_CLASSES
+
+    def _read(self, clip: str, name: str, array: str) -> np.ndarray:
+        path = self.folder / clip / name
+        try:
+            if self._open is None or self._open[0] != path:
+                self._open = (path, np.load(path, allow_pickle=False))
+            return self._open[1][array]
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+            EOFError,
+            zipfile.BadZipFile,
+            zipfile.zlib.error,
+        ) as error:
+            self._open = None
+            raise UserError(
+                f"{path}: {array} cannot be read ({error}); predict it again"
+            ) from error

@@ -1,0 +1,71 @@
+"""The labels that predictions are scored against, frame by frame."""
+
+from pathlib import Path
+
+import torch
+
+from ..errors import UserError
+from ..geometry import VoxelGrid, camera_from_occ, inverse, world_from_occ
+from .batch import Batch
+from .clip import Clip
+from .dataset import velocity_world_mps
+from .manifest import read_manifest
+from .split import make_split
+
+PARTS = ("test", "val", "train")
+
+
+class SkyShieldTruth:
+    """The labels of one part of a finished data set, by the split that its manifest names.
+
+    Raises `UserError` for a folder that is none, and for a part that there is not.
+    """
+
+    def __init__(self, root: Path, part: str = "test") -> None:
+        if part not in PARTS:
+            raise UserError(f"task.part: {part!r}; there are {', '.join(PARTS)}")
+        self.root = Path(root)
+        manifest = read_manifest(self.root)
+        self.clips = {clip: Clip(self.root / clip) for clip in manifest["clips"]}
+        first = next(iter(self.clips.values()))
+        held_out = manifest["held_out"]
+        split = make_split(
+            list(self.clips), len(first), first.meta.capture_hz, held_out["val"], held_out["test"]
+        )
+        self.samples, self.unseen = split[part], frozenset(held_out["test"])
+        self.grid: VoxelGrid = first.meta.grid
+
+    @property
+    def name(self) -> str:
+        return self.root.name
+
+    def truth(self, clip_id: str, frame: int) -> dict:
+        """One frame as a batch of one."""
+        return truth_at(self.clips[clip_id], frame)
+
+
+def truth_at(clip: Clip, frame: int) -> dict:
+    """A frame's labels, velocity and camera as a batch of one; a `metrics.suite.Truth`."""
+    meta, pose = clip.meta, clip.world_from_body[frame]
+    velocity_mps = inverse(world_from_occ(pose))[:3, :3] @ velocity_world_mps(clip, frame)
+    return {
+        "clip": [clip.clip_id],
+        "semantics": torch.from_numpy(clip.semantics(frame))[None],
+        "visible": torch.from_numpy(clip.visible(frame))[None],
+        "velocity_mps": velocity_mps[None],
+        "camera_from_occ": camera_from_occ(pose, meta.body_from_camera)[None],
+        "pix_from_camera": meta.pix_from_camera[None],
+        "size_pix": (meta.width, meta.height),
+    }
+
+
+def truth_of(batch: Batch) -> dict:
+    """What a loader's batch holds of it, the current frame's."""
+    return {
+        **{key: batch[key] for key in ("clip", "semantics", "visible", "velocity_mps")},
+        "camera_from_occ": camera_from_occ(
+            batch["occ_from_body"][:, -1], batch["body_from_camera"]
+        ),
+        "pix_from_camera": batch["pix_from_camera"][:, -1],
+        "size_pix": (batch["image"].shape[-1], batch["image"].shape[-2]),
+    }

@@ -1,0 +1,86 @@
+"""How KAR-mIoU and the ranking of runs depend on its four parameters."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from ..atomic import replacing
+from ..errors import UserError
+from ..metrics.functional import Penalty
+from ..metrics.sensitivity import PARAMETERS
+from ..metrics.tally import Tally
+from .canvas import INK, MUTED
+
+SYMBOLS = dict(zip(PARAMETERS, ("$v_{min}$ (m/s)", "$T_h$ (s)", r"$\lambda$ (1/s)", r"$\gamma$")))
+CELL_INCHES, DPI = 0.62, 110
+PANELS_A_ROW = 2
+
+
+def sensitivity_table(tallies: Mapping[str, Tally]) -> pd.DataFrame:
+    """A row for each combination of parameters: KAR-mIoU of every run, and its rank among them."""
+    table, columns = pd.DataFrame(), {}
+    for name, tally in tallies.items():
+        if "sensitivity" not in tally.tables:
+            raise UserError(f"{name}: has no counts for other parameters; score it again")
+        metric = tally.suite().metric("sensitivity")
+        summed = {key: rows.sum(0) for key, rows in tally.tables["sensitivity"].items()}
+        columns[name] = [float(value) for value in metric.scores(summed).values()]
+        table = metric.settings
+    scores = pd.DataFrame(columns)
+    ranks = scores.rank(axis=1, ascending=False, method="min").astype("Int64")
+    return pd.concat([table, scores, ranks.add_prefix("rank ")], axis=1)
+
+
+def draw_sensitivity(table: pd.DataFrame, runs: Sequence[str], path: str | Path) -> None:
+    """Write a PNG: a heat map for every run, T_h and lambda down, v_min and gamma across.
+
+    Figures are KAR-mIoU in percent with the run's rank below; a frame marks the paper's
+    parameters. Raises `UserError` for a path that cannot be written.
+    """
+    down, across = ("horizon_s", "decay_per_s"), ("min_speed_mps", "penalty_scale")
+    size = [len(table[list(keys)].drop_duplicates()) for keys in (down, across)]
+    columns = min(len(runs), PANELS_A_ROW)
+    rows = -(-len(runs) // columns)
+    width = columns * (size[1] * CELL_INCHES + 0.5) + 1.6
+    height = rows * (size[0] * CELL_INCHES + 1.4) + 0.5
+    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for unused in panels[len(runs) :]:
+        unused.set_axis_off()
+    highest, lowest = table[list(runs)].to_numpy().max(), table[list(runs)].to_numpy().min()
+    for n, (axes, run) in enumerate(zip(panels, runs)):
+        cells, ranks = (
+            table.pivot(index=list(down), columns=list(across), values=column)
+            for column in (run, f"rank {run}")
+        )
+        axes.imshow(cells, cmap="YlGnBu", vmin=lowest, vmax=lowest + 1.5 * (highest - lowest))
+        for (row, column), value in np.ndenumerate(cells.to_numpy()):
+            rank = f"\n#{ranks.iat[row, column]}" if len(runs) > 1 else ""
+            label = f"{100 * value:.1f}{rank}"
+            axes.text(column, row, label, ha="center", va="center", fontsize=8, color=INK)
+        axes.set_xticks(range(size[1]), [f"{a:g}\n{b:g}" for a, b in cells.columns])
+        axes.set_yticks(range(size[0]), [f"{a:g}, {b:g}" for a, b in cells.index])
+        axes.tick_params(length=0, labelsize=9, colors=MUTED)
+        axes.set_xlabel(f"{SYMBOLS[across[0]]}, below it {SYMBOLS[across[1]]}", color=INK)
+        if n % columns == 0:
+            axes.set_ylabel(f"{SYMBOLS[down[0]]}, {SYMBOLS[down[1]]}", color=INK)
+        axes.set_title(run, loc="left", fontsize=11, fontweight="bold", color=INK)
+        axes.spines[:].set_visible(False)
+        _mark_paper(axes, cells)
+    figure.suptitle("KAR-mIoU (%) under other parameters; framed: the paper's", fontsize=11)
+    with replacing(path) as temporary:
+        FigureCanvasAgg(figure).print_png(temporary)
+
+
+def _mark_paper(axes: Axes, cells: pd.DataFrame) -> None:
+    paper = Penalty()
+    row, column = (paper.horizon_s, paper.decay_per_s), (paper.min_speed_mps, paper.penalty_scale)
+    if row in cells.index and column in cells.columns:
+        corner = (cells.columns.get_loc(column) - 0.5, cells.index.get_loc(row) - 0.5)
+        axes.add_patch(Rectangle(corner, 1, 1, fill=False, edgecolor="#d1495b", linewidth=2))

@@ -1,0 +1,71 @@
+"""task=predict: writes a checkpoint's labels of one part of the split, for task=score or others."""
+
+import sys
+from pathlib import Path
+
+import torch
+from omegaconf import DictConfig, OmegaConf
+from rich.console import Console
+from rich.progress import track
+from torch import Tensor
+
+from ..data.datamodule import SkyShieldData
+from ..data.predictions import PredictionWriter
+from ..data.truth import PARTS
+from ..errors import UserError
+from ..models.module import OccupancyModule
+from ..provenance import git_commit
+from ..run_folder import CONFIG, RunFolder, require_same_config
+from .dataset import data_of, ready_dataset
+from .fit import trainer_of
+from .model import load_weights, module_of, prior_of
+
+
+def predict(cfg: DictConfig, part: str, logits: bool) -> None:
+    """Writes ``predictions`` (null: ``predictions/<part>`` under the run) and prints where.
+
+    Raises `UserError` without a checkpoint, for one of another model, and where the folder exists.
+    """
+    if part not in PARTS:
+        raise UserError(f"task.part: {part!r}; there are {', '.join(PARTS)}")
+    if cfg.ckpt_path is None:
+        raise UserError("ckpt_path: task=predict needs a checkpoint; give best, last or a file")
+    run = RunFolder(Path(cfg.paths.run), OmegaConf.to_container(cfg, resolve=True))
+    checkpoint = run.checkpoint(cfg.ckpt_path)
+    if (checkpoint.parent.parent / CONFIG).is_file():
+        require_same_config(checkpoint, run.config, part="model")
+    data = data_of(cfg, ready_dataset(cfg))
+    module = module_of(cfg, data, prior_of(cfg, data))
+    load_weights(module, checkpoint)
+    folder = Path(cfg.predictions) if cfg.predictions else run.path / "predictions" / part
+    facts = {
+        "name": cfg.name,
+        "seed": cfg.seed,
+        "scale": cfg.scale_name,
+        "dataset": data.root.name,
+        "part": part,
+        "code_version": run.version,
+        "git_commit": git_commit(),
+        "parameters": sum(p.numel() for p in module.network.parameters()),
+    }
+    device = trainer_of(cfg).strategy.root_device
+    with PredictionWriter(folder, facts) as writer:
+        _write(writer, module.to(device).eval(), data, part, logits)
+    count = len(data.split[part])
+    Console().print(f"{folder}: {count} frames", highlight=False, soft_wrap=True)
+
+
+@torch.no_grad()
+def _write(
+    writer: PredictionWriter, module: OccupancyModule, data: SkyShieldData, part: str, logits: bool
+) -> None:
+    quiet = not sys.stdout.isatty()
+    for batch in track(data.in_order(part), f"predicting {part}", transient=True, disable=quiet):
+        on_device = {
+            key: value.to(module.device) if isinstance(value, Tensor) else value
+            for key, value in batch.items()
+        }
+        scores = module(on_device).float()
+        for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):
+            labels = scores[n].argmax(dim=0).to(torch.uint8)
+            writer.add(clip, int(frame), labels, scores[n] if logits else None)

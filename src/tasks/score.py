@@ -1,0 +1,194 @@
+"""task=score: scores a folder of predictions, anyone's, against the labels of a data set."""
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol as Interface
+
+import torch
+from omegaconf import DictConfig, OmegaConf
+from rich.console import Console
+from rich.progress import track
+from torch import Tensor
+
+from ..data.occ3d import MASKS, Occ3DFolder
+from ..data.predictions import Inventory, Predictions
+from ..data.truth import SkyShieldTruth
+from ..errors import UserError
+from ..geometry import VoxelGrid
+from ..metrics.protocol import SUPERVISED, VISIBLE, Protocol
+from ..metrics.suite import ScoreSuite
+from ..metrics.tally import Tally
+from ..provenance import code_version, git_commit
+from ..report.protocols import protocol_table
+from ..report.results import print_results, read_results, write_results
+from ..report.scores import result_rows, write_scores
+from ..run_folder import shaping
+from .dataset import root_of
+from .scoring import clips_of, parts_of, tally_of
+
+Sample = tuple[str, int] | tuple[str, str]
+
+
+class Pairing(Interface):
+    """Predictions, and what they are scored against."""
+
+    dataset: str
+    mask: str
+    grid: VoxelGrid
+    samples: Sequence[Sample]
+    unseen: frozenset[str]
+    facts: Mapping[str, object]
+
+    def inventory(self) -> Inventory: ...
+
+    def has(self, sample: Sample) -> bool: ...
+
+    def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
+        """Predicted labels, the truth, and logits if there are any, as batches of one."""
+        ...
+
+
+def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> None:
+    """Prints and writes all scores of ``predictions`` against ``dataset``.
+
+    Writes ``results.csv``, ``scores.csv``, ``protocols.csv``, ``breakdown.csv`` and the tally to
+    ``out`` (null: ``scores/`` under the predictions). Raises `UserError` where frames are missing,
+    corrupt or too many; with ``allow_missing`` the sound ones are scored, and the protocol says how
+    many.
+    """
+    if cfg.predictions is None:
+        raise UserError("predictions: name the folder to score, as predictions=DIR")
+    folder = Path(cfg.predictions)
+    pairing = LAYOUTS[cfg.layout.name](cfg, folder, part)
+    samples = _sound_samples(pairing, folder, allow_missing)
+    metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
+    name = str(pairing.facts.get("name", folder.name))
+    scored = ScoreSuite(pairing.grid, clips_of(samples), metric, suite)
+    quiet = not sys.stdout.isatty()
+    for sample in track(samples, f"scoring {name}", transient=True, disable=quiet):
+        scored.update(*pairing.frame(sample))
+    protocol = Protocol.of(
+        pairing.dataset, part, len(samples), pairing.grid, pairing.mask, metric, suite
+    )
+    tally = tally_of(name, protocol, scored, samples)
+    _write(Path(out) if out else folder / "scores", cfg, tally, scored, pairing, part)
+
+
+def _write(
+    folder: Path, cfg: DictConfig, tally: Tally, scored: ScoreSuite, pairing: Pairing, part: str
+) -> None:
+    parts = parts_of(pairing.unseen) if part == "test" else {part: lambda _: True}
+    facts = {
+        "scale": str(pairing.facts.get("scale", "")) or "unknown",
+        "seed": int(pairing.facts.get("seed", 0)),
+        "seconds": 0.0,
+        "parameters": int(pairing.facts.get("parameters", 0)),
+        "code_version": str(
+            pairing.facts.get("code_version")
+            or code_version(shaping(OmegaConf.to_container(cfg, resolve=True)))
+        ),
+        "git_commit": str(pairing.facts.get("git_commit") or git_commit()),
+        "dataset": pairing.dataset,
+    }
+    write_scores(folder, [tally], parts)
+    protocol_table(tally).to_csv(folder / "protocols.csv", index=False, lineterminator="\n")
+    summed = {name: table.sum(0) for name, table in tally.tables["breakdown"].items()}
+    breakdown = scored.metric("breakdown").table(summed)
+    breakdown.to_csv(folder / "breakdown.csv", index=False, lineterminator="\n")
+    write_results(folder / "results.csv", result_rows(tally, parts, facts))
+    print_results(read_results(folder / "results.csv"))
+    Console().print(f"{folder}", highlight=False, soft_wrap=True)
+
+
+def _sound_samples(pairing: Pairing, folder: Path, allow_missing: bool) -> list[Sample]:
+    """The frames to score. Raises `UserError` where they are not exactly those asked for."""
+    found = pairing.inventory()
+    if found.sound:
+        return list(pairing.samples)
+    if not allow_missing:
+        raise UserError(f"{folder}: {found}; task.allow_missing=true scores what is sound")
+    samples = [sample for sample in pairing.samples if pairing.has(sample)]
+    if not samples:
+        raise UserError(f"{folder}: {found}; nothing is left to score")
+    Console().print(f"{folder}: {found}; left out", highlight=False, soft_wrap=True)
+    return samples
+
+
+class _SkyShield:
+    """Our own layout on both sides."""
+
+    def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
+        if cfg.layout.mask not in ("supervised", "visible"):
+            raise UserError(f"layout.mask: {cfg.layout.mask!r}; there are supervised, visible")
+        self._truth = SkyShieldTruth(Path(cfg.dataset) if cfg.dataset else root_of(cfg), part)
+        self._predictions = Predictions(folder)
+        self._visible = cfg.layout.mask == "visible"
+        self.mask = VISIBLE if self._visible else SUPERVISED
+        self.dataset, self.grid = self._truth.name, self._truth.grid
+        self.samples, self.unseen = self._truth.samples, self._truth.unseen
+        self.facts = self._predictions.facts
+        if self.facts.get("dataset", self.dataset) != self.dataset:
+            raise UserError(
+                f"{folder}: these are predictions of {self.facts['dataset']}, not of "
+                f"{self.dataset}; name the data set that they were made on, as dataset=DIR"
+            )
+
+    def inventory(self) -> Inventory:
+        return self._predictions.inventory(self.samples, self.grid.shape)
+
+    def has(self, sample: Sample) -> bool:
+        return self._predictions.has(*sample, self.grid.shape)
+
+    def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
+        truth = self._truth.truth(*sample)
+        if self._visible:
+            truth["mask"] = truth["visible"]
+        logits = self._predictions.logits(*sample)
+        labels = self._predictions.labels(*sample)
+        return labels[None], truth, None if logits is None else logits[None]
+
+
+class _Occ3D:
+    """Occ3D's layout on both sides; what its files do not say must be stated."""
+
+    unseen: frozenset[str] = frozenset()
+
+    def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
+        layout = OmegaConf.to_container(cfg.layout, resolve=True)
+        for key in ("class_map", "grid", "velocity_mps"):
+            if layout.get(key) is None:
+                raise UserError(f"layout.{key}: Occ3D's files do not say it; state the one to take")
+        if cfg.dataset is None:
+            raise UserError("dataset: name the folder with Occ3D's labels, as dataset=DIR")
+        masks = (*MASKS, "supervised")
+        if layout["mask"] not in masks:
+            raise UserError(f"layout.mask: {layout['mask']!r}; there are {', '.join(masks)}")
+        self.grid = VoxelGrid(**layout["grid"])
+        self._truth = Occ3DFolder(Path(cfg.dataset), layout["class_map"], self.grid)
+        self._predictions = Occ3DFolder(folder, layout["class_map"], self.grid)
+        self._velocity = torch.tensor([layout["velocity_mps"]], dtype=torch.float64)
+        self._mask = layout["mask"]
+        stated = {key: layout[key] for key in ("class_map", "velocity_mps")}
+        self.mask = f"{self._mask}, {stated}"
+        self.dataset, self.samples = self._truth.name, self._truth.samples
+        self.facts: Mapping[str, object] = {"name": folder.name}
+
+    def inventory(self) -> Inventory:
+        return self._predictions.inventory(self.samples)
+
+    def has(self, sample: Sample) -> bool:
+        return self._predictions.has(*sample)
+
+    def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
+        truth = {
+            "clip": [sample[0]],
+            "semantics": self._truth.labels(*sample)[None],
+            "velocity_mps": self._velocity,
+        }
+        if self._mask in MASKS:
+            truth["mask"] = self._truth.mask(*sample, self._mask)[None]
+        return self._predictions.labels(*sample)[None], truth, None
+
+
+LAYOUTS: dict[str, Callable[..., Pairing]] = {"skyshield": _SkyShield, "occ3d": _Occ3D}

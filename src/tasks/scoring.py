@@ -1,0 +1,47 @@
+"""What the configuration says of scoring: which scores, of which clips, under which protocol."""
+
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
+
+from omegaconf import DictConfig, OmegaConf
+
+from ..data.datamodule import SkyShieldData
+from ..metrics.protocol import SUPERVISED, Protocol
+from ..metrics.suite import ScoreSuite
+from ..metrics.tally import Tally
+
+
+def parts_of(unseen: Collection[str]) -> dict[str, Callable[[str], bool]]:
+    """The test split, and its parts: clips never trained on, and last seconds of the others."""
+    return {
+        "test": lambda clip: True,
+        "test_unseen_clips": lambda clip: clip in unseen,
+        "test_seen_clips": lambda clip: clip not in unseen,
+    }
+
+
+def suite_of(cfg: DictConfig, data: SkyShieldData) -> ScoreSuite:
+    """The configured scores of the test split."""
+    metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
+    return ScoreSuite(data.grid, clips_of(data.split["test"]), metric, suite)
+
+
+def clips_of(samples: Sequence[tuple[str, int]]) -> list[str]:
+    """Clips in the order of their first frame."""
+    return list(dict.fromkeys(clip for clip, _ in samples))
+
+
+def tally_of(
+    name: str, protocol: Protocol, suite: ScoreSuite, samples: Sequence[tuple[str, int]]
+) -> Tally:
+    """What a suite has counted over all samples."""
+    frames = Counter(clip for clip, _ in samples)
+    counts = [frames[clip] for clip in suite.clips]
+    return Tally(name, protocol, suite.clips, counts, suite.tables())
+
+
+def protocol_of(cfg: DictConfig, data: SkyShieldData) -> Protocol:
+    """What is counted of the test split, and how."""
+    metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
+    frames = len(data.split["test"])
+    return Protocol.of(data.root.name, "test", frames, data.grid, SUPERVISED, metric, suite)

@@ -1,0 +1,76 @@
+"""Occ3D's layout: classes, grid and masks as stated, and refused where they do not fit."""
+
+import numpy as np
+import pytest
+
+from src.data.occ3d import Occ3DFolder
+from src.errors import UserError
+from src.geometry import VoxelGrid
+from src.ontology import CAR, FREE, GROUND, UNKNOWN
+
+GRID = VoxelGrid((-2, -2, -1), (2, 2, 1), (4, 4, 2))
+CLASS_MAP = ["ground", "car", "unknown", "free"]
+
+
+def write(root, scene="scene-0001", token="abc", **arrays):
+    path = root / scene / token / "labels.npz"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(path, **arrays)
+    return path
+
+
+@pytest.fixture
+def semantics():
+    return np.arange(32).reshape(4, 4, 2).astype(np.uint8) % 4
+
+
+def test_their_classes_become_ours(tmp_path, semantics):
+    write(tmp_path, semantics=semantics)
+    folder = Occ3DFolder(tmp_path, CLASS_MAP, GRID)
+    assert folder.samples == [("scene-0001", "abc")]
+    expected = np.array([GROUND, CAR, UNKNOWN, FREE])[semantics]
+    assert (folder.labels("scene-0001", "abc").numpy() == expected).all()
+
+
+def test_masks_are_read_by_name(tmp_path, semantics):
+    write(tmp_path, semantics=semantics, mask_camera=semantics == 1, mask_lidar=semantics)
+    folder = Occ3DFolder(tmp_path, CLASS_MAP, GRID)
+    assert (folder.mask("scene-0001", "abc", "mask_camera").numpy() == (semantics == 1)).all()
+    assert (folder.mask("scene-0001", "abc", "mask_lidar").numpy() == (semantics > 0)).all()
+
+
+def test_a_class_that_the_map_lacks_is_refused(tmp_path, semantics):
+    path = write(tmp_path, semantics=semantics + 1)
+    with pytest.raises(UserError, match=r"class 4 is not in layout.class_map") as error:
+        Occ3DFolder(tmp_path, CLASS_MAP, GRID).labels("scene-0001", "abc")
+    assert str(path) in str(error.value)
+
+
+def test_a_grid_that_does_not_fit_is_refused(tmp_path, semantics):
+    write(tmp_path, semantics=semantics[:3])
+    with pytest.raises(UserError, match=r"\[3, 4, 2\], and the grid is \[4, 4, 2\]"):
+        Occ3DFolder(tmp_path, CLASS_MAP, GRID).labels("scene-0001", "abc")
+
+
+def test_a_name_that_is_no_class_is_refused(tmp_path, semantics):
+    write(tmp_path, semantics=semantics)
+    with pytest.raises(UserError, match=r"^layout.class_map: 'kar' is no class"):
+        Occ3DFolder(tmp_path, ["kar"], GRID)
+
+
+def test_a_folder_without_frames_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"holds no <scene>/<token>/labels\.npz"):
+        Occ3DFolder(tmp_path, CLASS_MAP, GRID)
+
+
+def test_missing_extra_and_corrupt_frames_are_named(tmp_path, semantics):
+    full = np.where(semantics == 2, 3, semantics)
+    write(tmp_path, token="sound", semantics=full)
+    write(tmp_path, token="extra", semantics=full)
+    write(tmp_path, token="unknown", semantics=semantics)
+    write(tmp_path, token="cut", semantics=full).write_bytes(b"PK")
+    wanted = [("scene-0001", token) for token in ("sound", "missing", "unknown", "cut")]
+    found = Occ3DFolder(tmp_path, CLASS_MAP, GRID).inventory(wanted)
+    assert found.missing == ["scene-0001/missing"]
+    assert found.extra == ["scene-0001/extra"]
+    assert found.corrupt == ["scene-0001/cut", "scene-0001/unknown"]

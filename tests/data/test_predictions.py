@@ -1,0 +1,123 @@
+"""Folders of predictions: written whole, and every missing, extra or corrupt frame is named."""
+
+import numpy as np
+import pytest
+import torch
+
+from src.data.predictions import Predictions, PredictionWriter
+from src.errors import UserError
+
+SHAPE = (4, 3, 2)
+SAMPLES = [("town/clip00", 3), ("town/clip00", 4), ("town/clip01", 0)]
+
+
+def labels_at(frame):
+    return torch.full(SHAPE, frame % 9, dtype=torch.uint8)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    with PredictionWriter(tmp_path / "run" / "test", {"name": "mine"}) as writer:
+        for clip, frame in SAMPLES:
+            logits = torch.nn.functional.one_hot(labels_at(frame).long(), 9).movedim(-1, 0)
+            writer.add(clip, frame, labels_at(frame), 3.0 * logits)
+    return tmp_path / "run" / "test"
+
+
+def rewrite(folder, clip="town/clip00", **changes):
+    path = folder / clip / "occupancy.npz"
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files} | changes
+    np.savez_compressed(path, **{k: v for k, v in arrays.items() if v is not None})
+
+
+def test_what_was_written_is_read(folder):
+    predictions = Predictions(folder)
+    assert predictions.facts == {"name": "mine"}
+    assert predictions.inventory(SAMPLES, SHAPE).sound
+    for clip, frame in SAMPLES:
+        assert torch.equal(predictions.labels(clip, frame), labels_at(frame))
+        assert torch.equal(predictions.logits(clip, frame).argmax(0), labels_at(frame).long())
+
+
+def test_without_class_scores_there_are_no_logits(folder):
+    (folder / "town/clip01/logits.npz").unlink()
+    assert Predictions(folder).logits("town/clip01", 0) is None
+
+
+def test_a_folder_that_is_there_is_not_written_to(folder):
+    with pytest.raises(UserError, match="is there already"):
+        PredictionWriter(folder, {})
+
+
+def test_after_a_failure_nothing_is_left(tmp_path):
+    def fail():
+        with PredictionWriter(tmp_path / "new", {}) as writer:
+            writer.add("town/clip00", 0, labels_at(0))
+            raise RuntimeError("of the model")
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_folder_is_one_clear_error(tmp_path):
+    with pytest.raises(UserError, match=r"^predictions: .*task=predict"):
+        Predictions(tmp_path / "none")
+
+
+def test_missing_and_extra_frames_are_named_and_counted(folder):
+    rewrite(folder, semantics_000003=None, semantics_000007=labels_at(7).numpy())
+    found = Predictions(folder).inventory(SAMPLES, SHAPE)
+    assert found.missing == ["town/clip00 semantics_000003"]
+    assert found.extra == ["town/clip00 semantics_000007"]
+    assert str(found).startswith("1 missing: town/clip00 semantics_000003; 1 extra: ")
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        np.zeros((4, 3, 3), np.uint8),
+        np.zeros(SHAPE, np.float32),
+        np.full(SHAPE, 9, np.uint8),
+        np.full(SHAPE, 255, np.uint8),
+        np.full(SHAPE, -1, np.int64),
+        np.array([{}], dtype=object),
+    ],
+    ids=["shape", "floats", "class 9", "unknown", "negative", "pickle"],
+)
+def test_a_frame_that_cannot_be_scored_is_corrupt(folder, broken):
+    rewrite(folder, semantics_000003=broken)
+    predictions = Predictions(folder)
+    found = predictions.inventory(SAMPLES, SHAPE)
+    assert found.corrupt == ["town/clip00 semantics_000003"]
+    assert not found.missing
+    assert not predictions.has("town/clip00", 3, SHAPE)
+    assert predictions.has("town/clip00", 4, SHAPE)
+
+
+@pytest.mark.parametrize("size", [0, 1, 100, -30])
+def test_a_file_that_is_cut_off_is_corrupt(folder, size):
+    path = folder / "town/clip00/occupancy.npz"
+    path.write_bytes(path.read_bytes()[:size])
+    found = Predictions(folder).inventory(SAMPLES, SHAPE)
+    assert found.corrupt == ["town/clip00/occupancy.npz"]
+    assert not Predictions(folder).has("town/clip00", 3, SHAPE)
+
+
+def test_a_flipped_byte_is_found(folder):
+    path = folder / "town/clip00/occupancy.npz"
+    content = bytearray(path.read_bytes())
+    with np.load(path) as archive:
+        offset = archive.zip.getinfo("semantics_000003.npy").header_offset
+    content[offset + 90] ^= 0xFF
+    path.write_bytes(bytes(content))
+    assert "town/clip00" in str(Predictions(folder).inventory(SAMPLES, SHAPE))
+
+
+def test_more_than_three_are_counted_and_not_all_named(folder):
+    samples = [("town/clip09", frame) for frame in range(5)]
+    told = str(Predictions(folder).inventory(samples, SHAPE))
+    assert told.startswith("5 missing: ")
+    assert told.count("town/clip09") == 3
+    assert "..." in told
