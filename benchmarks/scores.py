@@ -1,0 +1,127 @@
+"""What the scores cost: one frame, one thread, all in one run, each beside the others.
+
+    python -m benchmarks.scores DATASET
+
+``DATASET`` is the folder of any finished data set; its labels are the truth, and what is predicted
+for a frame are the labels of a later one. Prints the median milliseconds of an update, the ratios
+to torchmetrics' `MulticlassJaccardIndex` at its defaults, and the memory that an update of
+`OccupancyScores` takes beyond its inputs. The measures take turns, so that whatever else the
+machine does meets all of them.
+"""
+
+import argparse
+import ctypes
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+from rich.console import Console
+from rich.table import Table
+from torchmetrics.classification import MulticlassJaccardIndex
+
+from src.data.truth import SkyShieldTruth
+from src.failures import told_in_one_line
+from src.metrics import (
+    Calibration,
+    KARBreakdown,
+    KARSensitivity,
+    OccupancyScores,
+    RayIoU,
+    SafetyScores,
+)
+from src.metrics.functional import camera_rays
+from src.ontology import FREE, NUM_CLASSES, UNKNOWN
+from src.provenance import machine
+
+ROUNDS = 15
+RAYS = (100, 56)
+
+
+def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
+    """What is timed, by name, and what of."""
+    source = SkyShieldTruth(dataset)
+    clip, frame = source.samples[0]
+    truth = source.truth(clip, frame)
+    later = source.truth(clip, source.samples[5][1])["semantics"]
+    target, velocity, visible = (truth[key] for key in ("semantics", "velocity_mps", "visible"))
+    preds = torch.where(later == UNKNOWN, FREE, later).to(torch.uint8)
+    ids = preds.long()
+    logits = torch.randn(1, NUM_CLASSES, *source.grid.shape, generator=torch.Generator())
+    logits.scatter_(1, ids[:, None], 6.0)
+    rays = camera_rays(*(truth[key] for key in ("camera_from_occ", "pix_from_camera", "size_pix")))
+    grid = source.grid
+    jaccard = MulticlassJaccardIndex(NUM_CLASSES, ignore_index=UNKNOWN)
+    plain, compiled = (OccupancyScores(grid, backend=name) for name in ("torch", "numba"))
+    breakdown, safety, calibration = KARBreakdown(grid), SafetyScores(grid), Calibration(grid)
+    ray_iou, sensitivity = RayIoU(grid), KARSensitivity(grid)
+    of_what = f"{'x'.join(map(str, grid.shape))} voxels, {clip} frame {frame} of {source.name}"
+    return {
+        "MulticlassJaccardIndex (torchmetrics)": lambda: jaccard.update(ids, target),
+        "OccupancyScores, plain torch": lambda: plain.update(preds, target, velocity),
+        "OccupancyScores, numba (default on CPU)": lambda: compiled.update(preds, target, velocity),
+        "MulticlassJaccardIndex, logits": lambda: jaccard.update(logits, target),
+        "argmax of the logits": lambda: logits.argmax(dim=1),
+        "OccupancyScores, logits": lambda: compiled.update(logits, target, velocity),
+        "KARBreakdown": lambda: breakdown.update(preds, target, velocity, visible=visible),
+        "SafetyScores": lambda: safety.update(preds, target, velocity),
+        f"RayIoU, {RAYS[0]}x{RAYS[1]} rays": lambda: ray_iou.update(preds, target, *rays),
+        "Calibration, logits": lambda: calibration.update(logits, target, velocity),
+        "KARSensitivity, 81 settings": lambda: sensitivity.update(preds, target, velocity),
+    }, of_what
+
+
+def timed(measures: dict[str, Callable[[], object]]) -> dict[str, float]:
+    """Median milliseconds of each."""
+    seconds = {name: [] for name in measures}
+    for measure in measures.values():
+        measure()  # compiles, and takes memory
+    for _ in range(ROUNDS):
+        for name, measure in measures.items():
+            start_s = time.perf_counter()
+            measure()
+            seconds[name].append(time.perf_counter() - start_s)
+    return {name: 1e3 * statistics.median(times) for name, times in seconds.items()}
+
+
+def extra_mib(measure: Callable[[], object]) -> float:
+    """How far the resident memory rises above where it stood, while something runs.
+
+    On Linux with glibc.
+    """
+    # What was freed, but is kept for later, would hide what is taken now.
+    ctypes.CDLL(None).malloc_trim(0)
+    Path("/proc/self/clear_refs").write_text("5")
+    before = _status_kib("VmRSS")
+    measure()
+    return max(0, _status_kib("VmHWM") - before) / 1024
+
+
+def _status_kib(key: str) -> int:
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return int(next(line for line in lines if line.startswith(key)).split()[1])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("dataset", type=Path)
+    torch.set_num_threads(1)
+    todo, of_what = measures(parser.parse_args().dataset)
+    milliseconds = timed(todo)
+    reference = milliseconds["MulticlassJaccardIndex (torchmetrics)"]
+    table = Table(title=f"{machine()}, one thread; {of_what}")
+    for name in ("update", "ms", "times faster"):
+        table.add_column(name, justify="left" if name == "update" else "right")
+    for name, spent_ms in milliseconds.items():
+        table.add_row(name, f"{spent_ms:.2f}", f"{reference / spent_ms:.1f}")
+    console = Console(width=100)
+    console.print(table)
+    for name in todo:
+        if name.startswith("OccupancyScores"):
+            console.print(f"{name}: {extra_mib(todo[name]):.1f} MiB beyond its inputs")
+
+
+if __name__ == "__main__":
+    with told_in_one_line():
+        main()
