@@ -17,6 +17,8 @@ GROUPS = Path(__file__).parent.parent / "conf"
 INTEGER_OR_NULL = ("threads", "sim.workers")
 UNION = ("trainer.devices",)
 """Settings of several types, which Lightning itself checks."""
+ANY_LENGTH = ("suite.",)
+"""Where a list of numbers may be longer or shorter than the configuration's, but not empty."""
 UNITS = ("_m", "_s", "_hz", "_deg", "_mps")
 """Endings of quantities: any number will do, even where the configuration has a round one."""
 AT_LEAST = {
@@ -75,6 +77,8 @@ def _require_type(key: str, before: DictConfig, cfg: DictConfig) -> None:
         was = 1
     elif key.endswith(UNITS) and isinstance(was, int):
         was = float(was)
+    if key.startswith(ANY_LENGTH) and isinstance(was, list) and isinstance(now, list) and now:
+        was = was[:1] * len(now)
     wanted = _mismatch(was, now)
     if wanted:
         raise UserError(f"{key}: {now!r} is not {wanted}; the configuration has {was!r}")

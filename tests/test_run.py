@@ -345,6 +345,11 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
         (["data.history_step_s=0.3"], "data.history_step_s: 0.3 s is no multiple"),
         (["sim.towns=[atlantis]"], "sim.towns: ['atlantis']; there are"),
         (["data.test_clips=[park/clip99]"], "no clip 'park/clip99'"),
+        (["suite.ttc_edges_s=[]"], "suite.ttc_edges_s: [] is not a list of 5 numbers"),
+        (["suite.ttc_edges_s=[1.0,2.0]", "task=score"], "predictions: name the folder"),
+        (["task=score", "predictions=nowhere", "dataset=nowhere"], "nowhere"),
+        (["task=predict"], "ckpt_path: task=predict needs a checkpoint"),
+        (["task=compare"], "task.runs: name two or more"),
     ],
 )
 def test_a_mistake_in_a_command_is_one_line_and_makes_nothing(words, said, tmp_path, refusal):

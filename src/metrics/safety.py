@@ -61,14 +61,7 @@ class SafetyScores(PenalizedConfusion):
     def __init__(
         self,
         grid: VoxelGrid,
-        num_classes: int = 9,
-        free_index: int = 8,
-        ignore_index: int = 255,
-        horizon_s: float = 5.0,
-        decay_per_s: float = 0.5,
-        penalty_scale: float = 2.0,
-        min_speed_mps: float = 5.0,
-        backend: str = "auto",
+        *arguments: Any,
         tube_radius_m: float = 1.0,
         tube_s: float = 2.0,
         thin_index: int = CLASSES.index("thin_structure"),
@@ -78,24 +71,17 @@ class SafetyScores(PenalizedConfusion):
         for name, value in (("tube_radius_m", tube_radius_m), ("tube_s", tube_s)):
             if not (math.isfinite(value) and value > 0):
                 raise UserError(f"{name}: {value} must be a finite number above 0")
-        if not 0 <= thin_index < num_classes:
-            raise UserError(f"thin_index: {thin_index} must be 0 to {num_classes - 1}")
         if thin_tolerance < 0:
             raise UserError(f"thin_tolerance: {thin_tolerance} must be 0 or more voxels")
         super().__init__(
             grid,
-            num_classes,
-            free_index,
-            ignore_index,
-            horizon_s,
-            decay_per_s,
-            penalty_scale,
-            min_speed_mps,
-            backend,
+            *arguments,
             n_bins=2,
             more_tables={"tube": (2, 2), "frames": (4,), "thin": (3,)},
             **kwargs,
         )
+        if not 0 <= thin_index < self.num_classes:
+            raise UserError(f"thin_index: {thin_index} must be 0 to {self.num_classes - 1}")
         self.tube_radius_m, self.tube_s = tube_radius_m, tube_s
         self.thin_index, self.thin_tolerance = thin_index, thin_tolerance
 
