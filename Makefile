@@ -11,7 +11,7 @@ demo: $(READY)
 	$(PYTHON) run.py +experiment=skyocc
 
 test: $(READY)
-	$(PYTHON) -m pytest -m "not slow"
+	$(PYTHON) -m pytest -m "not slow" --numprocesses auto --dist loadfile
 
 test-slow: $(READY)
 	$(PYTHON) -m pytest -m slow

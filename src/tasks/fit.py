@@ -29,7 +29,8 @@ def fit(cfg: DictConfig) -> None:
     """
     folder = RunFolder(Path(cfg.paths.run), OmegaConf.to_container(cfg, resolve=True))
     if folder.is_finished() and not cfg.overwrite and cfg.ckpt_path is None:
-        Console().print(f"{folder.path}: already finished; overwrite=true trains it again")
+        line = f"{folder.path}: already finished; overwrite=true trains it again"
+        Console().print(line, highlight=False, soft_wrap=True)
         print_results(read_results(folder.results))
         return
     named = None if cfg.ckpt_path is None else _checkpoint_to_resume(cfg, folder)
