@@ -115,20 +115,16 @@ class ScoreSuite(nn.Module):
             self.by_clip["rays"].update(clip, labels, target, *rays, mask)
 
     def tables(self) -> dict[str, Tables]:
-        """The tables [clips, ...] of every metric; those without a count are left out."""
-        tables = {name: metric.tables() for name, metric in self.by_clip.items()}
-        return {
-            name: of_metric
-            for name, of_metric in tables.items()
-            if any(bool(table.any()) for table in of_metric.values())
-        }
+        """The tables [clips, ...] of every metric that was asked to count."""
+        asked = {name: metric for name, metric in self.by_clip.items() if metric.update_called}
+        return {name: metric.tables() for name, metric in asked.items()}
 
     def scores(self, chosen: Callable[[str], bool] = lambda clip: True) -> dict[str, float]:
         """All scores of the chosen clips together, by name; without the sensitivity."""
         return {
             score: float(value)
             for name in FLAT
-            if name in self.tables()
+            if self.by_clip[name].update_called
             for score, value in self.by_clip[name].scores(chosen).items()
         }
 

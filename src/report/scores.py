@@ -58,6 +58,11 @@ def write_scores(folder: Path, tallies: Sequence[Tally], parts: Parts) -> pd.Dat
     for tally in tallies:
         tally.write(folder / TALLIES / f"{tally.name}.npz")
     table = score_table(tallies, parts)
-    with replacing(folder / LONG) as temporary:
-        table.to_csv(temporary, index=False, lineterminator="\n")
+    write_table(table, folder / LONG)
     return table
+
+
+def write_table(table: pd.DataFrame, path: Path) -> None:
+    """Write a CSV; the file is replaced as a whole. Raises `UserError` where it cannot be."""
+    with replacing(path) as temporary:
+        table.to_csv(temporary, index=False, lineterminator="\n")

@@ -12,13 +12,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..atomic import replacing
 from ..errors import UserError
 from ..metrics.intervals import resamplings, score_differences, score_intervals
 from ..metrics.protocol import require_same_protocol
 from ..metrics.suite import FLAT
 from ..metrics.tally import Tally
-from ..report.scores import TALLIES
+from ..report.scores import TALLIES, write_table
 from ..report.sensitivity import draw_sensitivity, sensitivity_table
 
 SHOWN = ("miou", "miou_occupied", "kar_miou", "collision_miss_rate", "geometric_iou", "ray_iou")
@@ -39,9 +38,9 @@ def compare(cfg: DictConfig, runs: list[str], out: str) -> None:
             raise UserError(f"{name}: has other clips than {first}; score both alike")
     table = _differences(tallies)
     folder = Path(out)
-    _write(table, folder / "differences.csv")
+    write_table(table, folder / "differences.csv")
     ranked = sensitivity_table(tallies)
-    _write(ranked, folder / "sensitivity.csv")
+    write_table(ranked, folder / "sensitivity.csv")
     draw_sensitivity(ranked, list(tallies), folder / "sensitivity.png")
     console = Console(width=110)
     console.print(_printed(table, list(tallies)))
@@ -134,8 +133,3 @@ def _printed(table: pd.DataFrame, runs: list[str]) -> Table:
             printed.add_row("" if n else score, run, *map(escape, cells))
         printed.add_section()
     return printed
-
-
-def _write(table: pd.DataFrame, path: Path) -> None:
-    with replacing(path) as temporary:
-        table.to_csv(temporary, index=False, lineterminator="\n")

@@ -22,7 +22,7 @@ from ..metrics.tally import Tally
 from ..provenance import code_version, git_commit
 from ..report.protocols import protocol_table
 from ..report.results import print_results, read_results, write_results
-from ..report.scores import result_rows, write_scores
+from ..report.scores import result_rows, write_scores, write_table
 from ..run_folder import shaping
 from .dataset import root_of
 from .scoring import clips_of, parts_of, tally_of
@@ -92,10 +92,10 @@ def _write(
         "dataset": pairing.dataset,
     }
     write_scores(folder, [tally], parts)
-    protocol_table(tally).to_csv(folder / "protocols.csv", index=False, lineterminator="\n")
+    write_table(protocol_table(tally), folder / "protocols.csv")
     summed = {name: table.sum(0) for name, table in tally.tables["breakdown"].items()}
     breakdown = scored.metric("breakdown").table(summed)
-    breakdown.to_csv(folder / "breakdown.csv", index=False, lineterminator="\n")
+    write_table(breakdown, folder / "breakdown.csv")
     write_results(folder / "results.csv", result_rows(tally, parts, facts))
     print_results(read_results(folder / "results.csv"))
     Console().print(f"{folder}", highlight=False, soft_wrap=True)

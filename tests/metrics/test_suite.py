@@ -130,3 +130,12 @@ def test_an_archive_of_something_else_is_refused(tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     with pytest.raises(UserError, match="cannot be read"):
         Tally.read(tmp_path / "other.npz")
+
+
+def test_a_data_set_without_a_label_scores_nan_and_no_error(grid, random_batch):
+    suite = ScoreSuite(grid, CLIPS, METRIC, SUITE)
+    preds, target, velocity = random_batch(0)
+    unknown = torch.full_like(target, 255)
+    suite.update(preds, truth_of(unknown, velocity, CLIPS[:1] * 4))
+    assert np.isnan(suite.scores()["kar_miou"])
+    assert "occupancy" in suite.tables()
