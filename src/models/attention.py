@@ -5,13 +5,13 @@ from collections.abc import Sequence
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, Int, Shaped
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from ..errors import UserError
 from .backbone import STRIDES
 from .references import References
-from .sampling import SumOfRows, bilinear_corners, bordered_rows
+from .sampling import summed_samples
 
 
 class DeformableCrossAttention(nn.Module):
@@ -60,50 +60,38 @@ class DeformableCrossAttention(nn.Module):
         references: References,
     ) -> Float[Tensor, "b p dim"]:
         """Update of every pillar, from feature maps at the strides of the backbone."""
-        sizes = [tuple(feature.shape[-2:]) for feature in features]
-        rows = bordered_rows([self.value(feature.permute(0, 2, 3, 1)) for feature in features])
-        batch_size, table_size, dim = rows.shape
-        # A table for each head and frame.
-        rows = rows.view(-1, self.num_heads, dim // self.num_heads).transpose(0, 1).flatten(0, 1)
-        frame, pillar, height = references.valid.nonzero().to(torch.int32).unbind(-1)
-        head = torch.arange(self.num_heads, dtype=torch.int32, device=frame.device)
-        base = (head[:, None, None, None] * batch_size + frame) * table_size
-        x, y, attention = self._samples(query, references, (frame, pillar, height))
-        index, corner_weight = bilinear_corners(x, y, sizes, base)
-        sampled = SumOfRows.apply(
-            rows,
-            self._by_bag(index),
-            self._by_bag((attention * corner_weight).to(rows.dtype)),
-            self._offsets(references.valid),
-        )
-        total = sampled.view(*references.valid.shape[:2], -1) @ self.output.flatten(0, 1)
-        return total / references.valid.sum(dim=-1, keepdim=True).clamp(min=1)
+        levels = [self.value(feature.permute(0, 2, 3, 1)) for feature in features]
+        total, width = references.valid.numel(), levels[0].shape[-1]
+        frame, x, y, attention = self._samples(query, references)
+        sampled = summed_samples(levels, x, y, attention, frame)
+        # Padding goes to one row more, which is dropped.
+        by_height = sampled.new_zeros(total + 1, width)
+        by_height = by_height.index_copy(0, references.in_view, sampled)[:total]
+        by_pillar = by_height.view(*references.valid.shape[:2], -1)
+        update = by_pillar @ self.output.flatten(0, 1)
+        return update / references.valid.sum(dim=-1, keepdim=True).clamp(min=1)
 
     def _samples(
-        self,
-        query: Float[Tensor, "#b p dim"],
-        references: References,
-        valid: tuple[Int[Tensor, "r"], Int[Tensor, "r"], Int[Tensor, "r"]],
-    ) -> tuple[Float[Tensor, "heads points levels r"], ...]:
-        """x and y, in pixels of each level, and weight of what the R valid references sample."""
-        frame, pillar, height = valid
-        row = pillar if len(query) == 1 else frame * query.shape[1] + pillar
+        self, query: Float[Tensor, "#b p dim"], references: References
+    ) -> tuple[
+        Int[Tensor, "r"],
+        Float[Tensor, "heads points levels r"],
+        Float[Tensor, "heads points levels r"],
+        Float[Tensor, "heads points levels r"],
+    ]:
+        """Frame of the R references in view; x, y (pixels of each level) and weight of what they
+        sample."""
+        pillars, heights = references.valid.shape[1:]
+        in_view = references.in_view
+        place = in_view.clamp(max=references.valid.numel() - 1)
+        # What is padded may lie anywhere, even nowhere.
+        pix = references.pix.flatten(0, 2)[place].where(in_view[:, None] == place[:, None], 0.0)
+        pillar, height = place // heights, place % heights
+        row = pillar % pillars if len(query) == 1 else pillar
         by_query = F.embedding(row, self.sampling(query).flatten(0, 1))
         by_height = F.embedding(height, F.linear(self.height_embedding, self.sampling.weight))
         raw = (by_query + by_height).float().T.contiguous()
         raw = raw.view(3, self.num_heads, self.num_points, len(STRIDES), -1)
-        u, v = references.pix[valid].T[:, None]
-        x, y = (pix / self.strides[:, None] - 0.5 for pix in (u, v))
+        x, y = (axis / self.strides[:, None] - 0.5 for axis in pix.T[:, None])
         attention = raw[2].flatten(1, 2).softmax(dim=1).view_as(raw[2])
-        return x + raw[0], y + raw[1], attention
-
-    @staticmethod
-    def _by_bag(entries: Shaped[Tensor, "4 heads points levels r"]) -> Shaped[Tensor, "i"]:
-        """Flat, with what is summed for one reference and head side by side."""
-        return entries.permute(4, 1, 0, 2, 3).flatten()
-
-    def _offsets(self, valid: Bool[Tensor, "b p j"]) -> Int[Tensor, "k+1"]:
-        """Where the entries of each (pillar, height, head) start; an invalid height has none."""
-        entries = 4 * self.num_points * len(STRIDES)
-        count = (valid.flatten().to(torch.int32) * entries).repeat_interleave(self.num_heads)
-        return F.pad(count.cumsum(0, dtype=torch.int32), (1, 0))
+        return pillar // pillars, x + raw[0], y + raw[1], attention

@@ -6,32 +6,30 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from ..errors import UserError
 from ..geometry import VoxelGrid
-from .history import AlignedHistory, History, TemporalAttention, align_history
+from .history import History, TemporalAttention, align_history
 from .references import PillarReferences, Projection, References
 
 
 class EncoderLayer(nn.Module):
-    """Temporal attention, lifting and a feed-forward network, each on a normalised residual."""
+    """Lifting and a feed-forward network, each on a normalised residual."""
 
-    def __init__(self, dim: int, num_frames: int, num_heads: int, lift: nn.Module) -> None:
+    def __init__(self, dim: int, lift: nn.Module) -> None:
         super().__init__()
-        self.temporal = TemporalAttention(dim, num_heads, num_frames)
         self.lift = lift
         self.feed_forward = nn.Sequential(
             nn.Linear(dim, 2 * dim), nn.ReLU(), nn.Linear(2 * dim, dim)
         )
-        self.norms = nn.ModuleList(nn.LayerNorm(dim) for _ in range(3))
+        self.norms = nn.ModuleList(nn.LayerNorm(dim) for _ in range(2))
 
     def forward(
         self,
         pillars: Float[Tensor, "#b p dim"],
         features: Sequence[Float[Tensor, "b dim _ _"]],
         references: References,
-        history: AlignedHistory | None,
     ) -> Float[Tensor, "b p dim"]:
-        before_temporal, before_lift, before_feed_forward = self.norms
-        pillars = pillars + self.temporal(before_temporal(pillars), history)
+        before_lift, before_feed_forward = self.norms
         pillars = pillars + self.lift(before_lift(pillars), features, references)
         return pillars + self.feed_forward(before_feed_forward(pillars))
 
@@ -39,11 +37,19 @@ class EncoderLayer(nn.Module):
 class PillarEncoder(nn.Module):
     """Pillars of one frame from its image features, its geometry and, if given, its history.
 
+    The first ``num_layers - 1`` layers see one frame alone (`frame`); what they give is cached as
+    the history of later frames. In the last one (`fuse`) the queries first aggregate the aligned
+    history (Eq. 7), then gather evidence from the current image (Eq. 8). So a frame of a stream
+    passes through every layer once.
+
     ``grid`` places the pillars: one for each (x, y) cell, P = X * Y of them in row-major order,
     ``dim`` wide. ``num_heights`` references a pillar; ``num_frames`` is the paper's L;
-    ``projection`` is `PillarReferences`'s. ``lift`` builds the lifting of each layer from ``dim``
-    and ``num_heights``: `DeformableCrossAttention` is the paper's, and any module with its call can
-    take its place.
+    ``projection`` and ``capacity`` are `PillarReferences`'s. ``lift`` builds the lifting of each
+    layer from ``dim`` and ``num_heights``: `DeformableCrossAttention` is the paper's, and any
+    module with its call can take its place.
+
+    Raises `UserError` for a history (``num_frames`` above 1) without a layer that sees a past
+    frame.
     """
 
     def __init__(
@@ -56,29 +62,45 @@ class PillarEncoder(nn.Module):
         num_frames: int = 4,
         num_heads: int = 8,
         projection: Projection = "attitude",
+        capacity: float | None = None,
     ) -> None:
         super().__init__()
+        if num_layers < (2 if num_frames > 1 else 1):
+            raise UserError(
+                f"model.encoder.num_layers: {num_layers} leaves no layer to see a past frame; give "
+                "2 or more, or data.frames=1"
+            )
         self.grid, self.dim = grid, dim
         rows, columns, _ = grid.shape
         self.query = nn.Parameter(0.02 * torch.randn(rows, columns, dim))
         self.row = nn.Parameter(torch.randn(rows, 1, dim))
         self.column = nn.Parameter(torch.randn(1, columns, dim))
-        self.references = PillarReferences(grid, num_heights, projection)
-        self.layers = nn.ModuleList(
-            EncoderLayer(dim, num_frames, num_heads, lift(dim=dim, num_heights=num_heights))
-            for _ in range(num_layers)
+        self.references = PillarReferences(grid, num_heights, projection, capacity)
+        *first_layers, self.last_layer = (
+            EncoderLayer(dim, lift(dim=dim, num_heights=num_heights)) for _ in range(num_layers)
         )
+        self.frame_layers = nn.ModuleList(first_layers)
+        self.frame_norm = nn.LayerNorm(dim)
+        self.temporal = TemporalAttention(dim, num_heads, num_frames)
         self.norm = nn.LayerNorm(dim)
 
-    def forward(
+    def frame(
+        self, features: Sequence[Float[Tensor, "b dim _ _"]], references: References
+    ) -> Float[Tensor, "b p dim"]:
+        """Pillars of a frame from its image alone; ``references`` are from ``self.references``."""
+        pillars = (self.query + self.row + self.column).flatten(0, 1)[None]
+        for layer in self.frame_layers:
+            pillars = layer(pillars, features, references)
+        return self.frame_norm(pillars).expand(len(references.valid), -1, -1)
+
+    def fuse(
         self,
+        pillars: Float[Tensor, "b p dim"],
         features: Sequence[Float[Tensor, "b dim _ _"]],
         references: References,
         history: History | None = None,
     ) -> Float[Tensor, "b p dim"]:
-        """``references`` are this frame's, from ``self.references``; no history is ``None``."""
+        """What `frame` gave, with its history, if there is one, and once more its image."""
         aligned = None if history is None else align_history(history, self.grid)
-        pillars = (self.query + self.row + self.column).flatten(0, 1)[None]
-        for layer in self.layers:
-            pillars = layer(pillars, features, references, aligned)
-        return self.norm(pillars)
+        pillars = pillars + self.temporal(pillars, aligned)
+        return self.norm(self.last_layer(pillars, features, references))

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from ..errors import UserError
 from ..geometry import VoxelGrid, inverse, transform
+from .sampling import summed_samples
 
 DZ_SCALE_M = 5.0
 """Vertical shifts between frames are divided by this before they are embedded."""
@@ -17,9 +18,9 @@ DZ_SCALE_M = 5.0
 class History(NamedTuple):
     """Pillars of the n frames before the current one, oldest first, the last one step old.
 
-    ``pillars`` [B, n, P, D] as `SkyOcc.encode` gave them for each frame alone,
-    ``occ_from_past_occ`` [B, n, 4, 4] (current occ <- past occ), ``valid`` [B, n]: where it is
-    False, the frame does not exist and whatever stands in its place is never read.
+    ``pillars`` [B, n, P, D] as `SkyOcc.carried` gave them, ``occ_from_past_occ`` [B, n, 4, 4]
+    (current occ <- past occ), ``valid`` [B, n]: where it is False, the frame does not exist and
+    whatever stands in its place is never read.
     """
 
     pillars: Float[Tensor, "b n p dim"]
@@ -45,7 +46,7 @@ def align_history(history: History, grid: VoxelGrid) -> AlignedHistory:
     in the plane moves pillars, the rest is ``dz_m``. A pillar whose centre falls outside the past
     grid is not valid for that frame.
     """
-    frames, size = history.valid.shape, grid.shape[:2]
+    size = grid.shape[:2]
     eye = torch.eye(4, device=history.valid.device)
     occ_from_past_occ = history.occ_from_past_occ.float()
     occ_from_past_occ = torch.where(history.valid[..., None, None], occ_from_past_occ, eye)
@@ -56,15 +57,15 @@ def align_history(history: History, grid: VoxelGrid) -> AlignedHistory:
         past = transform(inverse(occ_from_past_occ), centres)[..., :2]
     lower = past.new_tensor(grid.lower_m[:2])
     extent = past.new_tensor(grid.upper_m[:2]) - lower
-    place = (past - lower) / extent * 2 - 1
-    valid = (place.abs() <= 1).all(dim=-1) & history.valid[..., None]
-    sampled = F.grid_sample(
-        pillars.flatten(0, 1).transpose(1, 2).unflatten(2, size),
-        place.flip(-1).flatten(0, 1).unflatten(1, size),
-        padding_mode="border",
-        align_corners=False,
-    )
-    aligned = sampled.flatten(2).transpose(1, 2).unflatten(0, frames)
+    share = (past - lower) / extent
+    valid = ((share >= 0) & (share <= 1)).all(dim=-1) & history.valid[..., None]
+    cells = share.new_tensor(size)
+    # Beyond the outermost centres there is nothing to interpolate with.
+    place = (share * cells - 0.5).clamp(min=share.new_zeros(2), max=cells - 1)
+    row, column = place.flatten(0, 2).T[:, None, None, None]
+    maps = pillars.flatten(0, 1).unflatten(1, size)
+    frame = torch.arange(len(maps), device=eye.device).repeat_interleave(len(centres))
+    aligned = summed_samples([maps], column, row, torch.ones_like(row), frame).view_as(pillars)
     return AlignedHistory(
         torch.where(valid[..., None], aligned, 0), valid, occ_from_past_occ[..., 2, 3]
     )
@@ -84,7 +85,11 @@ class TemporalAttention(nn.Module):
             raise UserError(f"num_heads: {num_heads} does not divide dim {dim}")
         self.num_heads = num_heads
         self.age = nn.Parameter(0.02 * torch.randn(num_frames, dim))
-        self.dz = nn.Sequential(nn.Linear(1, dim), nn.ReLU(), nn.Linear(dim, dim))
+        self.dz = (
+            nn.Sequential(nn.Linear(1, dim), nn.ReLU(), nn.Linear(dim, dim))
+            if num_frames > 1
+            else None
+        )
         self.query = nn.Linear(dim, dim)
         self.key_value = nn.Linear(dim, 2 * dim)
         self.output = nn.Linear(dim, dim)

@@ -1,32 +1,51 @@
 """SkyOcc (Sec. 4 of the paper): a front image and its history to a semantic occupancy volume."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from typing import Literal, NamedTuple
 
 import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor, nn
-from torch.nn.modules.batchnorm import _BatchNorm
 
+from ..errors import UserError
+from ..geometry import inverse
+from .checkpointing import checkpointed, running_statistics
 from .decoder import PillarDecoder
 from .encoder import PillarEncoder
 from .history import History
 from .neck import FPN
+from .references import References
 
 ATTITUDE_SCALE_RAD = 0.3
 SPEED_SCALE_MPS = 10.0
 """Typical sizes, by which the auxiliary metadata are divided."""
 
+HistoryKind = Literal["queue", "recursive"]
+
+
+class Frame(NamedTuple):
+    """One frame by itself: its feature maps, its references, and its pillars from these alone."""
+
+    features: Sequence[Float[Tensor, "b dim _ _"]]
+    references: References
+    pillars: Float[Tensor, "b p dim"]
+
 
 class SkyOcc(nn.Module):
     """Image encoder, FPN, pillar encoder and voxel decoder.
 
-    A past frame's pillars come from that frame alone, so a stream that keeps what `encode` gave for
-    each frame computes exactly what `forward` computes from the queue.
+    ``history`` says what a frame leaves behind for later ones. ``"queue"``: the pillars that come
+    from that frame alone, so a stream that keeps them computes exactly what `forward` computes
+    from the queue. ``"recursive"`` (BEVFormer's): its fused pillars, which hold the frames before
+    it as well; a stream then looks back further than `forward`, which begins at the queue's start.
 
     ``backbone`` is a `ResNet`, or any module with its call and ``channels``. With ``metadata`` the
     measured attitude and velocity are added to the pillars after the lifting: before it, deformable
     offsets could learn the tilt. With ``history_grad`` gradients also flow into the past frames.
+    With ``checkpointing`` training keeps less in memory and computes the stages twice.
+
+    Raises `UserError` for another ``history``.
     """
 
     def __init__(
@@ -34,17 +53,21 @@ class SkyOcc(nn.Module):
         backbone: nn.Module,
         encoder: PillarEncoder,
         decoder: PillarDecoder,
+        history: HistoryKind = "queue",
         metadata: bool = True,
         history_grad: bool = False,
+        checkpointing: bool = False,
     ) -> None:
         super().__init__()
+        if history not in ("queue", "recursive"):
+            raise UserError(f"model.history: {history!r} is neither 'queue' nor 'recursive'")
         dim = encoder.dim
         self.backbone, self.encoder, self.decoder = backbone, encoder, decoder
         self.neck = FPN(backbone.channels, dim)
         self.metadata = (
             nn.Sequential(nn.Linear(5, dim), nn.ReLU(), nn.Linear(dim, dim)) if metadata else None
         )
-        self.history_grad = history_grad
+        self.history, self.history_grad, self.checkpointing = history, history_grad, checkpointing
         self.to(memory_format=torch.channels_last)
 
     def forward(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 9 x y z"]:
@@ -53,14 +76,16 @@ class SkyOcc(nn.Module):
         Raises `UserError` for image sides that are no multiples of 32, and for more frames than the
         encoder was built for.
         """
-        pillars = self.encode(
-            batch["image"][:, -1],
-            batch["pix_from_camera"][:, -1],
-            batch["body_from_camera"],
-            batch["occ_from_body"][:, -1],
-            self._encode_history(batch),
-        )
-        return self.decode(pillars, batch["attitude_rad"], batch["velocity_mps"])
+        return self.step(batch, self._encode_history(batch))[0]
+
+    def step(
+        self, batch: Mapping[str, Tensor], history: History | None
+    ) -> tuple[Float[Tensor, "b 9 x y z"], Float[Tensor, "b p dim"]]:
+        """Logits of a batch's current frames, and what these leave behind for later ones."""
+        frame = self._encode(batch, -1)
+        fused = self.fuse(frame, history)
+        logits = self.decode(fused, batch["attitude_rad"], batch["velocity_mps"])
+        return logits, self.carried(frame, fused)
 
     def encode(
         self,
@@ -68,14 +93,24 @@ class SkyOcc(nn.Module):
         pix_from_camera: Float[Tensor, "b 3 3"],
         body_from_camera: Float[Tensor, "b 4 4"],
         occ_from_body: Float[Tensor, "b 4 4"],
-        history: History | None = None,
-    ) -> Float[Tensor, "b p dim"]:
-        """Pillars of one frame. Without history they are what later frames take as history."""
+    ) -> Frame:
+        """One frame by itself."""
         height, width = image.shape[-2:]
         references = self.encoder.references(
             occ_from_body, body_from_camera, pix_from_camera, (width, height)
         )
-        return self.encoder(self.neck(self.backbone(image)), references, history)
+        features = self._run(self._features, image)
+        return Frame(features, references, self._run(self.encoder.frame, features, references))
+
+    def fuse(self, frame: Frame, history: History | None) -> Float[Tensor, "b p dim"]:
+        """Pillars of a frame and of what came before it."""
+        return self._run(
+            self.encoder.fuse, frame.pillars, frame.features, frame.references, history
+        )
+
+    def carried(self, frame: Frame, fused: Float[Tensor, "b p dim"]) -> Float[Tensor, "b p dim"]:
+        """The pillars that later frames take as their history."""
+        return fused if self.history == "recursive" else frame.pillars
 
     def decode(
         self,
@@ -87,49 +122,70 @@ class SkyOcc(nn.Module):
         if self.metadata is not None:
             scaled = [attitude_rad / ATTITUDE_SCALE_RAD, velocity_mps / SPEED_SCALE_MPS]
             pillars = pillars + self.metadata(torch.cat(scaled, dim=-1).float())[:, None]
-        return self.decoder(pillars)
+        return self._run(self.decoder, pillars)
+
+    def _features(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b dim _ _"]]:
+        return self.neck(self.backbone(image))
+
+    def _run(self, stage, *inputs):
+        keep = not (self.checkpointing and self.training and torch.is_grad_enabled())
+        return stage(*inputs) if keep else checkpointed(self, stage, *inputs)
+
+    def _encode(self, batch: Mapping[str, Tensor], at: int, rows: Tensor | slice = slice(None)):
+        """Frame ``at`` of the queue by itself, for some rows of the batch."""
+        return self.encode(
+            batch["image"][rows, at],
+            batch["pix_from_camera"][rows, at],
+            batch["body_from_camera"][rows],
+            batch["occ_from_body"][rows, at],
+        )
 
     def _encode_history(self, batch: Mapping[str, Tensor]) -> History | None:
-        """Pillars of every past frame that exists.
+        """What every past frame of the queue that exists leaves behind.
 
         Batch normalisation uses its running statistics there: so a past frame's pillars are the
         ones that a stream would have cached, and each step updates the statistics once, from the
         current frames only.
         """
         valid = batch["history_valid"][:, :-1]
-        if not valid.any():
+        if valid.shape[1] == 0:
             return None
         gradient = nullcontext() if self.history_grad else torch.no_grad()
+        steps: list[Tensor] = []
         with gradient, running_statistics(self.backbone):
             # A step at a time: what one step touches stays in the cache, and memory stays low.
-            steps = [self._encode_step(batch, step) for step in range(valid.shape[1])]
-        return History(torch.stack(steps, dim=1), batch["occ_from_past_occ"][:, :-1], valid)
+            for at in range(valid.shape[1]):
+                steps.append(self._encode_past(batch, at, steps))
+        if self.history == "recursive":
+            steps = steps[-1:]
+        n = len(steps)
+        motion = batch["occ_from_past_occ"][:, -1 - n : -1]
+        return History(torch.stack(steps, dim=1), motion, valid[:, -n:])
 
-    def _encode_step(self, batch: Mapping[str, Tensor], step: int) -> Float[Tensor, "b p dim"]:
-        """Pillars of one frame of the queue; zero, and not computed, where it does not exist."""
-        rows = batch["history_valid"][:, step].nonzero()[:, 0]
-        pillars = self.encoder.query.new_zeros(
-            len(batch["image"]), *self.encoder.query.flatten(0, 1).shape
-        )
+    def _encode_past(
+        self, batch: Mapping[str, Tensor], at: int, before: Sequence[Tensor]
+    ) -> Float[Tensor, "b p dim"]:
+        """What frame ``at`` leaves behind; zero, and not computed, where it does not exist."""
+        rows = batch["history_valid"][:, at].nonzero()[:, 0]
+        query = self.encoder.query
+        pillars = query.new_zeros(len(batch["image"]), *query.flatten(0, 1).shape)
         if len(rows) == 0:
             return pillars
-        encoded = self.encode(
-            batch["image"][rows, step],
-            batch["pix_from_camera"][rows, step],
-            batch["body_from_camera"][rows],
-            batch["occ_from_body"][rows, step],
+        frame = self._encode(batch, at, rows)
+        carried = frame.pillars
+        if self.history == "recursive":
+            carried = self.fuse(frame, self._state(batch, at, rows, before))
+        return pillars.index_copy(0, rows, carried.to(pillars.dtype))
+
+    def _state(
+        self, batch: Mapping[str, Tensor], at: int, rows: Tensor, before: Sequence[Tensor]
+    ) -> History | None:
+        """What the frame before ``at`` left behind, for the recursive history."""
+        if at == 0:
+            return None
+        occ_from_last, occ_from_this = batch["occ_from_past_occ"][rows, at - 1 : at + 1].unbind(1)
+        return History(
+            before[-1][rows, None],
+            (inverse(occ_from_this) @ occ_from_last)[:, None],
+            batch["history_valid"][rows, at - 1 : at],
         )
-        return pillars.index_copy(0, rows, encoded.to(pillars.dtype))
-
-
-@contextmanager
-def running_statistics(module: nn.Module) -> Iterator[None]:
-    """Batch normalisation inside uses its running statistics, and leaves them as they are."""
-    norms = [m for m in module.modules() if isinstance(m, _BatchNorm) and m.training]
-    for norm in norms:
-        norm.eval()
-    try:
-        yield
-    finally:
-        for norm in norms:
-            norm.train()

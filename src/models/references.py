@@ -1,9 +1,10 @@
 """Height references of the pillars, and where a camera sees them (Eq. 5 and App. A.2)."""
 
+import math
 from typing import Literal, NamedTuple
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from ..errors import UserError
@@ -16,12 +17,17 @@ class References(NamedTuple):
     """Reference points of P pillars, J a pillar, in one image each.
 
     ``pix`` [B, P, J, 2] are pixels of the full image, ``depth_m`` [B, P, J] z-depths, ``valid``
-    [B, P, J] the paper's set J_p: before the camera and inside the image.
+    [B, P, J] the paper's set J_p: before the camera and inside the image. ``in_view`` [R] lists the
+    valid ones by their place in the flattened [B, P, J], in order; where it has room for more, it
+    is padded with B * P * J. ``camera_from_occ`` and ``pix_from_camera`` are what projected them.
     """
 
     pix: Float[Tensor, "b p j 2"]
     depth_m: Float[Tensor, "b p j"]
     valid: Bool[Tensor, "b p j"]
+    in_view: Int[Tensor, "r"]
+    camera_from_occ: Float[Tensor, "b 4 4"]
+    pix_from_camera: Float[Tensor, "b 3 3"]
 
 
 class PillarReferences(nn.Module):
@@ -29,13 +35,24 @@ class PillarReferences(nn.Module):
 
     ``projection="attitude"`` is the paper's chain. ``"level"`` is the baseline's: the UAV is taken
     to be level, and the camera's mount is kept.
+
+    ``capacity`` is the share of a frame's references that ``in_view`` has room for: shapes are then
+    the same for every frame, which compiled graphs need. ``None`` lists exactly those in view.
     """
 
-    def __init__(self, grid: VoxelGrid, num_heights: int, projection: Projection) -> None:
+    def __init__(
+        self,
+        grid: VoxelGrid,
+        num_heights: int,
+        projection: Projection,
+        capacity: float | None = None,
+    ) -> None:
         super().__init__()
         if projection not in ("attitude", "level"):
             raise UserError(f"projection: {projection!r} is neither 'attitude' nor 'level'")
-        self.projection = projection
+        if capacity is not None and not 0 < capacity <= 1:
+            raise UserError(f"capacity: {capacity} is no share; give null, or more than 0, up to 1")
+        self.projection, self.capacity = projection, capacity
         slice_m = (grid.upper_m[2] - grid.lower_m[2]) / num_heights
         z_m = grid.lower_m[2] + (torch.arange(num_heights) + 0.5) * slice_m
         points = grid.centers()[:, :, :1].repeat(1, 1, num_heights, 1)
@@ -49,16 +66,53 @@ class PillarReferences(nn.Module):
         pix_from_camera: Float[Tensor, "b 3 3"],
         image_size: tuple[int, int],
     ) -> References:
-        """``image_size`` is width and height in pixels."""
+        """``image_size`` is width and height in pixels.
+
+        Raises `UserError` where more references are in view than ``capacity`` has room for; on a
+        GPU, where asking would stall it, that is an assertion of the device.
+        """
         if self.projection == "level":
             occ_from_body = torch.eye(4).to(occ_from_body).expand_as(occ_from_body)
         # Autocast would round pixel coordinates to 8 bits.
         with torch.autocast(occ_from_body.device.type, enabled=False):
-            pix, depth_m = project(
-                self.points_occ.flatten(0, 1),
-                camera_from_occ(occ_from_body.float(), body_from_camera.float()),
-                pix_from_camera.float(),
-            )
+            chain = camera_from_occ(occ_from_body.float(), body_from_camera.float())
+            pix_from_camera = pix_from_camera.float()
+            pix, depth_m = project(self.points_occ.flatten(0, 1), chain, pix_from_camera)
         valid = in_image(pix, depth_m, *image_size)
         pillars = self.points_occ.shape[:2]
-        return References(*(x.unflatten(1, pillars) for x in (pix, depth_m, valid)))
+        by_pillar = (x.unflatten(1, pillars) for x in (pix, depth_m, valid))
+        return References(*by_pillar, self._in_view(valid), chain, pix_from_camera)
+
+    def _in_view(self, valid: Bool[Tensor, "b n"]) -> Int[Tensor, "r"]:
+        capacity = 1.0 if torch.compiler.is_exporting() else self.capacity
+        if capacity is None:
+            return valid.flatten().nonzero()[:, 0]
+        room = math.ceil(capacity * valid.shape[1])
+        if room < valid.shape[1] and not torch.compiler.is_compiling():
+            _require_room(valid.sum(dim=1).max(), room, valid.shape[1])
+        return padded_index(valid, room)
+
+
+def padded_index(valid: Bool[Tensor, "b n"], room: int) -> Int[Tensor, "b*room"]:
+    """Places in the flattened ``valid`` of each row's first ``room`` true ones, row by row.
+
+    A row with fewer is padded with the number of all places. No shape depends on the values.
+    """
+    places = torch.arange(valid.numel(), device=valid.device).view_as(valid)
+    if room == valid.shape[1]:
+        return torch.where(valid, places, valid.numel()).flatten()
+    slot = valid.cumsum(dim=1) - 1
+    slot = torch.where(valid & (slot < room), slot, room)
+    index = places.new_full((len(valid), room + 1), valid.numel())
+    return index.scatter(1, slot, places)[:, :room].flatten()
+
+
+def _require_room(most: Int[Tensor, ""], room: int, total: int) -> None:
+    message = f"more references are in view than capacity has room for ({room}); raise it, or null"
+    if most.is_cuda:
+        torch._assert_async(most <= room, message)
+    elif most > room:
+        raise UserError(
+            f"model.encoder.capacity: {int(most)} of {total} references are in view, and there is "
+            f"room for {room}; give {math.ceil(100 * int(most) / total) / 100} or more, or null"
+        )

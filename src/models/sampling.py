@@ -1,8 +1,10 @@
-"""Bilinear sampling of several feature levels as one weighted sum of table rows.
+"""Bilinear sampling of several feature levels, summed over levels and points.
 
-Four corners, levels and points of a reference are all summed in the end, so nothing but the sum is
-ever stored: one `embedding_bag`, three times faster on a CPU, forward and backward, than
-`grid_sample` by level, and it returns the same gradient every time on a GPU.
+Two ways to the same numbers. `summed_by_bags` is what trains and runs: four corners, levels and
+points are all summed in the end, so nothing but the sum is ever stored, as one `embedding_bag` of
+contiguous rows; several times faster on a CPU than `grid_sample` by level, and it returns the same
+gradient every time on a GPU. `summed_by_grid` is the plain form in operators that every runtime
+knows: the reference in tests, and what an exported graph is made of.
 """
 
 from collections.abc import Sequence
@@ -13,44 +15,104 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 
-class SumOfRows(torch.autograd.Function):
-    """``out[k] = sum_i weights[i] * rows[index[i]]`` over ``i`` in [offsets[k], offsets[k + 1]).
+def summed_samples(
+    levels: Sequence[Float[Tensor, "b _ _ dim"]],
+    x: Float[Tensor, "heads points levels r"],
+    y: Float[Tensor, "heads points levels r"],
+    weight: Float[Tensor, "heads points levels r"],
+    frame: Int[Tensor, "r"],
+) -> Float[Tensor, "r dim"]:
+    """``sum over points and levels of weight * level(x, y)`` at R places, head by head.
 
-    An empty range sums to zero. Same as `embedding_bag`; its own backward for the rows is slow, so
-    here it is another `embedding_bag`, over the entries sorted by row.
+    ``levels`` are channels-last maps, whose channels are split among the heads. ``x`` and ``y`` are
+    pixels of the level, with integers at pixel centres; outside a level is zero. ``frame`` is whose
+    map of the B a place is in; where a graph is exported, the places of each frame must be equally
+    many and stand together. The many places are the last dimension, which keeps the arithmetic
+    vectorised.
+    """
+    if torch.compiler.is_exporting():
+        return summed_by_grid(levels, x, y, weight, frame)
+    return summed_by_bags(levels, x, y, weight, frame)
+
+
+def summed_by_bags(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
+    """`summed_samples` as one weighted sum of the rows of a table."""
+    heads, sizes = len(x), [level.shape[1:3] for level in levels]
+    rows = bordered_rows(levels)
+    batch_size, table_size, dim = rows.shape
+    # A table for each head and frame.
+    rows = rows.view(-1, heads, dim // heads).transpose(0, 1).flatten(0, 1)
+    head = torch.arange(heads, dtype=torch.int32, device=x.device)
+    base = (head[:, None, None, None] * batch_size + frame.to(torch.int32)) * table_size
+    index, corner_weight = bilinear_corners(x, y, sizes, base)
+    weights = (weight * corner_weight).to(rows.dtype)
+    return SumOfRows.apply(rows, _by_bag(index), _by_bag(weights)).view(-1, dim)
+
+
+def summed_by_grid(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
+    """`summed_samples` as a `grid_sample` a level."""
+    heads, points = x.shape[:2]
+    batch_size, dim = len(levels[0]), levels[0].shape[-1]
+
+    def by_frame(entries: Float[Tensor, "heads points r"]) -> Float[Tensor, "b*heads k points"]:
+        return entries.view(heads, points, batch_size, -1).permute(2, 0, 3, 1).flatten(0, 1)
+
+    total = torch.zeros((), dtype=levels[0].dtype, device=x.device)
+    for number, level in enumerate(levels):
+        height, width = level.shape[1:3]
+        maps = level.unflatten(-1, (heads, -1)).permute(0, 3, 4, 1, 2).flatten(0, 1)
+        place = torch.stack(
+            [
+                (2 * by_frame(x[:, :, number]) + 1) / width - 1,
+                (2 * by_frame(y[:, :, number]) + 1) / height - 1,
+            ],
+            dim=-1,
+        )
+        sampled = F.grid_sample(maps, place.to(maps.dtype), align_corners=False)
+        total = total + (sampled * by_frame(weight[:, :, number])[:, None]).sum(dim=-1)
+    return total.view(batch_size, dim, -1).transpose(1, 2).flatten(0, 1)
+
+
+class SumOfRows(torch.autograd.Function):
+    """``out[k] = sum_i weights[k, i] * rows[index[k, i]]``.
+
+    Same as `embedding_bag`; its own backward for the rows is slow, so here it is another
+    `embedding_bag`, over the entries sorted by row.
     """
 
     @staticmethod
     def forward(
         ctx,
         rows: Float[Tensor, "n d"],
-        index: Int[Tensor, "i"],
-        weights: Float[Tensor, "i"],
-        offsets: Int[Tensor, "k+1"],
+        index: Int[Tensor, "k i"],
+        weights: Float[Tensor, "k i"],
     ) -> Float[Tensor, "k d"]:
-        ctx.save_for_backward(rows, index, weights, offsets)
-        return _bag(rows, index, weights, offsets)
+        ctx.save_for_backward(rows, index, weights)
+        return F.embedding_bag(index, rows, mode="sum", per_sample_weights=weights)
 
     @staticmethod
     def backward(ctx, grad: Float[Tensor, "k d"]):
-        rows, index, weights, offsets = ctx.saved_tensors
-        grad = grad.contiguous()
-        bags = torch.arange(len(grad), dtype=index.dtype, device=index.device)
-        bag_of = bags.repeat_interleave(offsets.diff(), output_size=len(index))
-        sorted_index, order = index.sort()
+        rows, index, weights = ctx.saved_tensors
+        grad, (bags, entries) = grad.contiguous(), index.shape
+        flat_index, flat_weights = index.flatten(), weights.flatten()
+        sorted_index, order = flat_index.sort()
         every_row = torch.arange(len(rows) + 1, dtype=index.dtype, device=index.device)
         row_offsets = torch.searchsorted(sorted_index, every_row, out_int32=True)
-        grad_rows = _bag(grad, bag_of[order], weights[order], row_offsets)
-        grad_weights = torch.ops.aten._embedding_bag_per_sample_weights_backward(
-            grad, rows, index, offsets, bag_of, 0
+        bag_of = torch.div(order, max(entries, 1), rounding_mode="floor").to(index.dtype)
+        grad_rows = F.embedding_bag(
+            bag_of,
+            grad,
+            row_offsets,
+            mode="sum",
+            per_sample_weights=flat_weights[order],
+            include_last_offset=True,
         )
-        return grad_rows, None, grad_weights, None
-
-
-def _bag(rows: Tensor, index: Tensor, weights: Tensor, offsets: Tensor) -> Tensor:
-    return F.embedding_bag(
-        index, rows, offsets, mode="sum", per_sample_weights=weights, include_last_offset=True
-    )
+        offsets = torch.arange(bags + 1, dtype=index.dtype, device=index.device) * entries
+        bags_in_order = torch.arange(bags, dtype=index.dtype, device=index.device)
+        grad_weights = torch.ops.aten._embedding_bag_per_sample_weights_backward(
+            grad, rows, flat_index, offsets, bags_in_order.repeat_interleave(entries), 0
+        )
+        return grad_rows, None, grad_weights.view_as(weights)
 
 
 def bordered_rows(
@@ -66,12 +128,10 @@ def bilinear_corners(
     sizes: Sequence[tuple[int, int]],
     base: Int[Tensor, "*#batch r"],
 ) -> tuple[Int[Tensor, "4 *batch levels r"], Float[Tensor, "4 *batch levels r"]]:
-    """Rows of `bordered_rows` (int32) and weights of each location's four neighbours.
+    """Rows of `bordered_rows` (int32) and weights of each place's four neighbours.
 
-    ``x`` and ``y`` are pixels of the level with integers at pixel centres; ``sizes`` are the
-    levels' (height, width) without border; ``base`` is the row where the location's table starts.
-    What lies outside a level falls on its border: zero.
-    The many locations are the last dimension, which keeps the arithmetic vectorised.
+    ``sizes`` are the levels' (height, width) without border; ``base`` is the row where the place's
+    table starts. What lies outside a level falls on its border: zero.
     """
     height, width = torch.tensor(sizes, dtype=torch.int32, device=x.device).T[..., None]
     cells = (height + 2) * (width + 2)
@@ -85,6 +145,13 @@ def bilinear_corners(
         [rest_y * rest_x, rest_y * fraction_x, fraction_y * rest_x, fraction_y * fraction_x]
     )
     return index, weight
+
+
+def _by_bag(entries: Tensor) -> Tensor:
+    """[4, heads, points, levels, r] as [r * heads, i]: what is summed stands together."""
+    corners, heads, points, levels, places = entries.shape
+    by_bag = entries.permute(4, 1, 0, 2, 3)
+    return by_bag.reshape(places * heads, corners * points * levels)
 
 
 def _split(x: Tensor, size: Tensor) -> tuple[Tensor, Tensor]:

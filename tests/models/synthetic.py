@@ -16,22 +16,31 @@ from src.geometry import (
     rotation_from_euler,
 )
 from src.models import DeformableCrossAttention, PillarDecoder, PillarEncoder, ResNet, SkyOcc
+from src.models.references import References, padded_index
 from src.ontology import UNKNOWN
 
 GRID = VoxelGrid(shape=(10, 10, 6))
 IMAGE_SIZE = (96, 64)
 
 
-def build_network(grid=GRID, dim=16, num_layers=2, metadata=True, history_grad=False, **encoder):
+def build_network(grid=GRID, dim=16, num_layers=2, encoder=None, **network):
     torch.manual_seed(0)
     lift = functools.partial(DeformableCrossAttention, num_heads=2, num_points=2)
     return SkyOcc(
         ResNet(depth=18, width=8),
-        PillarEncoder(grid, lift, dim, num_layers, num_heights=4, num_heads=2, **encoder),
+        PillarEncoder(grid, lift, dim, num_layers, num_heights=4, num_heads=2, **(encoder or {})),
         PillarDecoder(grid, dim, num_blocks=1),
-        metadata=metadata,
-        history_grad=history_grad,
+        **network,
     )
+
+
+def build_references(pix, valid, room=None):
+    """References at ``pix`` [B, P, J, 2]; with ``room``, so many places a frame in ``in_view``."""
+    in_view = valid.flatten().nonzero()[:, 0]
+    if room is not None:
+        in_view = padded_index(valid.flatten(1), room)
+    eye = torch.eye(4).expand(len(pix), 4, 4)
+    return References(pix, torch.ones_like(pix[..., 0]), valid, in_view, eye, eye[:, :3, :3])
 
 
 def build_batch(batch_size=2, frames=4, grid=GRID, image_size=IMAGE_SIZE, seed=0):

@@ -6,8 +6,7 @@ import torch
 from src.errors import UserError
 from src.models.attention import DeformableCrossAttention
 from src.models.backbone import STRIDES
-from src.models.references import References
-from src.models.sampling import SumOfRows
+from tests.models.synthetic import build_references
 
 DIM, HEIGHTS, HEADS, POINTS = 8, 3, 2, 2
 WIDTH, HEIGHT = 96, 64
@@ -34,7 +33,7 @@ def random_input(seed=0, batch=2, pillars=5):
     pix = (pix * 1.1 - 0.05).clamp(0, 0.9999) * torch.tensor([WIDTH, HEIGHT])
     valid = torch.rand(batch, pillars, HEIGHTS, generator=generator) < 0.6
     valid[0, 0] = False
-    return query, features, References(pix, torch.ones_like(pix[..., 0]), valid)
+    return query, features, build_references(pix, valid)
 
 
 def bilinear(feature, x, y):
@@ -113,7 +112,7 @@ def test_a_pillar_without_valid_reference_gets_exactly_zero():
 def test_no_valid_reference_at_all_is_zero_with_finite_gradients():
     module = random_attention()
     query, features, references = random_input()
-    nothing = references._replace(valid=torch.zeros_like(references.valid))
+    nothing = build_references(references.pix, torch.zeros_like(references.valid))
     update = module(query, features, nothing)
     assert update.eq(0).all()
     update.sum().backward()
@@ -140,8 +139,8 @@ def test_it_starts_by_reading_the_feature_at_the_reference():
     query = torch.zeros(1, 1, DIM)
 
     def update_at(u, v):
-        references = References(
-            torch.tensor([u, v]).view(1, 1, 1, 2), torch.ones(1, 1, 1), torch.ones(1, 1, 1) > 0
+        references = build_references(
+            torch.tensor([u, v]).view(1, 1, 1, 2), torch.ones(1, 1, 1, dtype=torch.bool)
         )
         return module(query, features, references)[0, 0]
 
@@ -155,25 +154,32 @@ def test_heights_can_be_told_apart():
     """The same feature at another height gives another update, which a plain mean would not."""
     module = random_attention()
     query, features, references = random_input()
-    same_place = references._replace(pix=references.pix[:, :, :1].expand(-1, -1, HEIGHTS, -1))
+    same_place = references.pix[:, :, :1].expand(-1, -1, HEIGHTS, -1)
     low, high = (torch.arange(HEIGHTS) == j for j in (0, 2))
     updates = [
-        module(query, features, same_place._replace(valid=h.expand(2, 5, HEIGHTS)))
+        module(query, features, build_references(same_place, h.expand(2, 5, HEIGHTS)))
         for h in (low, high)
     ]
     assert not torch.allclose(*updates, atol=0.1)
 
 
-def test_sum_of_rows_passes_gradcheck_with_empty_and_repeated_rows():
-    generator = torch.Generator().manual_seed(0)
-    rows = torch.randn(4, 3, generator=generator).double().requires_grad_()
-    weights = torch.randn(6, generator=generator).double().requires_grad_()
-    index = torch.tensor([0, 2, 2, 0, 0, 1], dtype=torch.int32)
-    offsets = torch.tensor([0, 0, 3, 5, 6, 6], dtype=torch.int32)
-    assert torch.autograd.gradcheck(
-        lambda r, w: SumOfRows.apply(r, index, w, offsets), (rows, weights)
+@pytest.mark.parametrize("room", [5 * HEIGHTS, 12], ids=["room_for_all", "room_for_some_more"])
+def test_padding_changes_nothing(room):
+    module = random_attention()
+    query, features, references = random_input()
+    assert references.valid.flatten(1).sum(1).max() <= room
+    padded = build_references(
+        references.pix.where(references.valid[..., None], torch.nan), references.valid, room
     )
-    assert SumOfRows.apply(rows, index, weights, offsets)[[0, 4]].eq(0).all()
+    assert len(padded.in_view) == 2 * room
+    features = [feature.requires_grad_() for feature in features]
+    inputs = [query, *features, *module.parameters()]
+    query.requires_grad_()
+    gradients = []
+    for some in (references, padded):
+        update = module(query, features, some)
+        gradients.append([update, *torch.autograd.grad(update.square().sum(), inputs)])
+    torch.testing.assert_close(*gradients)
 
 
 def test_heads_must_divide_the_width():

@@ -29,30 +29,62 @@ def test_logits_have_the_grid_and_are_float32(network, batch):
     assert logits.dtype == torch.float32
 
 
+def encoded(network, batch, at):
+    return network.encode(
+        batch["image"][:, at],
+        batch["pix_from_camera"][:, at],
+        batch["body_from_camera"],
+        batch["occ_from_body"][:, at],
+    )
+
+
 def test_the_stream_equals_the_batch_path_exactly(network, batch):
     """Pillars cached one frame at a time, then the current frame, against the whole queue."""
     network.eval()
-    cached = [
-        network.encode(
-            batch["image"][:, i],
-            batch["pix_from_camera"][:, i],
-            batch["body_from_camera"],
-            batch["occ_from_body"][:, i],
-        )
-        for i in range(3)
-    ]
+    cached = [encoded(network, batch, at).pillars for at in range(3)]
     history = History(
         torch.stack(cached, 1), batch["occ_from_past_occ"][:, :-1], batch["history_valid"][:, :-1]
     )
-    pillars = network.encode(
-        batch["image"][:, -1],
-        batch["pix_from_camera"][:, -1],
-        batch["body_from_camera"],
-        batch["occ_from_body"][:, -1],
-        history,
-    )
-    streamed = network.decode(pillars, batch["attitude_rad"], batch["velocity_mps"])
+    streamed, left_behind = network.step(batch, history)
     assert streamed.equal(network(batch))
+    assert left_behind.equal(encoded(network, batch, -1).pillars)
+
+
+def test_the_recursive_history_equals_steps_one_after_the_other(batch):
+    network = build_network(history="recursive").eval()
+    frame = encoded(network, batch, 0)
+    state = network.fuse(frame, None)
+    for at in (1, 2, 3):
+        occ_from_last, occ_from_this = batch["occ_from_past_occ"][:, at - 1 : at + 1].unbind(1)
+        motion = torch.linalg.inv(occ_from_this) @ occ_from_last
+        history = History(state[:, None], motion[:, None], torch.ones(2, 1, dtype=torch.bool))
+        frame = encoded(network, batch, at)
+        state = network.fuse(frame, history)
+    expected = network.decode(state, batch["attitude_rad"], batch["velocity_mps"])
+    torch.testing.assert_close(network(batch), expected, atol=1e-4, rtol=1e-4)
+    queue = build_network().eval()
+    queue.load_state_dict(network.state_dict())
+    assert not torch.allclose(network(batch), queue(batch), atol=1e-3)
+
+
+def test_a_layer_must_be_left_to_see_the_past():
+    with pytest.raises(UserError, match=r"num_layers: 1 .* data\.frames=1"):
+        build_network(num_layers=1)
+    build_network(num_layers=1, encoder={"num_frames": 1})
+
+
+@pytest.mark.parametrize("history_grad", [False, True])
+def test_checkpointing_changes_no_number(batch, history_grad):
+    """Neither the loss, nor a gradient, nor what batch normalisation has counted."""
+    found = []
+    for checkpointing in (False, True):
+        network = build_network(history_grad=history_grad, checkpointing=checkpointing)
+        OccupancyLoss(lovasz_weight=1.0)(network(batch), batch["semantics"])["total"].backward()
+        gradients = {name: p.grad for name, p in network.named_parameters() if p.grad is not None}
+        found.append({**gradients, **dict(network.named_buffers())})
+    assert found[0].keys() == found[1].keys()
+    for name, value in found[0].items():
+        torch.testing.assert_close(value, found[1][name], msg=name)
 
 
 @pytest.mark.parametrize("training", [True, False])
@@ -90,7 +122,7 @@ def test_no_history_at_all_equals_a_single_frame(network, batch):
     queued = ("image", "pix_from_camera", "occ_from_body", "occ_from_past_occ", "history_valid")
     alone = {name: value[:, -1:] if name in queued else value for name, value in batch.items()}
     batch["history_valid"][:, :-1] = False
-    assert network(batch).equal(network(alone))
+    torch.testing.assert_close(network(batch), network(alone))
 
 
 def test_a_camera_that_sees_no_pillar_gives_finite_output_and_gradients(network, batch):
@@ -103,10 +135,10 @@ def test_a_camera_that_sees_no_pillar_gives_finite_output_and_gradients(network,
     assert all(p.grad is None or p.grad.isfinite().all() for p in network.parameters())
 
 
-def test_every_parameter_learns(batch):
-    network = build_network(num_layers=1)
+def test_every_parameter_learns(network, batch):
     # At its initial zero, nothing that feeds the prediction of offsets has a gradient yet.
-    torch.nn.init.normal_(network.encoder.layers[0].lift.sampling.weight, std=0.1)
+    for layer in (*network.encoder.frame_layers, network.encoder.last_layer):
+        torch.nn.init.normal_(layer.lift.sampling.weight, std=0.1)
     OccupancyLoss(lovasz_weight=1.0)(network(batch), batch["semantics"])["total"].backward()
     still = [name for name, p in network.named_parameters() if p.grad is None or not p.grad.any()]
     assert still == []
@@ -144,7 +176,7 @@ def test_level_ignores_attitude_except_as_metadata(batch):
     tilted = clone(batch)
     tilted["occ_from_body"] = tilted["occ_from_body"].roll(1, dims=0)
     for projection, same in (("level", True), ("attitude", False)):
-        network = build_network(projection=projection).eval()
+        network = build_network(encoder={"projection": projection}).eval()
         assert network(tilted).equal(network(batch)) is same
 
 
@@ -161,7 +193,7 @@ def test_metadata_enter_after_the_lifting_and_can_be_left_out(batch):
 def test_a_pillar_sees_what_stands_in_it_under_any_attitude():
     """A spot where the tilted camera sees a pillar's reference reaches that pillar's update."""
     grid = VoxelGrid((0, -10, -10), (20, 10, 10), (10, 10, 10))
-    encoder = build_network(grid=grid, num_layers=1).encoder
+    encoder = build_network(grid=grid).encoder
     batch = build_batch(batch_size=1, frames=1, grid=grid)
     references = encoder.references(
         batch["occ_from_body"][:, 0],
@@ -174,7 +206,7 @@ def test_a_pillar_sees_what_stands_in_it_under_any_attitude():
     dark = [torch.zeros(1, 16, 64 // s, 96 // s) for s in STRIDES]
     bright = [level.clone() for level in dark]
     bright[0][0, :, v, u] = 10.0
-    query, lift = torch.zeros(1, 100, 16), encoder.layers[0].lift
+    query, lift = torch.zeros(1, 100, 16), encoder.last_layer.lift
     change = (lift(query, bright, references) - lift(query, dark, references)).abs().amax(-1)[0]
     assert change[pillar] > 0.01
     near = (references.pix[0] / 4 - torch.stack([u, v]) - 0.5).abs().amax(-1).amin(-1) < 3
@@ -213,7 +245,7 @@ def test_the_last_bias_is_the_log_prior():
 
 @pytest.mark.slow
 def test_it_fits_one_batch(batch):
-    network = build_network(num_layers=1)
+    network = build_network()
     loss = OccupancyLoss(lovasz_weight=1.0)
     optimiser = torch.optim.AdamW(network.parameters(), 3e-3)
     losses = []

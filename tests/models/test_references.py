@@ -5,7 +5,7 @@ import torch
 
 from src.errors import UserError
 from src.geometry import VoxelGrid, front_mount, pinhole, rigid, rotation_from_euler
-from src.models.references import PillarReferences
+from src.models.references import PillarReferences, padded_index
 
 GRID = VoxelGrid(shape=(10, 10, 6))
 SIZE = (96, 64)
@@ -44,6 +44,7 @@ def test_level_ignores_attitude_and_keeps_the_mount():
     rolled = level(tilted(0.3, -0.2), mount, PIX_FROM_CAMERA, SIZE)
     for a, b in zip(flat, rolled):
         torch.testing.assert_close(a, b)
+    assert flat.in_view.equal(flat.valid.flatten().nonzero()[:, 0])
     assert not torch.equal(attitude(tilted(0.3, -0.2), mount, PIX_FROM_CAMERA, SIZE).pix, flat.pix)
 
 
@@ -67,3 +68,36 @@ def test_bfloat16_autocast_does_not_blur_the_pixels():
 def test_an_unknown_projection_is_refused():
     with pytest.raises(UserError, match="projection"):
         PillarReferences(GRID, 4, "tilted")
+
+
+@pytest.mark.parametrize("share", [1.0, 0.7])
+def test_capacity_keeps_the_shape_and_lists_what_is_in_view(share):
+    references = PillarReferences(GRID, 4, "attitude", capacity=share)
+    for attitude in (tilted(0.0, 0.0), tilted(0.2, -0.1), tilted(-0.3, 0.2)):
+        seen = references(attitude, MOUNT, PIX_FROM_CAMERA, SIZE)
+        assert len(seen.in_view) == round(share * seen.valid.numel())
+        listed = seen.in_view[seen.in_view < seen.valid.numel()]
+        assert listed.equal(seen.valid.flatten().nonzero()[:, 0])
+
+
+def test_more_in_view_than_the_capacity_is_refused():
+    references = PillarReferences(GRID, 4, "attitude", capacity=0.1)
+    with pytest.raises(UserError, match=r"capacity: 2\d\d of 400 .* room for 40; give 0\.\d+ or"):
+        references(tilted(0.0, 0.0), MOUNT, PIX_FROM_CAMERA, SIZE)
+
+
+@pytest.mark.parametrize("share", [0.0, -0.5, 1.1])
+def test_a_capacity_that_is_no_share_is_refused(share):
+    with pytest.raises(UserError, match="capacity"):
+        PillarReferences(GRID, 4, "attitude", capacity=share)
+
+
+def test_padded_index_holds_each_rows_first_places():
+    valid = torch.tensor([[0, 1, 1, 0, 1], [0, 0, 0, 0, 0], [1, 1, 1, 1, 1]]).bool()
+    assert padded_index(valid, 3).view(3, 3).tolist() == [[1, 2, 4], [15, 15, 15], [10, 11, 12]]
+    everything = padded_index(valid, 5).view(3, 5)
+    assert everything.tolist() == [
+        [15, 1, 2, 15, 4],
+        [15, 15, 15, 15, 15],
+        [10, 11, 12, 13, 14],
+    ]

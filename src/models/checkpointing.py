@@ -1,0 +1,54 @@
+"""Stages computed twice for the sake of memory, and batch normalisation that stays as it is."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any
+
+from torch import nn
+from torch.nn.modules.batchnorm import _BatchNorm
+from torch.utils.checkpoint import checkpoint
+
+
+@contextmanager
+def running_statistics(module: nn.Module) -> Iterator[None]:
+    """Batch normalisation inside uses its running statistics, and leaves them as they are."""
+    norms = [m for m in module.modules() if isinstance(m, _BatchNorm) and m.training]
+    # Copies: a backward through here reads them after the next batch has changed the originals.
+    with _in_state(norms, [{**_state(norm), "training": False} for norm in norms]):
+        yield
+
+
+def checkpointed(network: nn.Module, stage: Callable[..., Any], *inputs: Any) -> Any:
+    """What a stage of a network in training gives; its insides are computed again in the backward.
+
+    The second time, batch normalisation does as it did the first time, and counts nothing.
+    """
+    norms = [m for m in network.modules() if isinstance(m, _BatchNorm)]
+    states = [_state(norm) for norm in norms]
+
+    def contexts() -> tuple[AbstractContextManager, AbstractContextManager]:
+        return nullcontext(), _in_state(norms, states)
+
+    return checkpoint(stage, *inputs, use_reentrant=False, context_fn=contexts)
+
+
+def _state(norm: _BatchNorm) -> dict[str, Any]:
+    """What it normalises with now, in tensors that no later batch changes."""
+    buffers = {name: buffer.clone() for name, buffer in norm.named_buffers()}
+    return {"training": norm.training, **buffers}
+
+
+@contextmanager
+def _in_state(norms: Sequence[_BatchNorm], states: Sequence[dict[str, Any]]) -> Iterator[None]:
+    before = [{name: getattr(norm, name) for name in state} for norm, state in zip(norms, states)]
+    _put(norms, states)
+    try:
+        yield
+    finally:
+        _put(norms, before)
+
+
+def _put(norms: Sequence[_BatchNorm], states: Sequence[dict[str, Any]]) -> None:
+    for norm, state in zip(norms, states):
+        for name, value in state.items():
+            setattr(norm, name, value)

@@ -1,0 +1,81 @@
+import math
+
+import pytest
+import torch
+
+from src.models.sampling import SumOfRows, summed_by_bags, summed_by_grid
+
+HEADS, POINTS, DIM = 2, 3, 4
+SIZES = [(6, 9), (3, 5), (1, 1)]
+
+
+def random_places(batch=2, places=7, seed=0):
+    """Levels, x, y, weight and frame; some places are far outside, some on the edge."""
+    generator = torch.Generator().manual_seed(seed)
+    levels = [torch.randn(batch, h, w, DIM, generator=generator).double() for h, w in SIZES]
+    shape = (HEADS, POINTS, len(SIZES), batch * places)
+    x, y = (14 * torch.rand(shape, generator=generator).double() - 3 for _ in range(2))
+    x[0, 0, :, 0], y[0, 0, :, 0] = 0.0, -1.0
+    x[0, 1, :, 0], y[0, 1, :, 0] = -50.0, 1e4
+    weight = torch.randn(shape, generator=generator).double()
+    return levels, x, y, weight, torch.arange(batch).repeat_interleave(places)
+
+
+def summed_by_loops(levels, x, y, weight, frame):
+    """The definition, one corner at a time."""
+    out = torch.zeros(x.shape[-1], HEADS, DIM // HEADS).double()
+    for head, point, number, place in torch.cartesian_prod(*map(torch.arange, x.shape)).tolist():
+        at = (head, point, number, place)
+        values = levels[number][frame[place]].unflatten(-1, (HEADS, -1))[:, :, head]
+        left, top = math.floor(x[at]), math.floor(y[at])
+        for row in (top, top + 1):
+            for column in (left, left + 1):
+                if 0 <= row < values.shape[0] and 0 <= column < values.shape[1]:
+                    share = (1 - (x[at] - column).abs()) * (1 - (y[at] - row).abs())
+                    out[place, head] += weight[at] * share * values[row, column]
+    return out.flatten(1)
+
+
+@pytest.mark.parametrize("summed", [summed_by_bags, summed_by_grid])
+def test_it_equals_the_loops(summed):
+    inputs = random_places()
+    torch.testing.assert_close(summed(*inputs), summed_by_loops(*inputs))
+
+
+def test_both_ways_have_the_same_gradients():
+    levels, x, y, weight, frame = random_places()
+    inputs = [t.requires_grad_() for t in (*levels, x, y, weight)]
+    upstream = torch.randn(14, DIM, generator=torch.Generator().manual_seed(1)).double()
+    bags, grid = (
+        torch.autograd.grad(summed(levels, x, y, weight, frame), inputs, upstream)
+        for summed in (summed_by_bags, summed_by_grid)
+    )
+    inside = (x.abs() < 10) & (y.abs() < 10) & (y != -1)
+    for number, (a, b) in enumerate(zip(bags, grid)):
+        if number in (3, 4):  # at a kink, and far outside, a slope means nothing
+            a, b = a[inside], b[inside]
+        torch.testing.assert_close(a, b)
+
+
+def test_places_may_come_in_any_order_and_number():
+    levels, x, y, weight, frame = random_places()
+    some = torch.tensor([9, 2, 13, 2, 0])
+    mixed = [t[..., some] for t in (x, y, weight)]
+    got = summed_by_bags(levels, *mixed, frame[some])
+    torch.testing.assert_close(got, summed_by_bags(levels, x, y, weight, frame)[some])
+
+
+def test_sum_of_rows_passes_gradcheck_with_repeated_and_unused_rows():
+    generator = torch.Generator().manual_seed(0)
+    rows = torch.randn(4, 3, generator=generator).double().requires_grad_()
+    weights = torch.randn(3, 2, generator=generator).double().requires_grad_()
+    index = torch.tensor([[0, 2], [2, 0], [0, 0]], dtype=torch.int32)
+    assert torch.autograd.gradcheck(lambda r, w: SumOfRows.apply(r, index, w), (rows, weights))
+
+
+def test_sum_of_rows_of_nothing():
+    rows = torch.randn(4, 3, requires_grad=True)
+    out = SumOfRows.apply(rows, torch.zeros(0, 8, dtype=torch.int32), torch.zeros(0, 8))
+    assert out.shape == (0, 3)
+    out.sum().backward()
+    assert rows.grad.eq(0).all()
