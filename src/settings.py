@@ -27,6 +27,7 @@ AT_LEAST = {
     "data.batch_size": 1,
     "data.workers": 0,
     "data.frames": 1,
+    "data.run_frames": 1,
     "trainer.max_epochs": 1,
     "threads": 1,
 }

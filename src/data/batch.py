@@ -2,8 +2,11 @@
 
 from typing import TypedDict
 
+import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
+
+from ..geometry import euler_from_rotation, inverse, occ_from_body, world_from_occ
 
 
 class Batch(TypedDict):
@@ -14,6 +17,7 @@ class Batch(TypedDict):
     """
 
     image: UInt8[Tensor, "B L 3 H W"]
+    """Only the current one, [B, 1, 3, H, W], where the past was computed in earlier steps."""
     pix_from_camera: Float[Tensor, "B L 3 3"]
     body_from_camera: Float[Tensor, "B 4 4"]
     occ_from_body: Float[Tensor, "B L 4 4"]
@@ -29,6 +33,24 @@ class Batch(TypedDict):
     visible: Bool[Tensor, "B X Y Z"]
     clip: list[str]
     frame: list[int]
+
+
+def ego_motion(
+    world_from_body: Float[Tensor, "L 4 4"], velocity_world_mps: Float[Tensor, "3"]
+) -> dict[str, Tensor]:
+    """What a sample holds of the poses of its frames (oldest first) and of its velocity.
+
+    Computed in the precision of the poses, which may be far from the origin; returned as float32.
+    """
+    occ_now_from_world = inverse(world_from_occ(world_from_body[-1]))
+    roll_rad, pitch_rad, _ = euler_from_rotation(world_from_body[-1, :3, :3])
+    motion = {
+        "occ_from_body": occ_from_body(world_from_body),
+        "occ_from_past_occ": occ_now_from_world @ world_from_occ(world_from_body),
+        "velocity_mps": occ_now_from_world[:3, :3] @ velocity_world_mps,
+        "attitude_rad": torch.stack([roll_rad, pitch_rad]),
+    }
+    return {name: value.float() for name, value in motion.items()}
 
 
 def mirrored(sample: Batch) -> Batch:

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import torch
 from jaxtyping import Float, UInt8
@@ -13,18 +14,23 @@ from torch.utils.data import DataLoader
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from .batches import ALONE, BatchesInOrder, Rank, StreamBatches, TrainingBatches
 from .clip import Clip
-from .dataset import EpochSampler, OccupancyDataset, velocity_world_mps
+from .dataset import OccupancyDataset, velocity_world_mps
 from .manifest import read_manifest
 from .split import make_split
+
+ORDERS = ("shuffled", "streams")
 
 
 class SkyShieldData(LightningDataModule):
     """Loads a finished data set; it needs neither the simulator nor its configuration.
 
-    Images stay uint8 until they are on the device. Raises `UserError` where the data set is
-    incomplete, a file is broken, the split leaves a part without a frame, or the grid has no left
-    and right to swap.
+    Images stay uint8 until they are on the device. ``order`` is that of training: ``"shuffled"``
+    frames, each with the images of its whole history, or ``"streams"`` of consecutive ones
+    (`StreamBatches`), each with its own image alone. Raises `UserError` for another ``order``, and
+    where the data set is incomplete, a file is broken, the split leaves a part without a frame, or
+    the grid has no left and right to swap.
     """
 
     def __init__(
@@ -35,6 +41,8 @@ class SkyShieldData(LightningDataModule):
         frames: int,
         history_step_s: float,
         history: str,
+        order: str,
+        run_frames: int,
         mirror: bool,
         batch_size: int,
         workers: int,
@@ -44,6 +52,9 @@ class SkyShieldData(LightningDataModule):
         self.root = Path(root)
         self.val_clips, self.test_clips = tuple(val_clips), tuple(test_clips)
         self.frames, self.history_step_s, self.history = frames, history_step_s, history
+        self.order, self.run_frames = order, run_frames
+        if order not in ORDERS:
+            raise UserError(f"data.order: {order!r}; there are {', '.join(ORDERS)}")
         self.mirror, self.batch_size, self.workers, self.seed = mirror, batch_size, workers, seed
         clip_ids = list(read_manifest(self.root)["clips"])
         self.clips = {clip_id: Clip(self.root / clip_id) for clip_id in clip_ids}
@@ -64,8 +75,8 @@ class SkyShieldData(LightningDataModule):
     def grid(self) -> VoxelGrid:
         return next(iter(self.clips.values())).meta.grid
 
-    def dataset(self, part: str) -> OccupancyDataset:
-        """The samples of ``train``, ``val`` or ``test``."""
+    def dataset(self, part: str, images: bool = True) -> OccupancyDataset:
+        """The samples of ``train``, ``val`` or ``test``; see `OccupancyDataset` for ``images``."""
         return OccupancyDataset(
             self.clips,
             self.split[part],
@@ -73,12 +84,19 @@ class SkyShieldData(LightningDataModule):
             self.history_step_s,
             self.history,
             held_out=self.val_clips + self.test_clips,
+            images=images,
         )
 
     def train_dataloader(self) -> DataLoader:
-        dataset = self.dataset("train")
-        sampler = EpochSampler(len(dataset), self.seed, self.mirror)
-        return self._loader(dataset, sampler=sampler, drop_last=len(dataset) >= self.batch_size)
+        if self.order == "shuffled":
+            dataset = self.dataset("train")
+            batches = TrainingBatches(len(dataset), **self._how_to_draw())
+        else:
+            dataset = self.dataset("train", images=False)
+            batches = StreamBatches(
+                dataset.samples, dataset.step, self.run_frames, **self._how_to_draw()
+            )
+        return self._loader(dataset, batches)
 
     def val_dataloader(self) -> DataLoader:
         return self.in_order("val")
@@ -87,8 +105,10 @@ class SkyShieldData(LightningDataModule):
         return self.in_order("test")
 
     def in_order(self, part: str) -> DataLoader:
-        """Every frame of a part once, clip by clip."""
-        return self._loader(self.dataset(part))
+        """Every frame of a part once, clip by clip; shared among the processes, if there are
+        several."""
+        dataset = self.dataset(part)
+        return self._loader(dataset, BatchesInOrder(len(dataset), self.batch_size, self._rank()))
 
     def labels(self, part: str) -> Iterator[tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"]]]:
         """Labels and world velocity in m/s of every frame of a part, without its images."""
@@ -98,11 +118,20 @@ class SkyShieldData(LightningDataModule):
             clip = self.clips[clip_id]
             yield torch.from_numpy(clip.semantics(frame)), velocity_world_mps(clip, frame)
 
-    def _loader(self, dataset: OccupancyDataset, **options: object) -> DataLoader:
+    def _how_to_draw(self) -> dict[str, Any]:
+        shared = {"batch_size": self.batch_size, "seed": self.seed, "mirror": self.mirror}
+        return {**shared, "rank": self._rank()}
+
+    def _rank(self) -> Rank:
+        trainer = self.trainer
+        return ALONE if trainer is None else Rank(trainer.global_rank, trainer.world_size)
+
+    def _loader(
+        self, dataset: OccupancyDataset, batches: TrainingBatches | BatchesInOrder
+    ) -> DataLoader:
         return DataLoader(
             dataset,
-            batch_size=self.batch_size,
+            batch_sampler=batches,
             num_workers=self.workers,
             persistent_workers=self.workers > 0,
-            **options,
         )

@@ -1,16 +1,16 @@
 """Frames of clips as samples: a window of L frames with its ego-motion, and the current labels."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from torch.utils.data import Dataset, Sampler
+from torch.utils.data import Dataset
 
 from ..errors import UserError
-from ..geometry import euler_from_rotation, inverse, occ_from_body, world_from_occ
-from .batch import Batch, mirrored
+from .batch import Batch, ego_motion, mirrored
+from .batches import Key
 from .clip import Clip
 from .split import part_of_time
 
@@ -21,7 +21,8 @@ class OccupancyDataset(Dataset):
     """Samples of one part of the split.
 
     A window never leaves its clip; it may reach back over a split boundary (inputs only, as in
-    flight) unless ``history`` is ``"strict"``. Index with an integer, or with (integer, mirror).
+    flight) unless ``history`` is ``"strict"``. With ``images=False`` the past is told by its motion
+    alone, and only the current image is read. Index with an integer or a `Key`.
 
     Raises `UserError` for another ``history``, and as `history_stride` does.
     """
@@ -34,12 +35,14 @@ class OccupancyDataset(Dataset):
         history_step_s: float,
         history: str = "open",
         held_out: Sequence[str] = (),
+        images: bool = True,
     ) -> None:
         self.clips = clips
         self.samples = list(samples)
         self.frames = frames
         self.history = history
         self.held_out = frozenset(held_out)
+        self.images = images
         if history not in HISTORY:
             raise UserError(f"data.history: {history!r}; there are {', '.join(HISTORY)}")
         self.step = history_stride(history_step_s, clips[self.samples[0][0]].meta.capture_hz)
@@ -47,30 +50,27 @@ class OccupancyDataset(Dataset):
     def __len__(self) -> int:
         return len(self.samples)
 
-    def __getitem__(self, key: int | tuple[int, bool]) -> Batch:
-        index, mirror = key if isinstance(key, tuple) else (key, False)
-        sample = self._sample(*self.samples[index])
-        return mirrored(sample) if mirror else sample
+    def __getitem__(self, key: int | Key) -> Batch:
+        key = key if isinstance(key, Key) else Key(key)
+        sample = self._sample(*self.samples[key.index], key.past)
+        return mirrored(sample) if key.mirror else sample
 
-    def _sample(self, clip_id: str, now: int) -> Batch:
+    def _sample(self, clip_id: str, now: int, past: int | None) -> Batch:
         clip = self.clips[clip_id]
-        wanted = [now - self.step * age for age in reversed(range(self.frames))]
-        valid = torch.tensor([self._may_see(clip_id, now, frame) for frame in wanted])
-        window = [frame if ok else now for frame, ok in zip(wanted, valid.tolist())]
-        world_from_body = clip.world_from_body[window]
-        occ_now_from_world = inverse(world_from_occ(world_from_body[-1]))
-        roll_rad, pitch_rad, _ = euler_from_rotation(world_from_body[-1, :3, :3])
-        velocity_mps = occ_now_from_world[:3, :3] @ velocity_world_mps(clip, now)
-        images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(window)}
+        ages = range(self.frames - 1, -1, -1)
+        wanted = [now - self.step * age for age in ages]
+        may_see = [self._may_see(clip_id, now, frame) for frame in wanted]
+        valid = [ok and (past is None or age <= past) for ok, age in zip(may_see, ages)]
+        window = [frame if ok else now for frame, ok in zip(wanted, valid)]
+        shown = window if self.images else [now]
+        images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(shown)}
+        motion = ego_motion(clip.world_from_body[window], velocity_world_mps(clip, now))
         return {
-            "image": torch.stack([images[frame].permute(2, 0, 1) for frame in window]),
+            "image": torch.stack([images[frame].permute(2, 0, 1) for frame in shown]),
             "pix_from_camera": clip.meta.pix_from_camera.float().expand(self.frames, 3, 3),
             "body_from_camera": clip.meta.body_from_camera.float(),
-            "occ_from_body": occ_from_body(world_from_body).float(),
-            "occ_from_past_occ": (occ_now_from_world @ world_from_occ(world_from_body)).float(),
-            "history_valid": valid,
-            "velocity_mps": velocity_mps.float(),
-            "attitude_rad": torch.stack([roll_rad, pitch_rad]).float(),
+            **motion,
+            "history_valid": torch.tensor(valid),
             "semantics": torch.from_numpy(clip.semantics(now)),
             "visible": torch.from_numpy(clip.visible(now)),
             "clip": clip_id,
@@ -101,29 +101,3 @@ def velocity_world_mps(clip: Clip, frame: int) -> Float[Tensor, "3"]:
     """The UAV's velocity (float64) in the world frame."""
     row = clip.frames.loc[frame, ["vx_mps", "vy_mps", "vz_mps"]]
     return torch.from_numpy(row.to_numpy(np.float64, copy=True))
-
-
-class EpochSampler(Sampler):
-    """A new order every epoch, and a coin for the mirror, from the seed and the epoch alone.
-
-    So a resumed run sees what the undisturbed one would have seen.
-    """
-
-    def __init__(self, length: int, seed: int, mirror: bool) -> None:
-        self.length = length
-        self.seed = seed
-        self.mirror = mirror
-        self.epoch = 0
-
-    def set_epoch(self, epoch: int) -> None:
-        """Called by the trainer at the start of every epoch."""
-        self.epoch = epoch
-
-    def __len__(self) -> int:
-        return self.length
-
-    def __iter__(self) -> Iterator[tuple[int, bool]]:
-        rng = np.random.default_rng([self.seed, self.epoch])
-        order = rng.permutation(self.length).tolist()
-        coins = rng.random(self.length) < 0.5 if self.mirror else np.zeros(self.length, bool)
-        return iter(zip(order, coins.tolist()))

@@ -12,13 +12,16 @@ from torchmetrics import Metric
 
 from ..data.truth import truth_of
 from ..errors import UserError
+from .memory import PillarMemory
 
 
 class OccupancyModule(LightningModule):
     """Trains a network that maps a batch to occupancy logits, and scores it.
 
-    ``test_suite`` counts what is predicted on the test split. Raises `UserError` when a loss is not
-    finite: in training before the weights are touched, in validation before they are saved.
+    ``test_suite`` counts what is predicted on the test split. With a ``memory`` the training
+    batches are consecutive frames, and what a step computed of them is the next one's history.
+    Raises `UserError` when a loss is not finite: in training before the weights are touched, in
+    validation before they are saved.
     """
 
     def __init__(
@@ -28,29 +31,42 @@ class OccupancyModule(LightningModule):
         make_scores: Callable[[], Metric],
         optimizer: Mapping[str, float],
         test_suite: nn.Module,
+        memory: PillarMemory | None = None,
     ) -> None:
         super().__init__()
         self.network = network
         self.loss = loss
         self.val_scores = make_scores()
         self.test_suite = test_suite
+        self.memory = memory
         self.optimizer_config = dict(optimizer)
 
     def forward(self, batch: Mapping[str, Tensor]) -> Tensor:
         return self.network(batch)
 
+    def on_train_epoch_start(self) -> None:
+        if self.memory is not None:
+            self.memory.clear()
+
     def training_step(self, batch: Mapping[str, Tensor], batch_index: int) -> Tensor:
-        parts = self.loss(self(batch), batch["semantics"])
+        parts = self.loss(self._training_logits(batch), batch["semantics"])
         self._require_finite(parts, batch)
         self.log_dict({f"train/{name}": value.detach() for name, value in parts.items()})
         self.log("train/loss", parts["total"].detach(), prog_bar=True, logger=False)
         return parts["total"]
 
+    def _training_logits(self, batch: Mapping[str, Tensor]) -> Tensor:
+        if self.memory is None:
+            return self(batch)
+        logits, left_behind = self.network.step(batch, self.memory.history(batch))
+        self.memory.keep(left_behind)
+        return logits
+
     def validation_step(self, batch: Mapping[str, Tensor], batch_index: int) -> None:
         logits = self(batch)
         parts = self.loss(logits, batch["semantics"])
         self._require_finite(parts, batch)
-        self.log("val/loss", parts["total"], batch_size=len(batch["frame"]))
+        self.log("val/loss", parts["total"], batch_size=len(batch["frame"]), sync_dist=True)
         self.val_scores.update(logits, batch["semantics"], batch["velocity_mps"])
 
     def on_validation_epoch_end(self) -> None:

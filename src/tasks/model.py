@@ -10,6 +10,7 @@ from torch import nn
 
 from ..data.datamodule import SkyShieldData
 from ..errors import UserError
+from ..models.memory import PillarMemory
 from ..models.module import OccupancyModule
 from ..models.prior import VoxelPrior
 from ..ontology import FREE, NUM_CLASSES
@@ -40,7 +41,16 @@ def module_of(cfg: DictConfig, data: SkyShieldData, prior: VoxelPrior) -> Occupa
         lambda: scores(data.grid),
         cfg.optimizer,
         suite_of(cfg, data),
+        _memory_of(cfg),
     )
+
+
+def _memory_of(cfg: DictConfig) -> PillarMemory | None:
+    """Only where training goes along streams is anything remembered from step to step."""
+    if cfg.data.order != "streams":
+        return None
+    past = cfg.data.frames - 1
+    return PillarMemory(min(past, 1) if cfg.model.history == "recursive" else past)
 
 
 def load_weights(module: nn.Module, path: Path) -> None:

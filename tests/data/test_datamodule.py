@@ -9,7 +9,8 @@ from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 OPTIONS = {
     **{"val_clips": [], "test_clips": ["suburb/clip00"], "frames": 4, "history_step_s": 0.4},
-    **{"history": "open", "mirror": True, "batch_size": 8, "workers": 0, "seed": 0},
+    **{"history": "open", "order": "shuffled", "run_frames": 10, "mirror": True},
+    **{"batch_size": 8, "workers": 0, "seed": 0},
 }
 
 
@@ -57,6 +58,23 @@ def test_batches_do_not_depend_on_the_number_of_workers(root):
 def test_the_last_short_batch_is_dropped_unless_it_is_all(root):
     assert len(data_of(root).train_dataloader()) == 25 // 8
     assert [len(b["frame"]) for b in data_of(root, batch_size=64).train_dataloader()] == [25]
+
+
+def test_streams_read_the_current_image_alone_and_reach_back_as_far_as_they_went(root):
+    loader = data_of(root, order="streams", batch_size=5, run_frames=5).train_dataloader()
+    batches = list(loader)
+    assert [tuple(b["image"].shape) for b in batches] == [(5, 1, 3, 64, 96)] * 5
+    for step, batch in enumerate(batches):
+        for place in range(5):
+            reach = int(batch["history_valid"][place].sum()) - 1
+            assert reach == min(step, 3), "runs of five, five of them, fill the places exactly"
+            for age in range(1, reach + 1):
+                assert batches[step - age]["frame"][place] == batch["frame"][place] - age
+
+
+def test_an_unknown_order_is_refused(root):
+    with pytest.raises(UserError, match=r"data\.order: 'sorted'; there are shuffled, streams"):
+        data_of(root, order="sorted")
 
 
 def test_validation_and_test_are_whole_in_order_and_not_mirrored(root):

@@ -5,8 +5,9 @@ import math
 import pytest
 import torch
 
+from src.data.batches import Key
 from src.data.clip import Clip
-from src.data.dataset import EpochSampler, OccupancyDataset, history_stride
+from src.data.dataset import OccupancyDataset, history_stride
 from src.errors import UserError
 from src.geometry import euler_from_rotation, inverse, transform, world_from_occ
 from tests.synthetic import write_clip
@@ -148,8 +149,8 @@ def test_velocity_is_in_the_occ_frame(clips):
 
 def test_a_mirrored_key_gives_the_mirrored_sample(clips):
     dataset = OccupancyDataset(clips, [(CLIP, 20)], 4, 0.2)
-    assert torch.equal(dataset[0, True]["image"], dataset[0]["image"].flip(-1))
-    assert torch.equal(dataset[0, False]["image"], dataset[0]["image"])
+    assert torch.equal(dataset[Key(0, mirror=True)]["image"], dataset[0]["image"].flip(-1))
+    assert torch.equal(dataset[Key(0)]["image"], dataset[0]["image"])
 
 
 def test_a_broken_file_is_named(tmp_path):
@@ -161,38 +162,14 @@ def test_a_broken_file_is_named(tmp_path):
         window(clips, 5, history_step_s=0.4)
 
 
-# ------------------------------------------------------------------------------ the order of epochs
+def test_a_key_may_shorten_the_history(clips):
+    dataset = OccupancyDataset(clips, [(CLIP, 20)], 4, 0.2)
+    for past, valid in ((None, [1, 1, 1, 1]), (0, [0, 0, 0, 1]), (2, [0, 1, 1, 1])):
+        assert dataset[Key(0, past=past)]["history_valid"].int().tolist() == valid
 
 
-def orders(seed, epochs, mirror=True, length=50):
-    sampler = EpochSampler(length, seed, mirror)
-    found = []
-    for epoch in epochs:
-        sampler.set_epoch(epoch)
-        found.append(list(sampler))
-    return found
-
-
-def test_an_epoch_visits_every_sample_once():
-    (order,) = orders(0, [0])
-    assert sorted(index for index, _ in order) == list(range(50))
-
-
-def test_the_order_depends_on_seed_and_epoch_alone():
-    undisturbed = orders(3, range(4))
-    torch.manual_seed(1)
-    torch.rand(7)
-    assert orders(3, [2, 3]) == undisturbed[2:]
-    assert len({str(order) for order in undisturbed}) == 4
-
-
-def test_zero_is_a_seed_like_any_other():
-    assert orders(0, [0, 1]) == orders(0, [0, 1])
-    assert orders(0, [0]) != orders(1, [0])
-
-
-def test_half_of_the_samples_are_mirrored_and_none_without_mirror():
-    (order,) = orders(0, [0], length=2000)
-    assert 850 < sum(mirror for _, mirror in order) < 1150
-    (order,) = orders(0, [0], mirror=False)
-    assert not any(mirror for _, mirror in order)
+def test_without_images_the_past_is_told_by_its_motion(clips):
+    whole, light = (OccupancyDataset(clips, [(CLIP, 20)], 4, 0.2, images=i)[0] for i in (1, 0))
+    assert torch.equal(light["image"], whole["image"][-1:])
+    for key in whole.keys() - {"image", "clip", "frame"}:
+        assert torch.equal(light[key], whole[key]), key

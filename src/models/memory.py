@@ -1,0 +1,43 @@
+"""What earlier steps of a training left behind, as the history of the next one."""
+
+from collections import deque
+from collections.abc import Mapping
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from .history import History
+
+
+class PillarMemory:
+    """The pillars of the last ``length`` steps, whose batches were consecutive frames.
+
+    Each place of the batch is a stream of its own (`data.batches.StreamBatches`); how far back it
+    goes, the batch's ``history_valid`` says. The weights change between the steps, so what is
+    remembered is as stale as it is old; that is the price of not computing it again.
+    """
+
+    def __init__(self, length: int) -> None:
+        self.steps: deque[Tensor] = deque(maxlen=length)
+
+    def clear(self) -> None:
+        """Forget everything: at the start of an epoch."""
+        self.steps.clear()
+
+    def keep(self, pillars: Float[Tensor, "b p dim"]) -> None:
+        """Remember what a step left behind, without its graph."""
+        self.steps.append(pillars.detach())
+
+    def history(self, batch: Mapping[str, Tensor]) -> History | None:
+        """The history of a batch's current frames; ``None`` where there is none to remember.
+
+        Raises `RuntimeError` where the batch relies on steps that were never taken.
+        """
+        valid, motion, n = batch["history_valid"], batch["occ_from_past_occ"], len(self.steps)
+        if n < self.steps.maxlen and valid[:, : -n - 1].any():
+            raise RuntimeError("a batch of a stream refers to steps that were never taken")
+        if n == 0:
+            return None
+        pillars = torch.stack(list(self.steps), dim=1)
+        return History(pillars, motion[:, -n - 1 : -1], valid[:, -n - 1 : -1])

@@ -1,0 +1,139 @@
+"""Streaming inference: one frame and its pose at a time, as in flight."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from ..data.batch import ego_motion
+from ..errors import UserError
+from .history import History
+from .network import SkyOcc
+
+
+class StreamFrame(NamedTuple):
+    """What arrives: an image, when and where it was taken, and how fast the UAV flew.
+
+    ``image`` uint8 [3, H, W]; ``world_from_body`` best in float64; velocity in the world frame.
+    ``clip`` names the flight: another one begins without history.
+    """
+
+    image: UInt8[Tensor, "3 h w"]
+    time_s: float
+    world_from_body: Float[Tensor, "4 4"]
+    velocity_mps: Float[Tensor, "3"]
+    pix_from_camera: Float[Tensor, "3 3"]
+    body_from_camera: Float[Tensor, "4 4"]
+    clip: str = ""
+
+
+class Past(NamedTuple):
+    """What a stream keeps of a frame."""
+
+    time_s: float
+    world_from_body: Float[Tensor, "4 4"]
+    pillars: Float[Tensor, "1 p dim"]
+
+
+class SkyOccStream:
+    """Occupancy logits of every frame of a stream, computed once each; the history is kept here.
+
+    The same numbers as `SkyOcc.forward` on the queue of these frames. The camera may be faster than
+    the history: of what is kept, the frames ``history_step_s`` apart are taken, each within
+    ``tolerance_s``. The history is dropped where another clip begins, and where no frame came
+    for longer than a history step.
+
+    Args:
+        network: is put into evaluation.
+        frames: the paper's L, the current frame included, as the network was trained with.
+        history_step_s: seconds between them.
+        tolerance_s: how far from its time a past frame may have been taken.
+    """
+
+    def __init__(
+        self, network: SkyOcc, frames: int, history_step_s: float, tolerance_s: float = 0.02
+    ) -> None:
+        self.network = network.eval()
+        oldest = min(frames - 1, 1) if network.history == "recursive" else frames - 1
+        self.ages = range(oldest, 0, -1)
+        self.step_s, self.tolerance_s = history_step_s, tolerance_s
+        self.past: list[Past] = []
+        self.clip = ""
+
+    def reset(self) -> None:
+        """Drop the history."""
+        self.past = []
+
+    @torch.no_grad()
+    def __call__(self, frame: StreamFrame) -> Float[Tensor, "9 x y z"]:
+        """Logits of a frame, in its occ frame.
+
+        Raises `UserError`, and leaves the stream as it was, for a frame that is not later than the
+        last one of its clip, and for a pose, a velocity or a camera that is not finite.
+        """
+        _require_sound(frame)
+        past = self._still_valid(frame)
+        chosen = [self._at(frame.time_s - age * self.step_s, past) for age in self.ages]
+        batch = self._batch(frame, chosen)
+        logits, pillars = self.network.step(batch, self._history(chosen, batch))
+        self._keep(past, Past(frame.time_s, frame.world_from_body, pillars))
+        self.clip = frame.clip
+        return logits[0]
+
+    def _still_valid(self, frame: StreamFrame) -> list[Past]:
+        """What is kept, as far as a frame may use it."""
+        if not self.past or frame.clip != self.clip:
+            return []
+        gap_s = frame.time_s - self.past[-1].time_s
+        if gap_s <= 0:
+            raise UserError(
+                f"time_s: a frame of {frame.time_s:g} s after one of {self.past[-1].time_s:g} s; "
+                "give frames in order, or reset() the stream"
+            )
+        return self.past if gap_s <= self.step_s + self.tolerance_s else []
+
+    def _at(self, time_s: float, past: Sequence[Past]) -> Past | None:
+        """The frame that was taken then."""
+        nearest = min(past, key=lambda frame: abs(frame.time_s - time_s), default=None)
+        if nearest is None or abs(nearest.time_s - time_s) > self.tolerance_s:
+            return None
+        return nearest
+
+    def _batch(self, frame: StreamFrame, chosen: Sequence[Past | None]) -> dict[str, Tensor]:
+        """A batch of one window, whose only image is the current one."""
+        poses = [(past or frame).world_from_body for past in chosen] + [frame.world_from_body]
+        window = {
+            "image": frame.image[None],
+            "pix_from_camera": frame.pix_from_camera.float()[None],
+            "body_from_camera": frame.body_from_camera.float(),
+            **ego_motion(torch.stack(poses), frame.velocity_mps.to(poses[0])),
+        }
+        device = self.network.encoder.query.device
+        return {name: value[None].to(device) for name, value in window.items()}
+
+    def _history(
+        self, chosen: Sequence[Past | None], batch: Mapping[str, Tensor]
+    ) -> History | None:
+        if not chosen:
+            return None
+        query = self.network.encoder.query.flatten(0, 1)[None]
+        pillars = [torch.zeros_like(query) if past is None else past.pillars for past in chosen]
+        valid = torch.tensor([[past is not None for past in chosen]], device=query.device)
+        return History(torch.stack(pillars, dim=1), batch["occ_from_past_occ"][:, :-1], valid)
+
+    def _keep(self, past: Sequence[Past], newest: Past) -> None:
+        oldest_s = newest.time_s - max(self.ages, default=0) * self.step_s - self.tolerance_s
+        self.past = [frame for frame in (*past, newest) if frame.time_s >= oldest_s]
+
+
+def _require_sound(frame: StreamFrame) -> None:
+    for name in ("world_from_body", "velocity_mps", "pix_from_camera", "body_from_camera"):
+        if not getattr(frame, name).isfinite().all():
+            raise UserError(
+                f"{name}: not finite at {frame.time_s:g} s; leave this frame out of the stream"
+            )
+    if frame.image.dtype != torch.uint8 or frame.image.ndim != 3 or len(frame.image) != 3:
+        kind = f"{str(frame.image.dtype).removeprefix('torch.')} {list(frame.image.shape)}"
+        raise UserError(f"image: {kind}; give uint8 [3, height, width]")

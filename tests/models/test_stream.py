@@ -1,0 +1,127 @@
+"""Streaming inference against the batch path, frame by frame, and what a stream must refuse."""
+
+import pytest
+import torch
+
+from src.data.clip import Clip
+from src.data.dataset import OccupancyDataset, velocity_world_mps
+from src.errors import UserError
+from src.geometry import VoxelGrid
+from src.models.stream import SkyOccStream, StreamFrame
+from tests.models.synthetic import build_network
+from tests.synthetic import write_clip
+
+GRID = VoxelGrid(shape=(25, 25, 15))
+HISTORY_STEP_S = 0.4
+
+
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory):
+    """Two clips of 5 Hz: two frames a history step."""
+    folder = tmp_path_factory.mktemp("clips")
+    for seed, name in enumerate(("a", "b")):
+        write_clip(folder / "town" / name, capture_hz=5, seed=seed)
+    return {f"town/{name}": Clip(folder / "town" / name) for name in ("a", "b")}
+
+
+@pytest.fixture
+def network():
+    return build_network(grid=GRID)
+
+
+def frame_of(clips, name, frame, **changes):
+    clip = clips[name]
+    return StreamFrame(
+        image=torch.from_numpy(clip.image(frame).copy()).permute(2, 0, 1),
+        time_s=frame / 5,
+        world_from_body=clip.world_from_body[frame],
+        velocity_mps=velocity_world_mps(clip, frame),
+        pix_from_camera=clip.meta.pix_from_camera,
+        body_from_camera=clip.meta.body_from_camera,
+        clip=name,
+    )._replace(**changes)
+
+
+@torch.no_grad()
+def batch_logits(network, clips, name, frame, frames=4):
+    dataset = OccupancyDataset(clips, [(name, frame)], frames, HISTORY_STEP_S)
+    sample = dataset[0]
+    batch = {k: v[None] for k, v in sample.items() if isinstance(v, torch.Tensor)}
+    return network.eval()(batch)[0]
+
+
+def close(stream, expected):
+    torch.testing.assert_close(stream, expected, atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 4])
+def test_a_stream_gives_what_the_batch_path_gives(clips, frames):
+    """From the first frame, without history, to where all of it is there; at twice its rate."""
+    network = build_network(grid=GRID, encoder={"num_frames": frames})
+    stream = SkyOccStream(network, frames, HISTORY_STEP_S)
+    for frame in range(10):
+        logits = stream(frame_of(clips, "town/a", frame))
+        close(logits, batch_logits(network, clips, "town/a", frame, frames))
+    assert len(stream.past) == 2 * (frames - 1) + 1, "and it keeps no more than it needs"
+
+
+def test_the_recursive_stream_equals_the_batch_path_as_far_as_its_queue(clips):
+    network = build_network(grid=GRID, history="recursive")
+    stream = SkyOccStream(network, 4, HISTORY_STEP_S)
+    for frame in range(0, 8, 2):
+        logits = stream(frame_of(clips, "town/a", frame))
+        close(logits, batch_logits(network, clips, "town/a", frame))
+    logits = stream(frame_of(clips, "town/a", 8))
+    beyond = (logits - batch_logits(network, clips, "town/a", 8)).abs().max()
+    assert 0 < beyond < 1, "beyond it, the stream remembers more"
+
+
+def test_another_clip_begins_without_history(clips, network):
+    stream = SkyOccStream(network, 4, HISTORY_STEP_S)
+    for frame in range(6):
+        stream(frame_of(clips, "town/a", frame))
+    alone = SkyOccStream(network, 4, HISTORY_STEP_S)(frame_of(clips, "town/b", 10))
+    assert stream(frame_of(clips, "town/b", 10)).equal(alone)
+
+
+def test_a_gap_in_time_drops_the_history(clips, network):
+    stream, alone = (SkyOccStream(network, 4, HISTORY_STEP_S) for _ in range(2))
+    for frame in (0, 2, 4):
+        stream(frame_of(clips, "town/a", frame))
+    logits = stream(frame_of(clips, "town/a", 7))
+    assert logits.equal(alone(frame_of(clips, "town/a", 7)))
+    with_history = batch_logits(network, clips, "town/a", 7)
+    assert not torch.allclose(logits, with_history, atol=1e-3)
+
+
+def test_a_frame_out_of_order_is_refused_and_changes_nothing(clips, network):
+    stream = SkyOccStream(network, 4, HISTORY_STEP_S)
+    for frame in range(5):
+        stream(frame_of(clips, "town/a", frame))
+    for frame in (3, 4):
+        with pytest.raises(UserError, match=r"time_s: a frame of 0\.[68] s after one of 0\.8 s"):
+            stream(frame_of(clips, "town/a", frame))
+    close(stream(frame_of(clips, "town/a", 5)), batch_logits(network, clips, "town/a", 5))
+    stream.reset()
+    stream(frame_of(clips, "town/a", 0))
+
+
+@pytest.mark.parametrize(
+    "name", ["world_from_body", "velocity_mps", "pix_from_camera", "body_from_camera"]
+)
+@pytest.mark.parametrize("value", [torch.nan, torch.inf])
+def test_what_is_not_finite_is_refused_and_changes_nothing(clips, network, name, value):
+    stream = SkyOccStream(network, 4, HISTORY_STEP_S)
+    stream(frame_of(clips, "town/a", 0))
+    frame = frame_of(clips, "town/a", 2)
+    broken = getattr(frame, name).clone()
+    broken[-1] = value
+    with pytest.raises(UserError, match=rf"{name}: not finite at 0\.4 s"):
+        stream(frame._replace(**{name: broken}))
+    close(stream(frame), batch_logits(network, clips, "town/a", 2))
+
+
+@pytest.mark.parametrize("image", [torch.zeros(3, 64, 96), torch.zeros(64, 96, 3).byte()])
+def test_an_image_of_another_kind_is_refused(clips, network, image):
+    with pytest.raises(UserError, match="image: "):
+        SkyOccStream(network, 4, HISTORY_STEP_S)(frame_of(clips, "town/a", 0, image=image))
