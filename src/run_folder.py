@@ -78,15 +78,20 @@ class RunFolder:
         What another configuration or other code left here is moved aside, never overwritten; so is
         everything when the run shall start afresh.
         """
-        same = not afresh and self._recorded_version() == self.version
-        if same and self.last_checkpoint.is_file():
-            return self.last_checkpoint
+        if checkpoint := self.to_resume(afresh):
+            return checkpoint
         if self.path.exists():
             os.rename(self.path, self._free_name())
         self.path.mkdir(parents=True)
         self._write(CONFIG, yaml.safe_dump(self.config, sort_keys=False))
         self._write(VERSION, self.version + "\n")
         return None
+
+    def to_resume(self, afresh: bool) -> Path | None:
+        """The checkpoint of this very configuration and code that a run goes on from, if there is
+        one and it shall."""
+        same = not afresh and self._recorded_version() == self.version
+        return self.last_checkpoint if same and self.last_checkpoint.is_file() else None
 
     def write_json(self, name: str, data: dict) -> None:
         """Writes a small file of facts about the run."""

@@ -104,3 +104,18 @@ class PillarEncoder(nn.Module):
         aligned = None if history is None else align_history(history, self.grid)
         pillars = pillars + self.temporal(pillars, aligned)
         return self.norm(self.last_layer(pillars, features, references))
+
+    def no_history(self, pillars: Float[Tensor, "b p dim"]) -> History | None:
+        """A history of one frame that does not exist; ``None`` for an encoder without history.
+
+        It changes no number. In training it brings every parameter into the graph, which several
+        processes that share their gradients rely on.
+        """
+        if self.temporal.dz is None:
+            return None
+        frames = (len(pillars), 1)
+        return History(
+            pillars.new_zeros(*frames, *pillars.shape[1:]),
+            pillars.new_zeros(*frames, 4, 4),
+            torch.zeros(frames, dtype=torch.bool, device=pillars.device),
+        )

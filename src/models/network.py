@@ -104,6 +104,8 @@ class SkyOcc(nn.Module):
 
     def fuse(self, frame: Frame, history: History | None) -> Float[Tensor, "b p dim"]:
         """Pillars of a frame and of what came before it."""
+        if history is None and self.training:
+            history = self.encoder.no_history(frame.pillars)
         return self._run(
             self.encoder.fuse, frame.pillars, frame.features, frame.references, history
         )

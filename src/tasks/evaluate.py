@@ -29,6 +29,7 @@ from ..report.results import print_results, read_results, write_results
 from ..report.scores import result_rows, write_scores
 from ..report.view import Frustum
 from ..run_folder import RunFolder
+from .processes import is_first_process, part_company
 from .scoring import parts_of, protocol_of, suite_of, tally_of
 
 SHOWN_FRAMES = 5
@@ -50,7 +51,11 @@ def evaluate(
     start_s = time.perf_counter()
     trainer.test(module, datamodule=data, verbose=False)
     seconds = [time.perf_counter() - start_s]
+    # Adds up what all processes have counted.
     tallies = [tally_of(cfg.name, protocol, module.test_suite, samples)]
+    part_company()
+    if not is_first_process():
+        return
     anchors = {"all_free": torch.full_like(prior.labels(), FREE), "voxel_prior": prior.labels()}
     for name, prediction in anchors.items():
         start_s = time.perf_counter()

@@ -18,6 +18,7 @@ from ..run_folder import RunFolder, require_same_config
 from .dataset import data_of, ready_dataset
 from .evaluate import evaluate
 from .model import load_weights, module_of, prior_of
+from .processes import is_first_process
 from .progress import EpochLines
 
 
@@ -37,16 +38,20 @@ def fit(cfg: DictConfig) -> None:
     data = data_of(cfg, ready_dataset(cfg))
     prior = prior_of(cfg, data)
     module = module_of(cfg, data, prior)
-    checkpoint = named or folder.open(afresh=cfg.overwrite)
+    first = is_first_process()
+    prepare = folder.open if first else folder.to_resume
+    checkpoint = named or prepare(afresh=cfg.overwrite)
     if checkpoint:
         load_weights(module, checkpoint)  # a broken one is refused here, in one line
-    _write_class_weights(folder, module)
     trainer = trainer_of(cfg)
-    _announce(cfg, trainer, module, data, checkpoint)
+    if first:
+        _write_class_weights(folder, module)
+        _announce(cfg, trainer, module, data, checkpoint)
     try:
         trainer.fit(module, datamodule=data, ckpt_path=checkpoint, weights_only=True)
     finally:
-        folder.merge_metrics()
+        if first:
+            folder.merge_metrics()
     load_weights(module, folder.best_checkpoint)
     evaluate(cfg, folder, trainer, module, data, prior)
 

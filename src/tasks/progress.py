@@ -15,6 +15,8 @@ class EpochLines(Callback):
     def on_validation_end(
         self, trainer: lightning.Trainer, module: lightning.LightningModule
     ) -> None:
+        if not trainer.is_global_zero:
+            return
         done = trainer.current_epoch + 1
         spent_s = time.perf_counter() - self._start_s
         left_s = spent_s / (done - self._first_epoch) * (trainer.max_epochs - done)

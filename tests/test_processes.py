@@ -1,0 +1,78 @@
+"""Two processes that share a training: same gradients and same scores as one."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import torch
+
+from src.report.results import read_results
+from tests.synthetic import compose_config, mini_overrides, write_dataset
+
+ROOT = Path(__file__).parent.parent
+TWO = ("trainer.devices=2", "trainer.accelerator=cpu")
+ONE = ("trainer.devices=1", "trainer.accelerator=cpu")
+
+
+def python(*words):
+    done = subprocess.run(
+        [sys.executable, *words],
+        cwd=ROOT,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("processes")
+    write_dataset(compose_config(*mini_overrides(folder)))
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", ["shuffled", "streams"])
+def test_two_processes_have_the_gradients_of_one_that_accumulates(folder, order):
+    """Two batches of two processes are the same two batches of one process."""
+    step = ("+trainer.max_steps=1", "+trainer.limit_val_batches=0", "data.batch_size=4")
+    words = mini_overrides(folder, "+experiment=skyocc", *step, f"data.order={order}")
+    if order == "shuffled":
+        # A history would be computed with the statistics that the first of the two batches left.
+        words.append("data.frames=1")
+        alone = folder / "alone.pt"
+        accumulated = (*ONE, "trainer.accumulate_grad_batches=2")
+        python("-m", "tests.gradients_of_one_step", str(alone), *words, *accumulated)
+        expected = torch.load(f"{alone}.0", weights_only=True)
+    shared = folder / f"{order}.pt"
+    python("-m", "tests.gradients_of_one_step", str(shared), *words, *TWO)
+    ranks = [torch.load(f"{shared}.{rank}", weights_only=True) for rank in range(2)]
+    assert all(gradient is not None for gradient in ranks[0].values())
+    for name, gradient in ranks[0].items():
+        assert gradient.equal(ranks[1][name]), f"{name} differs between the processes"
+        if order == "shuffled":
+            scale = expected[name].abs().max().item()
+            torch.testing.assert_close(
+                gradient, expected[name], atol=1e-5 * scale + 1e-9, rtol=1e-4, msg=name
+            )
+
+
+@pytest.mark.slow
+def test_a_training_of_two_processes_is_scored_as_one_would_score_it(folder):
+    words = ("+experiment=skyocc", *mini_overrides(folder), "data.batch_size=4")
+    said = python("run.py", *words, *TWO)
+    assert said.count("frames to train") == 1, "one of them speaks"
+    run = folder / "runs/tiny/skyocc/seed0"
+    trained = read_results(run / "results.csv")
+    python("run.py", *words, *ONE, "task=test", f"ckpt_path={run}/checkpoints/best.ckpt")
+    alone = read_results(run / "test/results.csv")
+    timed = ["seconds", "code_version"]
+    pd.testing.assert_frame_equal(trained.drop(columns=timed), alone.drop(columns=timed))
+    metrics = pd.read_csv(run / "metrics.csv")
+    assert metrics["val/kar_miou"].notna().sum() == 2
