@@ -70,6 +70,16 @@ class SkyOcc(nn.Module):
         self.history, self.history_grad, self.checkpointing = history, history_grad, checkpointing
         self.to(memory_format=torch.channels_last)
 
+    @property
+    def pillar_shape(self) -> tuple[int, int]:
+        """Number and width of the pillars of a frame."""
+        return self.encoder.query.shape[:2].numel(), self.encoder.dim
+
+    @property
+    def device(self) -> torch.device:
+        """Where the parameters are."""
+        return self.encoder.query.device
+
     def forward(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 9 x y z"]:
         """Logits of a batch of `src.data`, whose frames are oldest first and the current one last.
 
@@ -169,8 +179,7 @@ class SkyOcc(nn.Module):
     ) -> Float[Tensor, "b p dim"]:
         """What frame ``at`` leaves behind; zero, and not computed, where it does not exist."""
         rows = batch["history_valid"][:, at].nonzero()[:, 0]
-        query = self.encoder.query
-        pillars = query.new_zeros(len(batch["image"]), *query.flatten(0, 1).shape)
+        pillars = self.encoder.query.new_zeros(len(batch["image"]), *self.pillar_shape)
         if len(rows) == 0:
             return pillars
         frame = self._encode(batch, at, rows)

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ..data.batch import ego_motion
 from ..errors import UserError
+from .export import ExportedStep
 from .history import History
 from .network import SkyOcc
 
@@ -46,14 +47,18 @@ class SkyOccStream:
     for longer than a history step.
 
     Args:
-        network: is put into evaluation.
+        network: is put into evaluation; or an `ExportedStep`.
         frames: the paper's L, the current frame included, as the network was trained with.
         history_step_s: seconds between them.
         tolerance_s: how far from its time a past frame may have been taken.
     """
 
     def __init__(
-        self, network: SkyOcc, frames: int, history_step_s: float, tolerance_s: float = 0.02
+        self,
+        network: SkyOcc | ExportedStep,
+        frames: int,
+        history_step_s: float,
+        tolerance_s: float = 0.02,
     ) -> None:
         self.network = network.eval()
         oldest = min(frames - 1, 1) if network.history == "recursive" else frames - 1
@@ -73,14 +78,23 @@ class SkyOccStream:
         Raises `UserError`, and leaves the stream as it was, for a frame that is not later than the
         last one of its clip, and for a pose, a velocity or a camera that is not finite.
         """
+        past, batch, history = self._prepared(frame)
+        logits, pillars = self.network.step(batch, history)
+        self._keep(past, Past(frame.time_s, frame.world_from_body, pillars))
+        self.clip = frame.clip
+        return logits[0]
+
+    def arguments(self, frame: StreamFrame) -> tuple[dict[str, Tensor], History | None]:
+        """What the network's step would be called with; the stream stays as it is."""
+        return self._prepared(frame)[1:]
+
+    def _prepared(self, frame: StreamFrame) -> tuple[list[Past], dict[str, Tensor], History | None]:
+        """What of the past is still valid, and the arguments of the step."""
         _require_sound(frame)
         past = self._still_valid(frame)
         chosen = [self._at(frame.time_s - age * self.step_s, past) for age in self.ages]
         batch = self._batch(frame, chosen)
-        logits, pillars = self.network.step(batch, self._history(chosen, batch))
-        self._keep(past, Past(frame.time_s, frame.world_from_body, pillars))
-        self.clip = frame.clip
-        return logits[0]
+        return past, batch, self._history(chosen, batch)
 
     def _still_valid(self, frame: StreamFrame) -> list[Past]:
         """What is kept, as far as a frame may use it."""
@@ -110,7 +124,7 @@ class SkyOccStream:
             "body_from_camera": frame.body_from_camera.float(),
             **ego_motion(torch.stack(poses), frame.velocity_mps.to(poses[0])),
         }
-        device = self.network.encoder.query.device
+        device = self.network.device
         return {name: value[None].to(device) for name, value in window.items()}
 
     def _history(
@@ -118,9 +132,10 @@ class SkyOccStream:
     ) -> History | None:
         if not chosen:
             return None
-        query = self.network.encoder.query.flatten(0, 1)[None]
-        pillars = [torch.zeros_like(query) if past is None else past.pillars for past in chosen]
-        valid = torch.tensor([[past is not None for past in chosen]], device=query.device)
+        device = self.network.device
+        nothing = torch.zeros(1, *self.network.pillar_shape, device=device)
+        pillars = [nothing if past is None else past.pillars for past in chosen]
+        valid = torch.tensor([[past is not None for past in chosen]], device=device)
         return History(torch.stack(pillars, dim=1), batch["occ_from_past_occ"][:, :-1], valid)
 
     def _keep(self, past: Sequence[Past], newest: Past) -> None:

@@ -1,0 +1,192 @@
+"""One step of a stream as a graph of tensors: exported, and run again without this code."""
+
+import json
+import logging
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ..atomic import replacing
+from ..errors import UserError
+from .history import History
+from .network import SkyOcc
+
+FORMATS = {"onnx": "skyocc.onnx", "torch": "skyocc.pt2"}
+"""Files by format: ONNX, and torch.export."""
+
+DESCRIPTION = "export.json"
+INPUTS = (
+    *("image", "pix_from_camera", "body_from_camera", "occ_from_body"),
+    *("attitude_rad", "velocity_mps", "past_pillars", "occ_from_past_occ", "past_valid"),
+)
+"""The last three only where there is a history. Each has a batch dimension of 1."""
+
+OUTPUTS = ("logits", "pillars")
+
+
+class StepGraph(nn.Module):
+    """`SkyOcc.step` of one frame with its tensors as arguments, in the order of `INPUTS`."""
+
+    def __init__(self, network: SkyOcc) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, *inputs: Tensor) -> tuple[Float[Tensor, "1 9 x y z"], Float[Tensor, "1 p d"]]:
+        image, pix_from_camera, body_from_camera, occ_from_body, attitude, velocity, *past = inputs
+        batch = {
+            "image": image[:, None],
+            "pix_from_camera": pix_from_camera[:, None],
+            "body_from_camera": body_from_camera,
+            "occ_from_body": occ_from_body[:, None],
+            "attitude_rad": attitude,
+            "velocity_mps": velocity,
+        }
+        return self.network.step(batch, History(*past) if past else None)
+
+
+def step_inputs(batch: Mapping[str, Tensor], history: History | None) -> tuple[Tensor, ...]:
+    """The arguments of a `StepGraph`, from those of `SkyOcc.step`."""
+    current = [
+        batch["image"][:, -1],
+        batch["pix_from_camera"][:, -1],
+        batch["body_from_camera"],
+        batch["occ_from_body"][:, -1],
+        batch["attitude_rad"],
+        batch["velocity_mps"],
+    ]
+    return tuple(tensor.contiguous() for tensor in (*current, *(history or ())))
+
+
+def export_step(
+    network: SkyOcc,
+    batch: Mapping[str, Tensor],
+    history: History | None,
+    folder: Path,
+    formats: Iterator[str],
+    facts: Mapping[str, Any],
+) -> None:
+    """Writes the graph of a step in every format, and a description of it, into a folder.
+
+    ``batch`` and ``history`` are those of any frame: the graph has their shapes. ``facts`` go into
+    the description. Raises `UserError` for an unknown format, or where its packages are missing.
+    """
+    for name in formats:
+        if name not in FORMATS:
+            raise UserError(f"task.formats: {name!r}; there are {', '.join(FORMATS)}")
+    inputs = step_inputs(batch, history)
+    folder.mkdir(parents=True, exist_ok=True)
+    with _quietly(), torch.no_grad():
+        program = torch.export.export(StepGraph(network.eval()), inputs)
+        for name in formats:
+            with replacing(folder / FORMATS[name]) as temporary:
+                _write[name](program, temporary)
+    described = [
+        {"name": name, "dtype": str(tensor.dtype).removeprefix("torch."), "shape": [*tensor.shape]}
+        for name, tensor in zip(INPUTS, inputs)
+    ]
+    with replacing(folder / DESCRIPTION) as temporary:
+        facts = {"history": network.history, **facts, "inputs": described, "outputs": OUTPUTS}
+        temporary.write_text(json.dumps(facts, indent=1) + "\n")
+
+
+def _write_onnx(program: torch.export.ExportedProgram, path: Path) -> None:
+    try:
+        import onnxscript  # noqa: F401
+    except ImportError:
+        raise UserError(
+            "task.formats: onnx needs packages that are not here; pip install -e '.[export]'"
+        ) from None
+    names = {"input_names": INPUTS[: len(program.graph_signature.user_inputs)]}
+    graph = torch.onnx.export(program, dynamo=True, verbose=False, output_names=OUTPUTS, **names)
+    graph.save(str(path))
+
+
+def _write_torch(program: torch.export.ExportedProgram, path: Path) -> None:
+    with path.open("wb") as file:
+        torch.export.save(program, file)
+
+
+_write = {"onnx": _write_onnx, "torch": _write_torch}
+
+
+class ExportedStep:
+    """A graph that `export_step` wrote, in the place of its network in a `SkyOccStream`.
+
+    Raises `UserError` for a folder without it, an unreadable file, or missing packages.
+    """
+
+    def __init__(self, folder: Path, format: str, threads: int = 0) -> None:
+        path = Path(folder) / FORMATS[format]
+        if not path.is_file() or not (Path(folder) / DESCRIPTION).is_file():
+            raise UserError(f"{path}: no exported graph; make it with task=export")
+        facts = json.loads((Path(folder) / DESCRIPTION).read_text())
+        self.history = facts["history"]
+        shapes = {entry["name"]: entry["shape"] for entry in facts["inputs"]}
+        self.pillar_shape = tuple(shapes.get("past_pillars", [0, 0])[-2:])
+        self.device = torch.device("cpu")
+        self.run = _open[format](path, threads)
+
+    def eval(self) -> "ExportedStep":
+        """It never trains."""
+        return self
+
+    def step(self, batch: Mapping[str, Tensor], history: History | None) -> tuple[Tensor, Tensor]:
+        """As `SkyOcc.step`."""
+        return self.run(step_inputs(batch, history))
+
+
+Run = Callable[[tuple[Tensor, ...]], tuple[Tensor, Tensor]]
+
+
+def _open_onnx(path: Path, threads: int) -> Run:
+    try:
+        import onnxruntime
+    except ImportError:
+        raise UserError(f"{path}: onnxruntime is not here; pip install -e '.[export]'") from None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    try:
+        session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # its exceptions have no base class of their own
+        reason = " ".join(str(error).split())[:120]
+        raise UserError(f"{path}: cannot be read ({reason}); export it again") from error
+    names = [entry.name for entry in session.get_inputs()]
+
+    def run(inputs: tuple[Tensor, ...]) -> tuple[Tensor, Tensor]:
+        fed = {name: tensor.numpy() for name, tensor in zip(names, inputs)}
+        logits, pillars = map(torch.from_numpy, session.run(list(OUTPUTS), fed))
+        return logits, pillars
+
+    return run
+
+
+def _open_torch(path: Path, threads: int) -> Run:
+    try:
+        module = torch.export.load(path).module()
+    except Exception as error:  # of many kinds, from a zip reader to a schema
+        reason = " ".join(str(error).split())[:120]
+        raise UserError(f"{path}: cannot be read ({reason}); export it again") from error
+    return lambda inputs: module(*inputs)
+
+
+_open = {"onnx": _open_onnx, "torch": _open_torch}
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """The exporter speaks of packages that nobody needs."""
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)

@@ -1,0 +1,127 @@
+"""task=export: a checkpoint as graphs that run without this code, checked on real frames."""
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from omegaconf import DictConfig, OmegaConf
+from rich.console import Console
+from rich.table import Table
+from torch import Tensor
+
+from ..data.clip import Clip
+from ..data.datamodule import SkyShieldData
+from ..data.dataset import velocity_world_mps
+from ..errors import UserError
+from ..models.export import FORMATS, ExportedStep, export_step
+from ..models.network import SkyOcc
+from ..models.stream import SkyOccStream, StreamFrame
+from ..provenance import git_commit, machine
+from ..run_folder import CONFIG, RunFolder, require_same_config
+from .dataset import data_of, ready_dataset
+from .model import load_weights, module_of, prior_of
+
+
+def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: float) -> None:
+    """Writes ``<run>/export/`` and prints how far each graph is from the model, and how fast.
+
+    Raises `UserError` without a checkpoint, for one of another model, for an unknown format, and
+    where a graph's logits differ from the model's by more than ``tolerance``.
+    """
+    if cfg.ckpt_path is None:
+        raise UserError("ckpt_path: task=export needs a checkpoint; give best, last or a file")
+    run = RunFolder(Path(cfg.paths.run), OmegaConf.to_container(cfg, resolve=True))
+    checkpoint = run.checkpoint(cfg.ckpt_path)
+    if (checkpoint.parent.parent / CONFIG).is_file():
+        require_same_config(checkpoint, run.config, part="model")
+    data = data_of(cfg, ready_dataset(cfg))
+    module = module_of(cfg, data, prior_of(cfg, data))
+    load_weights(module, checkpoint)
+    folder = run.path / "export"
+    facts = {
+        "name": cfg.name,
+        "frames": cfg.data.frames,
+        "history_step_s": cfg.data.history_step_s,
+        "grid": OmegaConf.to_container(cfg.grid, resolve=True),
+        "code_version": run.version,
+        "git_commit": git_commit(),
+    }
+    shown = list(stream_frames(data, frames))
+    stream = stream_of(cfg, module.network)
+    expected, seconds = run_stream(stream, shown)
+    batch, history = stream.arguments(shown[-1]._replace(time_s=shown[-1].time_s + 1e-3))
+    export_step(module.network, batch, history, folder, formats, facts)
+    rows = [("the model itself", 0.0, 1.0, seconds, 0)]
+    for name in formats:
+        logits, seconds = run_stream(stream_of(cfg, ExportedStep(folder, name)), shown)
+        worst = max((a - b).abs().max().item() for a, b in zip(logits, expected))
+        path = folder / FORMATS[name]
+        if not worst <= tolerance:
+            raise UserError(
+                f"{path}: its logits differ from the model's by {worst:g}, more than "
+                f"task.tolerance={tolerance:g}; do not fly it"
+            )
+        alike = [(a.argmax(0) == b.argmax(0)).double().mean() for a, b in zip(logits, expected)]
+        same = torch.stack(alike).mean().item()
+        rows.append((path.name, worst, same, seconds, path.stat().st_size))
+    _print(rows, len(shown))
+    Console().print(f"{folder}", highlight=False, soft_wrap=True)
+
+
+def stream_of(cfg: DictConfig, network: SkyOcc | ExportedStep) -> SkyOccStream:
+    """A stream with the configured history."""
+    return SkyOccStream(network, cfg.data.frames, cfg.data.history_step_s)
+
+
+def stream_frames(data: SkyShieldData, count: int) -> Iterator[StreamFrame]:
+    """Consecutive frames, a history step apart, of the clip of which most is for testing.
+
+    Raises `UserError` where it has fewer.
+    """
+    dataset = data.dataset("test")
+    tested = Counter(clip_id for clip_id, _ in dataset.samples)
+    clip_id = tested.most_common(1)[0][0]
+    first = next(frame for clip, frame in dataset.samples if clip == clip_id)
+    clip = data.clips[clip_id]
+    numbers = range(first, len(clip), dataset.step)[:count]
+    if len(numbers) < count:
+        raise UserError(f"task.frames: {clip_id} has {len(numbers)} to test; ask for fewer")
+    return (_frame(clip, clip_id, number) for number in numbers)
+
+
+def _frame(clip: Clip, clip_id: str, number: int) -> StreamFrame:
+    return StreamFrame(
+        image=torch.from_numpy(clip.image(number).copy()).permute(2, 0, 1).contiguous(),
+        time_s=number / clip.meta.capture_hz,
+        world_from_body=clip.world_from_body[number],
+        velocity_mps=velocity_world_mps(clip, number),
+        pix_from_camera=clip.meta.pix_from_camera,
+        body_from_camera=clip.meta.body_from_camera,
+        clip=clip_id,
+    )
+
+
+def run_stream(
+    stream: SkyOccStream, frames: Sequence[StreamFrame]
+) -> tuple[list[Float[Tensor, "9 x y z"]], list[float]]:
+    """Logits and seconds of every frame."""
+    logits, seconds = [], []
+    for frame in frames:
+        start_s = time.perf_counter()
+        logits.append(stream(frame))
+        seconds.append(time.perf_counter() - start_s)
+    return logits, seconds
+
+
+def _print(rows: Sequence[tuple[str, float, float, list[float], int]], frames: int) -> None:
+    table = Table(title=f"{frames} frames of a stream; {machine()}")
+    for column in ("", "largest difference", "labels alike", "ms a frame", "MB"):
+        table.add_column(column, justify="right" if column else "left", overflow="fold")
+    for name, worst, same, seconds, size in rows:
+        fastest_ms = 1e3 * min(seconds)
+        megabytes = f"{size / 1e6:.1f}" if size else ""
+        table.add_row(name, f"{worst:.1e}", f"{100 * same:.3f} %", f"{fastest_ms:.1f}", megabytes)
+    Console(width=120).print(table)

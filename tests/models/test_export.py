@@ -1,0 +1,91 @@
+"""Exported graphs in the place of the model that they came from."""
+
+import json
+
+import pytest
+import torch
+
+from src.data.clip import Clip
+from src.errors import UserError
+from src.models.export import DESCRIPTION, FORMATS, ExportedStep, export_step
+from src.models.stream import SkyOccStream
+from tests.models.synthetic import build_network
+from tests.models.test_stream import GRID, HISTORY_STEP_S, frame_of
+from tests.synthetic import write_clip
+
+
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clips") / "town" / "a"
+    write_clip(folder, capture_hz=5)
+    return {"town/a": Clip(folder)}
+
+
+def exported(folder, clips, formats, frames=4, **network):
+    """A network and the folder of its graphs, which are traced on the last of nine frames."""
+    network = build_network(grid=GRID, encoder={"num_frames": frames}, **network)
+    stream = SkyOccStream(network, frames, HISTORY_STEP_S)
+    arguments = stream.arguments(frame_of(clips, "town/a", 8))
+    export_step(network, *arguments, folder, formats, {"name": "test"})
+    return network, folder
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory, clips):
+    return exported(tmp_path_factory.mktemp("export"), clips, list(FORMATS))
+
+
+def require_same_stream(network, graph, clips, frames=4):
+    """Frames with no history, some, all of it, and none again after a gap."""
+    streams = [SkyOccStream(each, frames, HISTORY_STEP_S) for each in (network, graph)]
+    for number in (0, 1, 2, 3, 4, 5, 6, 7, 8, 15, 17):
+        ours, theirs = (stream(frame_of(clips, "town/a", number)) for stream in streams)
+        torch.testing.assert_close(theirs, ours, atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_graph_gives_what_the_model_gives(both, clips, name):
+    network, folder = both
+    require_same_stream(network, ExportedStep(folder, name), clips)
+
+
+@pytest.mark.slow
+def test_the_description_names_every_input_with_its_shape(both):
+    facts = json.loads((both[1] / DESCRIPTION).read_text())
+    shapes = {entry["name"]: (entry["dtype"], entry["shape"]) for entry in facts["inputs"]}
+    assert shapes["image"] == ("uint8", [1, 3, 64, 96])
+    assert shapes["past_pillars"] == ("float32", [1, 3, 625, 16])
+    assert shapes["past_valid"] == ("bool", [1, 3])
+    assert facts["outputs"] == ["logits", "pillars"]
+    assert (facts["name"], facts["history"]) == ("test", "queue")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("frames", "options"), [(1, {}), (4, {"history": "recursive"})], ids=["single", "recursive"]
+)
+def test_other_histories_export_too(tmp_path, clips, frames, options):
+    network, folder = exported(tmp_path, clips, ["torch"], frames, **options)
+    require_same_stream(network, ExportedStep(folder, "torch"), clips, frames)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_broken_file_is_refused(both, tmp_path, name):
+    for file in (FORMATS[name], DESCRIPTION):
+        (tmp_path / file).write_bytes((both[1] / file).read_bytes())
+    whole = (tmp_path / FORMATS[name]).read_bytes()
+    (tmp_path / FORMATS[name]).write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(UserError, match=rf"{FORMATS[name]}: cannot be read .*; export it again"):
+        ExportedStep(tmp_path, name)
+
+
+def test_a_folder_without_graphs_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"skyocc\.onnx: no exported graph; make it with task=exp"):
+        ExportedStep(tmp_path, "onnx")
+
+
+def test_an_unknown_format_is_refused_before_the_work(tmp_path):
+    with pytest.raises(UserError, match=r"task\.formats: 'tflite'; there are onnx, torch"):
+        export_step(None, {}, None, tmp_path, ["onnx", "tflite"], {})
