@@ -10,9 +10,6 @@ machine does meets all of them.
 """
 
 import argparse
-import ctypes
-import statistics
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 from torchmetrics.classification import MulticlassJaccardIndex
 
+from benchmarks.timing import extra_mib, median_ms
 from src.data.truth import SkyShieldTruth
 from src.failures import told_in_one_line
 from src.metrics import (
@@ -72,43 +70,12 @@ def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
     }, of_what
 
 
-def timed(measures: dict[str, Callable[[], object]]) -> dict[str, float]:
-    """Median milliseconds of each."""
-    seconds = {name: [] for name in measures}
-    for measure in measures.values():
-        measure()  # compiles, and takes memory
-    for _ in range(ROUNDS):
-        for name, measure in measures.items():
-            start_s = time.perf_counter()
-            measure()
-            seconds[name].append(time.perf_counter() - start_s)
-    return {name: 1e3 * statistics.median(times) for name, times in seconds.items()}
-
-
-def extra_mib(measure: Callable[[], object]) -> float:
-    """How far the resident memory rises above where it stood, while something runs.
-
-    On Linux with glibc.
-    """
-    # What was freed, but is kept for later, would hide what is taken now.
-    ctypes.CDLL(None).malloc_trim(0)
-    Path("/proc/self/clear_refs").write_text("5")
-    before = _status_kib("VmRSS")
-    measure()
-    return max(0, _status_kib("VmHWM") - before) / 1024
-
-
-def _status_kib(key: str) -> int:
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return int(next(line for line in lines if line.startswith(key)).split()[1])
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("dataset", type=Path)
     torch.set_num_threads(1)
     todo, of_what = measures(parser.parse_args().dataset)
-    milliseconds = timed(todo)
+    milliseconds = median_ms(todo, ROUNDS)
     reference = milliseconds["MulticlassJaccardIndex (torchmetrics)"]
     table = Table(title=f"{machine()}, one thread; {of_what}")
     for name in ("update", "ms", "times faster"):
