@@ -19,6 +19,8 @@ UNION = ("trainer.devices",)
 """Settings of several types, which Lightning itself checks."""
 ANY_LENGTH = ("suite.",)
 """Where a list of numbers may be longer or shorter than the configuration's, but not empty."""
+PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
+"""Geometry is computed in fp32, so the network has no pure half or double precision."""
 UNITS = ("_m", "_s", "_hz", "_deg", "_mps")
 """Endings of quantities: any number will do, even where the configuration has a round one."""
 AT_LEAST = {
@@ -49,6 +51,10 @@ def require_sound(cfg: DictConfig, overrides: list[str]) -> None:
         value = OmegaConf.select(cfg, key)
         if value is not None and value < least:
             raise UserError(f"{key}: {value} is too small; give {least} or more")
+    if cfg.trainer.precision not in PRECISIONS:
+        raise UserError(
+            f"trainer.precision: {cfg.trainer.precision!r}; there are {', '.join(PRECISIONS)}"
+        )
     require_rates(cfg.sim)
     history_stride(cfg.data.history_step_s, cfg.sim.capture_hz)
     _require_sizes(cfg)

@@ -18,6 +18,7 @@ from ..run_folder import RunFolder, require_same_config
 from .dataset import data_of, ready_dataset
 from .evaluate import evaluate
 from .model import load_weights, module_of, prior_of
+from .precision import FP32, Choice, settled_precision
 from .progress import EpochLines
 
 
@@ -41,8 +42,10 @@ def fit(cfg: DictConfig) -> None:
     if checkpoint:
         load_weights(module, checkpoint)  # a broken one is refused here, in one line
     _write_class_weights(folder, module)
-    trainer = trainer_of(cfg)
-    _announce(cfg, trainer, module, data, checkpoint)
+    device = trainer_of(cfg, FP32).strategy.root_device  # which one, only a trainer knows
+    choice = settled_precision(cfg, folder, module, data, device)
+    trainer = trainer_of(cfg, choice.precision)
+    _announce(cfg, trainer, module, data, checkpoint, choice)
     try:
         trainer.fit(module, datamodule=data, ckpt_path=checkpoint, weights_only=True)
     finally:
@@ -51,8 +54,8 @@ def fit(cfg: DictConfig) -> None:
     evaluate(cfg, folder, trainer, module, data, prior)
 
 
-def trainer_of(cfg: DictConfig) -> lightning.Trainer:
-    """Lightning's trainer with the configured callbacks and logger."""
+def trainer_of(cfg: DictConfig, precision: str) -> lightning.Trainer:
+    """Lightning's trainer with the configured callbacks and logger; never with ``auto``."""
     if cfg.threads is not None:
         torch.set_num_threads(cfg.threads)
     callbacks = instantiate(cfg.callbacks)
@@ -60,6 +63,7 @@ def trainer_of(cfg: DictConfig) -> lightning.Trainer:
         callbacks["progress"] = EpochLines()
     return instantiate(
         cfg.trainer,
+        precision=precision,
         callbacks=list(callbacks.values()),
         logger=instantiate(cfg.logger),
         enable_progress_bar=sys.stdout.isatty(),
@@ -90,8 +94,9 @@ def _announce(
     module: OccupancyModule,
     data: SkyShieldData,
     checkpoint: Path | None,
+    choice: Choice,
 ) -> None:
-    """What is about to be trained, in two lines."""
+    """What is about to be trained and how, in three lines."""
     parameters = sum(p.numel() for p in module.network.parameters())
     frames = " / ".join(str(len(samples)) for samples in data.split.values())
     device = trainer.strategy.root_device
@@ -100,5 +105,6 @@ def _announce(
         f"{cfg.name}, scale {cfg.scale_name}, seed {cfg.seed}: {parameters / 1e6:.2f} M parameters "
         f"on {device}, {how}",
         f"{data.root}: {frames} frames to train / validate / test",
+        f"precision {choice.precision}: {choice.reason}",
     ):
         Console().print(line, highlight=False, soft_wrap=True)
