@@ -394,6 +394,10 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
         (["trainer.precision=fp16"], "trainer.precision: 'fp16'; there are auto, 32-true"),
         (["trainer.precision=null"], "trainer.precision: None; there are auto, 32-true"),
         (["sim.image.width=100"], "sim.image.width: 100 is not a multiple of 32"),
+        (
+            ["sim.image.width=32", "sim.image.height=32", "data.batch_size=1"],
+            "data.batch_size: a single image of 32x32 pixels",
+        ),
         (["grid.shape=[50,50,31]"], "grid.shape: [50, 50, 31] does not divide the range"),
         (["data.history_step_s=0.3"], "data.history_step_s: 0.3 s is no multiple"),
         (["sim.towns=[atlantis]"], "sim.towns: ['atlantis']; there are"),
