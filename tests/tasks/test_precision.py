@@ -141,6 +141,12 @@ def test_the_two_take_turns_and_the_first_turn_does_not_count(module, batch):
     assert all(spent_s > 0 for times in seconds.values() for spent_s in times)
 
 
+def test_a_slow_machine_takes_one_turn(module, batch):
+    seconds = step_seconds(module, batch, CPU, limit_s=0)
+    assert module.autocast == [False, True]
+    assert [len(times) for times in seconds.values()] == [1, 1]
+
+
 def test_training_after_a_probe_is_training_without_one(batch):
     undisturbed, asked = Watched(), Watched()
     torch.manual_seed(2)
