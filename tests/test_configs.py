@@ -132,6 +132,7 @@ def test_runs_are_named_after_scale_experiment_and_seed():
     [
         ("data.batch_size=1",),
         ("data.batch_size=1", "sim.image.width=64", "sim.image.height=32"),
+        ("data.batch_size=1", "sim.image.width=32", "sim.image.height=64"),
         ("data.batch_size=2", "sim.image.width=32", "sim.image.height=32"),
         ("task=predict", "data.batch_size=1", "sim.image.width=32", "sim.image.height=32"),
     ],

@@ -147,6 +147,18 @@ def test_a_slow_machine_takes_one_turn(module, batch):
     assert [len(times) for times in seconds.values()] == [1, 1]
 
 
+def test_every_step_begins_without_gradients(module, batch, monkeypatch):
+    begun = []
+
+    def forward(batch):
+        begun.append(all(p.grad is None for p in module.parameters()))
+        return OccupancyModule.forward(module, batch)
+
+    monkeypatch.setattr(module, "forward", forward)
+    step_seconds(module, batch, CPU, rounds=1)
+    assert begun == [True] * 4
+
+
 def test_training_after_a_probe_is_training_without_one(batch):
     undisturbed, asked = Watched(), Watched()
     torch.manual_seed(2)
@@ -161,17 +173,16 @@ def test_training_after_a_probe_is_training_without_one(batch):
 
 
 def test_a_failed_probe_leaves_no_trace_either(batch, monkeypatch):
+    """A GPU tells of what went wrong when it is waited for, with gradients in place."""
     undisturbed, asked = Watched(), Watched()
-    passes = []
 
-    def broken(logits, target):
-        passes.append(logits)
-        raise RuntimeError("out of something")
+    def broken(device):
+        if any(p.grad is not None for p in asked.parameters()):
+            raise RuntimeError("out of something")
 
-    with monkeypatch.context() as patched:
-        patched.setattr(asked.loss, "forward", broken)
-        assert probed(asked, batch, CPU).precision == FP32
-    assert passes
+    monkeypatch.setattr(precision, "_finish_queued", broken)
+    assert "out of something" in probed(asked, batch, CPU).reason
+    assert all(p.grad is None for p in asked.parameters())
     ours, theirs = (training_step(module, batch) for module in (asked, undisturbed))
     assert all(map(torch.equal, ours, theirs))
 
