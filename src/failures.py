@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
+import torch
 from hydra.errors import ConfigCompositionException, HydraException, MissingConfigException
 from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
@@ -24,6 +25,17 @@ DISK = {
     errno.ENOTDIR: f"not a folder; {ELSEWHERE}",
     errno.EEXIST: f"a file is in the way; move it, or {ELSEWHERE}",
 }
+SMALLER = (
+    "lower data.batch_size and raise trainer.accumulate_grad_batches by the same factor, which "
+    "keeps the samples of an optimisation step, or set model.checkpointing=true"
+)
+GPU_MEMORY = ("CUDA error: out of memory", "CUBLAS_STATUS_ALLOC_FAILED", "MPS backend out of")
+HOST_MEMORY = (
+    *("DefaultCPUAllocator: can't allocate memory", "Caught MemoryError in DataLoader worker"),
+    *("is killed by signal: Killed", "is killed by signal: Bus error"),
+)
+"""What PyTorch calls it where it has no class for it. Linux kills the process that wants more than
+there is, and ends one with a bus error whose shared memory is full."""
 
 
 @contextmanager
@@ -57,6 +69,14 @@ def one_line(error: BaseException) -> str | None:
             return str(cause).strip().splitlines()[-1].removeprefix("src.errors.UserError: ")
         if isinstance(cause, OSError) and cause.errno in DISK:
             return f"{cause.filename or 'writing'}: {DISK[cause.errno]}"
+        if _lacks_memory(cause, torch.OutOfMemoryError, GPU_MEMORY):
+            return f"out of GPU memory: {SMALLER}"
+        no_fork = isinstance(cause, OSError) and cause.errno == errno.ENOMEM
+        if no_fork or _lacks_memory(cause, MemoryError, HOST_MEMORY):
+            return (
+                f"out of memory: in training {SMALLER}; with many processes lower data.workers "
+                "(the loader) or sim.workers (the generation)"
+            )
     composing = any(isinstance(cause, ConfigCompositionException) for cause in chain)
     for cause in reversed(chain):
         if isinstance(cause, MissingConfigException) and cause.missing_cfg_file:
@@ -69,6 +89,11 @@ def one_line(error: BaseException) -> str | None:
         if isinstance(cause, HydraException | OmegaConfBaseException):
             return " ".join(str(cause).split())
     return None
+
+
+def _lacks_memory(error: BaseException, kind: type, phrases: Iterable[str]) -> bool:
+    said = isinstance(error, RuntimeError) and any(phrase in str(error) for phrase in phrases)
+    return isinstance(error, kind) or said
 
 
 def quiet_libraries() -> None:

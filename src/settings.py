@@ -19,6 +19,9 @@ UNION = ("trainer.devices",)
 """Settings of several types, which Lightning itself checks."""
 ANY_LENGTH = ("suite.",)
 """Where a list of numbers may be longer or shorter than the configuration's, but not empty."""
+TRAINING = "src.tasks.fit.fit"
+PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
+"""Geometry is computed in fp32, so the network has no pure half or double precision."""
 UNITS = ("_m", "_s", "_hz", "_deg", "_mps")
 """Endings of quantities: any number will do, even where the configuration has a round one."""
 AT_LEAST = {
@@ -50,6 +53,10 @@ def require_sound(cfg: DictConfig, overrides: list[str]) -> None:
         value = OmegaConf.select(cfg, key)
         if value is not None and value < least:
             raise UserError(f"{key}: {value} is too small; give {least} or more")
+    if cfg.trainer.precision not in PRECISIONS:
+        raise UserError(
+            f"trainer.precision: {cfg.trainer.precision!r}; there are {', '.join(PRECISIONS)}"
+        )
     require_rates(cfg.sim)
     history_stride(cfg.data.history_step_s, cfg.sim.capture_hz)
     _require_sizes(cfg)
@@ -118,6 +125,18 @@ def _require_sizes(cfg: DictConfig) -> None:
         value = cfg.sim.image[side]
         if value < 32 or value % 32:
             raise UserError(f"sim.image.{side}: {value} is not a multiple of 32; take one")
+    _require_statistics(cfg)
+
+
+def _require_statistics(cfg: DictConfig) -> None:
+    """Batch normalisation in training wants more than one value a channel."""
+    image = cfg.sim.image
+    trains = cfg.task._target_ == TRAINING
+    if trains and cfg.data.batch_size == 1 and image.width == image.height == 32:
+        raise UserError(
+            "data.batch_size: a single image of 32x32 pixels has one pixel in the deepest feature "
+            "map, too few for batch normalisation; give 2 or more, or a larger sim.image"
+        )
 
 
 def _is_group(override: Override) -> bool:

@@ -26,7 +26,7 @@ def main(path, *overrides):
     cfg = compose_config(*overrides)
     data = data_of(cfg, root_of(cfg))
     module = module_of(cfg, data, prior_of(cfg, data))
-    trainer = trainer_of(cfg)
+    trainer = trainer_of(cfg, cfg.trainer.precision)
     trainer.callbacks = [WriteGradients(path)]
     trainer.fit(module, datamodule=data)
 

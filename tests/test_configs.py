@@ -5,6 +5,7 @@ from pathlib import Path
 import lightning
 import pytest
 import torch
+from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from torchmetrics import Metric
@@ -14,6 +15,7 @@ from src.geometry import VoxelGrid
 from src.models.losses import OccupancyLoss
 from src.ontology import NUM_CLASSES
 from src.run_folder import differences
+from src.settings import require_sound
 from src.tasks.dataset import root_of
 from tests.synthetic import CONF, compose_config
 
@@ -123,6 +125,21 @@ def test_a_training_seed_changes_no_data():
 def test_runs_are_named_after_scale_experiment_and_seed():
     cfg = compose_config("+experiment=weights", "scale=tiny", "seed=3")
     assert Path(cfg.paths.run) == Path("runs/tiny/weights/seed3")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("data.batch_size=1",),
+        ("data.batch_size=1", "sim.image.width=64", "sim.image.height=32"),
+        ("data.batch_size=1", "sim.image.width=32", "sim.image.height=64"),
+        ("data.batch_size=2", "sim.image.width=32", "sim.image.height=32"),
+        ("task=predict", "data.batch_size=1", "sim.image.width=32", "sim.image.height=32"),
+    ],
+)
+def test_a_batch_of_one_is_sound_but_for_training_on_the_smallest_image(words):
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        require_sound(compose("config", list(words)), list(words))
 
 
 def test_a_debug_run_leaves_real_runs_alone():

@@ -1,8 +1,12 @@
 """A user's mistake is one line; a bug keeps its traceback."""
 
 import errno
+import os
+import signal
 
+import numpy as np
 import pytest
+import torch
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from torch.utils.data import DataLoader
@@ -79,6 +83,71 @@ class Broken:
 def test_a_message_from_a_loader_s_worker_arrives_whole():
     error = caught(lambda: list(DataLoader(Broken(), num_workers=1)))
     assert one_line(error) == "rgb.zip: cannot be read; delete it"
+
+
+class Greedy(Broken):
+    def __init__(self, take):
+        self.take = take
+
+    def __getitem__(self, index):
+        return self.take()
+
+
+def killed():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def unforkable():
+    raise OSError(errno.ENOMEM, "Cannot allocate memory")
+
+
+def far_too_much():
+    return np.empty(10**15)
+
+
+KNOBS = ("data.batch_size", "trainer.accumulate_grad_batches", "model.checkpointing=true")
+
+
+@pytest.mark.parametrize(
+    "take",
+    [
+        lambda: torch.empty(10**15),
+        lambda: bytearray(10**15),
+        far_too_much,
+        unforkable,
+        lambda: list(DataLoader(Greedy(far_too_much), num_workers=1)),
+        lambda: list(DataLoader(Greedy(killed), num_workers=1)),
+    ],
+    ids=["torch", "python", "numpy", "fork", "loader", "killed"],
+)
+def test_a_machine_without_enough_memory_is_told_what_to_turn(take, capsys):
+    error = caught(take)
+    message = one_line(error)
+    assert message.startswith("out of memory: ")
+    assert all(knob in message for knob in (*KNOBS, "data.workers", "sim.workers"))
+    assert leave(error, capsys) == (2, f"error: {message}\n")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB.\nGPU 0 has"),
+        torch.cuda.OutOfMemoryError("CUDA out of memory"),
+        RuntimeError("CUDA error: out of memory\nCUDA kernel errors might be"),
+        RuntimeError("CUDA error: CUBLAS_STATUS_ALLOC_FAILED when calling `cublasCreate(handle)`"),
+    ],
+)
+def test_a_gpu_without_enough_memory_is_told_what_to_turn(error):
+    message = one_line(error)
+    assert message.startswith("out of GPU memory: ")
+    assert all(knob in message for knob in KNOBS)
+    assert "workers" not in message
+    assert "\n" not in message
+
+
+def test_other_runtime_errors_keep_their_traceback():
+    assert one_line(RuntimeError("shape '[2, 3]' is invalid for input of size 5")) is None
+    assert one_line(RuntimeError("DataLoader worker (pid 3) is killed by signal: Aborted.")) is None
 
 
 @pytest.mark.parametrize(

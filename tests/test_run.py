@@ -20,7 +20,7 @@ from src.failures import one_line
 from src.models.module import OccupancyModule, rate_share
 from src.ontology import CLASSES
 from src.report.results import SCORES, read_results
-from src.tasks import evaluate
+from src.tasks import evaluate, precision
 from src.tasks.dataset import data_of
 from src.tasks.fit import fit
 from src.tasks.model import module_of, prior_of
@@ -127,7 +127,7 @@ def test_a_run_leaves_its_folder_complete(finished):
         *("config.yaml", ".version", "class_weights.json", "metrics.csv", "results.csv"),
         *("checkpoints/best.ckpt", "checkpoints/last.ckpt"),
         *("figures/curves.png", "figures/qualitative.png"),
-        *("scores.csv", "sessions/version_0/metrics.csv"),
+        *("scores.csv", "precision.json", "sessions/version_0/metrics.csv"),
         *(f"tallies/{name}.npz" for name in ("skyocc", "all_free", "voxel_prior")),
     }
     assert yaml.safe_load((folder / "config.yaml").read_text())["name"] == "skyocc"
@@ -146,6 +146,9 @@ def test_results_hold_every_score_of_the_model_and_the_anchors_on_every_part(fin
     assert table["code_version"].str.fullmatch(r"[0-9a-f]{12}").all()
     assert table["dataset"].str.fullmatch(r"tiny-[0-9a-f]{12}").all()
     assert (table.loc[table["experiment"] == "skyocc", "parameters"] > 1000).all()
+    assert set(zip(table["experiment"], table["precision"])) == {
+        *(("skyocc", "32-true"), ("all_free", "none"), ("voxel_prior", "none")),
+    }
     free = table[table["experiment"] == "all_free"].iloc[0]
     assert free["miou_occupied"] == 0
     assert free["iou/free"] > 0.3
@@ -187,9 +190,10 @@ def test_it_says_what_it_trains_and_needs_no_simulator_where_the_data_exist(here
     done = command(*here, "trainer.max_epochs=1", start=("-c", script))
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
-    first, second, *_ = done.stdout.splitlines()
+    first, second, third, *_ = done.stdout.splitlines()
     assert re.fullmatch(r"skyocc, scale tiny, seed 0: 0\.\d+ M parameters on cpu, 1 epochs", first)
     assert second.endswith(": 25 / 3 / 32 frames to train / validate / test")
+    assert third == "precision 32-true: trainer.precision says so"
     assert "voxel_prior" in done.stdout
 
 
@@ -224,6 +228,53 @@ def test_last_goes_on_and_another_configuration_is_refused(here, monkeypatch):
     fit(compose_config(*here, "ckpt_path=last"))
     table = pd.read_csv(folder_of(here) / "metrics.csv")
     assert table.dropna(subset=["val/kar_miou"])["epoch"].tolist() == [0, 1]
+
+
+@pytest.fixture
+def auto(here, monkeypatch):
+    """The words of a run with trainer.precision=auto, and what settles what its probe finds."""
+    monkeypatch.setattr(precision, "obstacle_to_bf16", lambda device: None)
+
+    def probe_finds(chosen):
+        monkeypatch.setattr(precision, "faster", lambda *_: precision.Choice(chosen, "it is so"))
+
+    return [*here, "trainer.precision=auto"], probe_finds
+
+
+def test_a_run_that_was_probed_is_the_run_that_was_not(finished, auto):
+    words, probe_finds = auto
+    probe_finds("32-true")
+    fit(compose_config(*words))
+    probed = weights(folder_of(words) / "checkpoints/last.ckpt")
+    plain = weights(finished[0] / "checkpoints/last.ckpt")
+    assert all(torch.equal(probed[name], value) for name, value in plain.items())
+
+
+def test_a_run_keeps_its_precision_when_it_goes_on_elsewhere(auto, monkeypatch, capsys):
+    words, probe_finds = auto
+    probe_finds("bf16-mixed")
+    with monkeypatch.context() as patched:
+        stop_at(patched, 1, 0)
+        with pytest.raises(Stop):
+            fit(compose_config(*words))
+    probe_finds("32-true")
+    fit(compose_config(*words))
+    assert capsys.readouterr().out.count("precision bf16-mixed: it is so") == 2
+    score(compose_config(*words, "task=test", "ckpt_path=last"))
+    for folder in (folder_of(words), folder_of(words) / "test"):
+        table = read_results(folder / "results.csv").set_index("experiment")
+        assert set(table.loc["skyocc", "precision"]) == {"bf16-mixed"}
+    forward, autocast = OccupancyModule.forward, []
+
+    def watched(self, batch):
+        autocast.append(torch.is_autocast_enabled("cpu"))
+        return forward(self, batch)
+
+    monkeypatch.setattr(OccupancyModule, "forward", watched)
+    predict(compose_config(*words, "task=predict", "ckpt_path=last"), "val", logits=False)
+    assert set(autocast) == {True}
+    facts = yaml.safe_load((folder_of(words) / "predictions/val/predictions.json").read_text())
+    assert facts["precision"] == "bf16-mixed"
 
 
 def test_there_is_nothing_to_resume_before_the_first_run(here):
@@ -264,7 +315,7 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path):
     first = read_results(folder / "results.csv")
     first = first[first["experiment"] == "skyocc"].reset_index(drop=True)
     columns = ["experiment", "scale", "seed", "split", *SCORES, "protocol", "parameters"]
-    columns += ["code_version", "dataset"]
+    columns += ["code_version", "dataset", "precision"]
     pd.testing.assert_frame_equal(
         again[columns].sort_values("split", ignore_index=True),
         first[columns].sort_values("split", ignore_index=True),
@@ -340,7 +391,13 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
         (["trainer.max_epochs=lots"], "trainer.max_epochs: 'lots' is not an integer"),
         (["data.mirror=3"], "data.mirror: 3 is not true or false"),
         (["seed=-1"], "seed: -1 is too small"),
+        (["trainer.precision=fp16"], "trainer.precision: 'fp16'; there are auto, 32-true"),
+        (["trainer.precision=null"], "trainer.precision: None; there are auto, 32-true"),
         (["sim.image.width=100"], "sim.image.width: 100 is not a multiple of 32"),
+        (
+            ["sim.image.width=32", "sim.image.height=32", "data.batch_size=1"],
+            "data.batch_size: a single image of 32x32 pixels",
+        ),
         (["grid.shape=[50,50,31]"], "grid.shape: [50, 50, 31] does not divide the range"),
         (["data.history_step_s=0.3"], "data.history_step_s: 0.3 s is no multiple"),
         (["sim.towns=[atlantis]"], "sim.towns: ['atlantis']; there are"),

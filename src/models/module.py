@@ -49,13 +49,14 @@ class OccupancyModule(LightningModule):
             self.memory.clear()
 
     def training_step(self, batch: Mapping[str, Tensor], batch_index: int) -> Tensor:
-        parts = self.loss(self._training_logits(batch), batch["semantics"])
+        parts = self.loss(self.training_logits(batch), batch["semantics"])
         self._require_finite(parts, batch)
         self.log_dict({f"train/{name}": value.detach() for name, value in parts.items()})
         self.log("train/loss", parts["total"].detach(), prog_bar=True, logger=False)
         return parts["total"]
 
-    def _training_logits(self, batch: Mapping[str, Tensor]) -> Tensor:
+    def training_logits(self, batch: Mapping[str, Tensor]) -> Tensor:
+        """Logits of a batch of the training loader, whichever its order."""
         if self.memory is None:
             return self(batch)
         logits, left_behind = self.network.step(batch, self.memory.history(batch))

@@ -21,15 +21,19 @@ SCORES = (
     *(f"iou/{name}" for name in CLASSES),
     *(f"kar_iou/{name}" for name in CLASSES),
 )
-TEXTS = ("experiment", "scale", "split", "protocol", "code_version", "git_commit", "dataset")
+TEXTS = (
+    *("experiment", "scale", "split", "protocol", "precision"),
+    *("code_version", "git_commit", "dataset"),
+)
 NUMBERS = {"seed": int, "parameters": int, **dict.fromkeys((*SCORES, "seconds"), float)}
 COLUMNS = (
     *("experiment", "scale", "seed", "split"),
     *SCORES,
-    *("protocol", "seconds", "parameters", "code_version", "git_commit", "dataset"),
+    *("protocol", "seconds", "parameters", "precision", "code_version", "git_commit", "dataset"),
 )
 """Scores are shares in [0, 1], NaN where a class never occurs. ``protocol`` is compact JSON: what
-was counted, and how. The anchors are the experiments ``all_free`` and ``voxel_prior``."""
+was counted, and how. ``precision`` is what the network really computed with. The anchors are the
+experiments ``all_free`` and ``voxel_prior``, which have none."""
 
 WIDTH = 110
 SHORT_NAMES = dict(

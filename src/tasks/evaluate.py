@@ -70,13 +70,13 @@ def evaluate(
         "git_commit": git_commit(),
         "dataset": data.root.name,
     }
-    parameters = [sum(p.numel() for p in module.network.parameters()), 0, 0]
+    parameters = sum(p.numel() for p in module.network.parameters())
+    network = {"parameters": parameters, "precision": trainer.precision}
+    anchor = {"parameters": 0, "precision": "none"}  # it computes nothing
     rows = [
         row
-        for tally, spent_s, count in zip(tallies, seconds, parameters)
-        for row in result_rows(
-            tally, parts, {**facts, "seconds": round(spent_s, 1), "parameters": count}
-        )
+        for tally, spent_s, model in zip(tallies, seconds, (network, anchor, anchor))
+        for row in result_rows(tally, parts, {**facts, **model, "seconds": round(spent_s, 1)})
     ]
     write_scores(folder.path, tallies, parts)
     draw_sheet(module, data, folder.figures / "qualitative.png", f"{cfg.name}, {cfg.scale_name}")

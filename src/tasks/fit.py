@@ -18,6 +18,7 @@ from ..run_folder import RunFolder, require_same_config
 from .dataset import data_of, ready_dataset
 from .evaluate import evaluate
 from .model import load_weights, module_of, prior_of
+from .precision import FP32, Choice, settled_precision
 from .processes import is_first_process
 from .progress import EpochLines
 
@@ -43,10 +44,12 @@ def fit(cfg: DictConfig) -> None:
     checkpoint = named or prepare(afresh=cfg.overwrite)
     if checkpoint:
         load_weights(module, checkpoint)  # a broken one is refused here, in one line
-    trainer = trainer_of(cfg)
+    # How many processes and which device, only a trainer knows.
+    choice = settled_precision(cfg, folder, module, data, trainer_of(cfg, FP32))
+    trainer = trainer_of(cfg, choice.precision)
     if first:
         _write_class_weights(folder, module)
-        _announce(cfg, trainer, module, data, checkpoint)
+        _announce(cfg, trainer, module, data, checkpoint, choice)
     try:
         trainer.fit(module, datamodule=data, ckpt_path=checkpoint, weights_only=True)
     finally:
@@ -56,8 +59,8 @@ def fit(cfg: DictConfig) -> None:
     evaluate(cfg, folder, trainer, module, data, prior)
 
 
-def trainer_of(cfg: DictConfig) -> lightning.Trainer:
-    """Lightning's trainer with the configured callbacks and logger."""
+def trainer_of(cfg: DictConfig, precision: str) -> lightning.Trainer:
+    """Lightning's trainer with the configured callbacks and logger; never with ``auto``."""
     if cfg.threads is not None:
         torch.set_num_threads(cfg.threads)
     callbacks = instantiate(cfg.callbacks)
@@ -65,6 +68,7 @@ def trainer_of(cfg: DictConfig) -> lightning.Trainer:
         callbacks["progress"] = EpochLines()
     return instantiate(
         cfg.trainer,
+        precision=precision,
         callbacks=list(callbacks.values()),
         logger=instantiate(cfg.logger),
         enable_progress_bar=sys.stdout.isatty(),
@@ -95,8 +99,9 @@ def _announce(
     module: OccupancyModule,
     data: SkyShieldData,
     checkpoint: Path | None,
+    choice: Choice,
 ) -> None:
-    """What is about to be trained, in two lines."""
+    """What is about to be trained and how, in three lines."""
     parameters = sum(p.numel() for p in module.network.parameters())
     frames = " / ".join(str(len(samples)) for samples in data.split.values())
     device = trainer.strategy.root_device
@@ -105,5 +110,6 @@ def _announce(
         f"{cfg.name}, scale {cfg.scale_name}, seed {cfg.seed}: {parameters / 1e6:.2f} M parameters "
         f"on {device}, {how}",
         f"{data.root}: {frames} frames to train / validate / test",
+        f"precision {choice.precision}: {choice.reason}",
     ):
         Console().print(line, highlight=False, soft_wrap=True)

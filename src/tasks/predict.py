@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import lightning
 import torch
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
@@ -19,6 +20,7 @@ from ..run_folder import CONFIG, RunFolder, require_same_config
 from .dataset import data_of, ready_dataset
 from .fit import trainer_of
 from .model import load_weights, module_of, prior_of
+from .precision import precision_of_run
 
 
 def predict(cfg: DictConfig, part: str, logits: bool) -> None:
@@ -37,6 +39,7 @@ def predict(cfg: DictConfig, part: str, logits: bool) -> None:
     data = data_of(cfg, ready_dataset(cfg))
     module = module_of(cfg, data, prior_of(cfg, data))
     load_weights(module, checkpoint)
+    trainer = trainer_of(cfg, precision_of_run(cfg, checkpoint.parent.parent))
     folder = Path(cfg.predictions) if cfg.predictions else run.path / "predictions" / part
     facts = {
         "name": cfg.name,
@@ -47,17 +50,23 @@ def predict(cfg: DictConfig, part: str, logits: bool) -> None:
         "code_version": run.version,
         "git_commit": git_commit(),
         "parameters": sum(p.numel() for p in module.network.parameters()),
+        "precision": trainer.precision,
     }
-    device = trainer_of(cfg).strategy.root_device
+    module.to(trainer.strategy.root_device).eval()
     with PredictionWriter(folder, facts) as writer:
-        _write(writer, module.to(device).eval(), data, part, logits)
+        _write(writer, trainer, module, data, part, logits)
     count = len(data.split[part])
     Console().print(f"{folder}: {count} frames", highlight=False, soft_wrap=True)
 
 
 @torch.no_grad()
 def _write(
-    writer: PredictionWriter, module: OccupancyModule, data: SkyShieldData, part: str, logits: bool
+    writer: PredictionWriter,
+    trainer: lightning.Trainer,
+    module: OccupancyModule,
+    data: SkyShieldData,
+    part: str,
+    logits: bool,
 ) -> None:
     quiet = not sys.stdout.isatty()
     for batch in track(data.in_order(part), f"predicting {part}", transient=True, disable=quiet):
@@ -65,7 +74,8 @@ def _write(
             key: value.to(module.device) if isinstance(value, Tensor) else value
             for key, value in batch.items()
         }
-        scores = module(on_device).float()
+        with trainer.precision_plugin.forward_context():
+            scores = module(on_device).float()
         for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):
             labels = scores[n].argmax(dim=0).to(torch.uint8)
             writer.add(clip, int(frame), labels, scores[n] if logits else None)

@@ -84,6 +84,7 @@ def _write(
         "seed": int(pairing.facts.get("seed", 0)),
         "seconds": 0.0,
         "parameters": int(pairing.facts.get("parameters", 0)),
+        "precision": str(pairing.facts.get("precision", "")) or "unknown",
         "code_version": str(
             pairing.facts.get("code_version")
             or code_version(shaping(OmegaConf.to_container(cfg, resolve=True)))

@@ -10,6 +10,7 @@ from .dataset import data_of, ready_dataset
 from .evaluate import evaluate
 from .fit import trainer_of
 from .model import load_weights, module_of, prior_of
+from .precision import precision_of_run
 
 
 def test(cfg: DictConfig) -> None:
@@ -29,4 +30,5 @@ def test(cfg: DictConfig) -> None:
     module = module_of(cfg, data, prior)
     load_weights(module, checkpoint)
     folder = RunFolder(run.path / "test", run.config)
-    evaluate(cfg, folder, trainer_of(cfg), module, data, prior)
+    trainer = trainer_of(cfg, precision_of_run(cfg, checkpoint.parent.parent))
+    evaluate(cfg, folder, trainer, module, data, prior)

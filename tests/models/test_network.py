@@ -135,6 +135,24 @@ def test_a_camera_that_sees_no_pillar_gives_finite_output_and_gradients(network,
     assert all(p.grad is None or p.grad.isfinite().all() for p in network.parameters())
 
 
+@pytest.mark.parametrize(
+    ("batch_size", "image_size"), [(1, (96, 64)), (1, (64, 32)), (1, (32, 64)), (2, (32, 32))]
+)
+def test_a_training_step_of_the_smallest_batch_is_finite(network, batch_size, image_size):
+    batch = build_batch(batch_size, image_size=image_size)
+    loss = OccupancyLoss(lovasz_weight=1.0)(network(batch), batch["semantics"])["total"]
+    loss.backward()
+    assert loss.isfinite()
+    assert all(p.grad is None or p.grad.isfinite().all() for p in network.parameters())
+    assert all(buffer.isfinite().all() for buffer in network.buffers())
+
+
+def test_one_value_a_channel_has_no_statistics(network):
+    """Which is why src.settings refuses to train so."""
+    with pytest.raises(ValueError, match="more than 1 value per channel"):
+        network(build_batch(1, image_size=(32, 32)))
+
+
 def test_every_parameter_learns(network, batch):
     # At its initial zero, nothing that feeds the prediction of offsets has a gradient yet.
     for layer in (*network.encoder.frame_layers, network.encoder.last_layer):

@@ -30,6 +30,7 @@ def row(experiment="skyocc", split="test", seed=0, **scores):
         "protocol": {"mask": "supervised", "horizon_s": 5.0},
         "seconds": 0.1 + 0.2,
         "parameters": 1_234_567,
+        "precision": "32-true",
         "code_version": "0012345678",
         "git_commit": "12e4567",
         "dataset": "small-00ab",
