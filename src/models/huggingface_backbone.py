@@ -1,6 +1,7 @@
 """Image encoders from the Hugging Face Hub, or at random from their configurations."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -103,17 +104,28 @@ def _by_name(
         # AutoBackbone's own loading asks the Hub even where all is at hand, and falls back to timm.
         with torch.device("meta"):
             kind = type(transformers.AutoBackbone.from_config(config))
-        model, loaded = kind.from_pretrained(
-            folder,
-            config=config,
-            use_safetensors=True,
-            dtype=torch.float32,
-            output_loading_info=True,
-        )
+        with _errors_only(transformers):  # what its report of the loading says is judged below
+            model, loaded = kind.from_pretrained(
+                folder,
+                config=config,
+                use_safetensors=True,
+                dtype=torch.float32,
+                output_loading_info=True,
+            )
     except Exception as error:  # each of its many models refuses in its own way
         raise UserError(f"model.backbone.name: {name} is no backbone: {_reason(error)}") from error
     _require_all(name, loaded["missing_keys"])
     return model
+
+
+@contextmanager
+def _errors_only(transformers: ModuleType) -> Iterator[None]:
+    before = transformers.logging.get_verbosity()
+    transformers.logging.set_verbosity_error()
+    try:
+        yield
+    finally:
+        transformers.logging.set_verbosity(before)
 
 
 def _folder(name: str, revision: str, files: list[str]) -> Path:

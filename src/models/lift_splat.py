@@ -117,7 +117,8 @@ def splat(
 ) -> Float[Tensor, "num_cells dim"]:
     """Sum in every cell of the contexts that fall into it, weighted with their probabilities.
 
-    The products are never stored: they are the terms of one `embedding_bag`.
+    The products are never stored: they are the terms of one `embedding_bag` over the points sorted
+    by cell, which at the paper's size is several times faster than `index_add`.
     """
     point = inside.flatten().nonzero()[:, 0]
     # Stable: a cell's sum has one order, whatever else is in the batch.
