@@ -12,7 +12,7 @@ from torchmetrics import Metric
 
 from src.data.dataset import history_stride
 from src.geometry import VoxelGrid
-from src.models.losses import OccupancyLoss
+from src.models import BilinearLift, DeformableCrossAttention, LiftSplat, OccupancyLoss
 from src.ontology import NUM_CLASSES
 from src.run_folder import differences
 from src.settings import require_sound
@@ -27,6 +27,14 @@ FACTORS = {  # projection, class weights, Lovasz: the table of the design
     "weights": ("attitude", True, 0.0),
     "skyocc": ("attitude", True, 1.0),
 }
+LIFTS = {"deformable": DeformableCrossAttention, "bilinear": BilinearLift, "lss": LiftSplat}
+BACKBONES = {  # and what each needs where there is no network
+    "resnet": (),
+    "huggingface": (
+        "model.backbone.pretrained=false",
+        "model.backbone.config={model_type: convnext, hidden_sizes: [8, 16, 32, 64]}",
+    ),
+}
 
 
 def names_in(group):
@@ -36,6 +44,8 @@ def names_in(group):
 def test_the_lists_of_this_test_are_complete():
     assert names_in("experiment") == sorted(RUNGS)
     assert names_in("scale") == sorted(SCALES)
+    assert names_in("model/lift") == sorted(LIFTS)
+    assert names_in("model/backbone") == sorted(BACKBONES)
 
 
 def test_experiments_are_added_on_the_command_line():
@@ -67,6 +77,22 @@ def test_everything_instantiates(rung, scale, tmp_path):
     )
     assert isinstance(trainer, lightning.Trainer)
     assert callable(instantiate(cfg.task))
+
+
+@pytest.mark.parametrize("backbone", BACKBONES)
+@pytest.mark.parametrize("lift", LIFTS)
+def test_every_lift_and_backbone_instantiates(lift, backbone):
+    if backbone == "huggingface":
+        pytest.importorskip("transformers")
+    words = ["scale=tiny", f"model/lift={lift}", f"model/backbone={backbone}", *BACKBONES[backbone]]
+    cfg = compose_config(*words)
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        require_sound(cfg, words)
+    network = instantiate(cfg.model)
+    layers = [*network.encoder.frame_layers, network.encoder.last_layer]
+    assert [type(layer.lift) for layer in layers] == [LIFTS[lift]] * cfg.size.layers
+    assert network.backbone.channels == (8, 16, 32, 64)
+    assert getattr(layers[0].lift, "grid", network.encoder.grid) == network.encoder.grid
 
 
 @pytest.mark.parametrize("scale", SCALES)

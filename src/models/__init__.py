@@ -2,15 +2,19 @@
 
 from .attention import DeformableCrossAttention
 from .backbone import ResNet
+from .bilinear_lift import BilinearLift
 from .decoder import PillarDecoder
 from .encoder import PillarEncoder
 from .history import History
+from .lift_splat import LiftSplat
 from .losses import OccupancyLoss, safety_weights
 from .network import SkyOcc
 
 __all__ = [
+    "BilinearLift",
     "DeformableCrossAttention",
     "History",
+    "LiftSplat",
     "OccupancyLoss",
     "PillarDecoder",
     "PillarEncoder",

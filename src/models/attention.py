@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from ..errors import UserError
 from .backbone import STRIDES
+from .heights import height_projections, projected_mean
 from .references import References
 from .sampling import summed_samples
 
@@ -33,11 +34,11 @@ class DeformableCrossAttention(nn.Module):
         self.height_embedding = nn.Parameter(0.02 * torch.randn(num_heights, dim))
         self.value = nn.Linear(dim, dim)
         self.sampling = nn.Linear(dim, num_heads * len(STRIDES) * num_points * 3)
-        self.output = nn.Parameter(torch.empty(num_heights, dim, dim))
         self.register_buffer(
             "strides", torch.tensor(STRIDES, dtype=torch.float32), persistent=False
         )
         self._initialise()
+        self.output = height_projections(num_heights, dim)
 
     def _initialise(self) -> None:
         """Uniform attention; the first point at the reference, the others around it by head."""
@@ -50,8 +51,6 @@ class DeformableCrossAttention(nn.Module):
         nn.init.zeros_(self.sampling.weight)
         nn.init.xavier_uniform_(self.value.weight)
         nn.init.zeros_(self.value.bias)
-        for weight in self.output.data:
-            nn.init.xavier_uniform_(weight)
 
     def forward(
         self,
@@ -61,15 +60,9 @@ class DeformableCrossAttention(nn.Module):
     ) -> Float[Tensor, "b p dim"]:
         """Update of every pillar, from feature maps at the strides of the backbone."""
         levels = [self.value(feature.permute(0, 2, 3, 1)) for feature in features]
-        total, width = references.valid.numel(), levels[0].shape[-1]
         frame, x, y, attention = self._samples(query, references)
         sampled = summed_samples(levels, x, y, attention, frame)
-        # Padding goes to one row more, which is dropped.
-        by_height = sampled.new_zeros(total + 1, width)
-        by_height = by_height.index_copy(0, references.in_view, sampled)[:total]
-        by_pillar = by_height.view(*references.valid.shape[:2], -1)
-        update = by_pillar @ self.output.flatten(0, 1)
-        return update / references.valid.sum(dim=-1, keepdim=True).clamp(min=1)
+        return projected_mean(sampled, self.output, references)
 
     def _samples(
         self, query: Float[Tensor, "#b p dim"], references: References
@@ -81,17 +74,15 @@ class DeformableCrossAttention(nn.Module):
     ]:
         """Frame of the R references in view; x, y (pixels of each level) and weight of what they
         sample."""
-        pillars, heights = references.valid.shape[1:]
-        in_view = references.in_view
-        place = in_view.clamp(max=references.valid.numel() - 1)
-        # What is padded may lie anywhere, even nowhere.
-        pix = references.pix.flatten(0, 2)[place].where(in_view[:, None] == place[:, None], 0.0)
-        pillar, height = place // heights, place % heights
-        row = pillar % pillars if len(query) == 1 else pillar
+        listed = references.listed()
+        row = listed.pillar
+        if len(query) > 1:
+            row = row + listed.frame * query.shape[1]
         by_query = F.embedding(row, self.sampling(query).flatten(0, 1))
-        by_height = F.embedding(height, F.linear(self.height_embedding, self.sampling.weight))
+        by_height = F.linear(self.height_embedding, self.sampling.weight)
+        by_height = F.embedding(listed.height, by_height)
         raw = (by_query + by_height).float().T.contiguous()
         raw = raw.view(3, self.num_heads, self.num_points, len(STRIDES), -1)
-        x, y = (axis / self.strides[:, None] - 0.5 for axis in pix.T[:, None])
+        x, y = listed.pix_of_levels(self.strides)
         attention = raw[2].flatten(1, 2).softmax(dim=1).view_as(raw[2])
-        return pillar // pillars, x + raw[0], y + raw[1], attention
+        return listed.frame, x + raw[0], y + raw[1], attention

@@ -15,6 +15,25 @@ IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 
 
+class PixelNorm(nn.Module):
+    """Pixels as networks trained on ImageNet take them: less its mean, over its deviation."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.register_buffer("mean", 255 * torch.tensor(IMAGENET_MEAN), persistent=False)
+        self.register_buffer("std", 255 * torch.tensor(IMAGENET_STD), persistent=False)
+
+    def forward(self, image: UInt8[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
+        """Raises `UserError` where a side is no multiple of 32."""
+        height, width = image.shape[-2:]
+        if height % IMAGE_MULTIPLE or width % IMAGE_MULTIPLE:
+            raise UserError(
+                f"image: {width}x{height} pixels; make both sides multiples of {IMAGE_MULTIPLE}"
+            )
+        x = (image.to(self.mean.dtype) - self.mean[:, None, None]) / self.std[:, None, None]
+        return x.contiguous(memory_format=torch.channels_last)
+
+
 class BasicBlock(nn.Module):
     """Two 3x3 convolutions and a shortcut (ResNet-18)."""
 
@@ -104,8 +123,7 @@ class ResNet(nn.Module):
                 in_channels = self.channels[stage]
             self.add_module(f"layer{stage + 1}", nn.Sequential(*blocks))
         self._initialise()
-        self.register_buffer("mean", 255 * torch.tensor(IMAGENET_MEAN), persistent=False)
-        self.register_buffer("std", 255 * torch.tensor(IMAGENET_STD), persistent=False)
+        self.pixel_norm = PixelNorm()
         load_weights(self, depth, weights, weights_sha256)
 
     def _initialise(self) -> None:
@@ -118,13 +136,7 @@ class ResNet(nn.Module):
 
         Raises `UserError` where a side is no multiple of 32.
         """
-        height, width = image.shape[-2:]
-        if height % IMAGE_MULTIPLE or width % IMAGE_MULTIPLE:
-            raise UserError(
-                f"image: {width}x{height} pixels; make both sides multiples of {IMAGE_MULTIPLE}"
-            )
-        x = (image.to(self.mean.dtype) - self.mean[:, None, None]) / self.std[:, None, None]
-        x = x.contiguous(memory_format=torch.channels_last)
+        x = self.pixel_norm(image)
         x = self.maxpool(self.relu(self.bn1(self.conv1(x))))
         features = []
         for stage in (self.layer1, self.layer2, self.layer3, self.layer4):

@@ -8,6 +8,7 @@ from torch import Tensor, nn
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from .backbone import STRIDES
 from .history import History, TemporalAttention, align_history
 from .references import PillarReferences, Projection, References
 
@@ -21,7 +22,9 @@ class EncoderLayer(nn.Module):
         self.feed_forward = nn.Sequential(
             nn.Linear(dim, 2 * dim), nn.ReLU(), nn.Linear(2 * dim, dim)
         )
-        self.norms = nn.ModuleList(nn.LayerNorm(dim) for _ in range(2))
+        # A norm that nothing reads would have no gradient, and training on several devices refuse.
+        before_lift = nn.LayerNorm(dim) if getattr(lift, "reads_query", True) else nn.Identity()
+        self.norms = nn.ModuleList([before_lift, nn.LayerNorm(dim)])
 
     def forward(
         self,
@@ -46,7 +49,8 @@ class PillarEncoder(nn.Module):
     ``dim`` wide. ``num_heights`` references a pillar; ``num_frames`` is the paper's L;
     ``projection`` and ``capacity`` are `PillarReferences`'s. ``lift`` builds the lifting of each
     layer from ``dim`` and ``num_heights``: `DeformableCrossAttention` is the paper's, and any
-    module with its call can take its place.
+    module with its call can take its place. It may say that it does without something:
+    ``reads_query = False``, or ``reads_strides``, those of the feature levels that it does read.
 
     Raises `UserError` for a history (``num_frames`` above 1) without a layer that sees a past
     frame.
@@ -80,6 +84,8 @@ class PillarEncoder(nn.Module):
             EncoderLayer(dim, lift(dim=dim, num_heights=num_heights)) for _ in range(num_layers)
         )
         self.frame_layers = nn.ModuleList(first_layers)
+        lifts = [layer.lift for layer in (*first_layers, self.last_layer)]
+        self.reads_strides = {s for lift in lifts for s in getattr(lift, "reads_strides", STRIDES)}
         self.frame_norm = nn.LayerNorm(dim)
         self.temporal = TemporalAttention(dim, num_heads, num_frames)
         self.norm = nn.LayerNorm(dim)

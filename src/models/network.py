@@ -27,7 +27,7 @@ HistoryKind = Literal["queue", "recursive"]
 class Frame(NamedTuple):
     """One frame by itself: its feature maps, its references, and its pillars from these alone."""
 
-    features: Sequence[Float[Tensor, "b dim _ _"]]
+    features: Sequence[Float[Tensor, "b dim _ _"] | None]
     references: References
     pillars: Float[Tensor, "b p dim"]
 
@@ -63,7 +63,7 @@ class SkyOcc(nn.Module):
             raise UserError(f"model.history: {history!r} is neither 'queue' nor 'recursive'")
         dim = encoder.dim
         self.backbone, self.encoder, self.decoder = backbone, encoder, decoder
-        self.neck = FPN(backbone.channels, dim)
+        self.neck = FPN(backbone.channels, dim, encoder.reads_strides)
         self.metadata = (
             nn.Sequential(nn.Linear(5, dim), nn.ReLU(), nn.Linear(dim, dim)) if metadata else None
         )
@@ -136,7 +136,7 @@ class SkyOcc(nn.Module):
             pillars = pillars + self.metadata(torch.cat(scaled, dim=-1).float())[:, None]
         return self._run(self.decoder, pillars)
 
-    def _features(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b dim _ _"]]:
+    def _features(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b dim _ _"] | None]:
         return self.neck(self.backbone(image))
 
     def _run(self, stage, *inputs):

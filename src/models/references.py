@@ -29,6 +29,29 @@ class References(NamedTuple):
     camera_from_occ: Float[Tensor, "b 4 4"]
     pix_from_camera: Float[Tensor, "b 3 3"]
 
+    def listed(self) -> "ListedReferences":
+        """Those of ``in_view``, padding included: it is taken to lie at pixel (0, 0)."""
+        pillars, heights = self.valid.shape[1:]
+        place = self.in_view.clamp(max=self.valid.numel() - 1)
+        # What is padded may lie anywhere, even nowhere.
+        is_padding = self.in_view[:, None] != place[:, None]
+        pix = self.pix.flatten(0, 2)[place].masked_fill(is_padding, 0.0)
+        pillar = place // heights
+        return ListedReferences(pix, pillar // pillars, pillar % pillars, place % heights)
+
+
+class ListedReferences(NamedTuple):
+    """R references one by one: pixel of the full image, frame, pillar of the frame, and height."""
+
+    pix: Float[Tensor, "r 2"]
+    frame: Int[Tensor, "r"]
+    pillar: Int[Tensor, "r"]
+    height: Int[Tensor, "r"]
+
+    def pix_of_levels(self, strides: Float[Tensor, "levels"]) -> Float[Tensor, "2 levels r"]:
+        """x and y in each level's own pixels, with integers at their centres."""
+        return self.pix.T[:, None] / strides[:, None] - 0.5
+
 
 class PillarReferences(nn.Module):
     """Projects ``num_heights`` points a pillar, at the z-centres of equal slices of the grid.

@@ -76,6 +76,9 @@ def summed_by_grid(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
 class SumOfRows(torch.autograd.Function):
     """``out[k] = sum_i weights[k, i] * rows[index[k, i]]``.
 
+    Bags of different sizes come as in `embedding_bag`, with the last offset: ``index`` and
+    ``weights`` are flat, and bag k is what lies from ``offsets[k]`` to ``offsets[k + 1]``.
+
     Same as `embedding_bag`; its own backward for the rows is slow, so here it is another
     `embedding_bag`, over the entries sorted by row.
     """
@@ -84,35 +87,53 @@ class SumOfRows(torch.autograd.Function):
     def forward(
         ctx,
         rows: Float[Tensor, "n d"],
-        index: Int[Tensor, "k i"],
-        weights: Float[Tensor, "k i"],
+        index: Int[Tensor, "k i"] | Int[Tensor, "i"],
+        weights: Float[Tensor, "k i"] | Float[Tensor, "i"],
+        offsets: Int[Tensor, "k+1"] | None = None,
     ) -> Float[Tensor, "k d"]:
-        ctx.save_for_backward(rows, index, weights)
-        return F.embedding_bag(index, rows, mode="sum", per_sample_weights=weights)
+        ctx.save_for_backward(rows, index, weights, offsets)
+        return F.embedding_bag(
+            index,
+            rows,
+            offsets,
+            mode="sum",
+            per_sample_weights=weights,
+            include_last_offset=offsets is not None,
+        )
 
     @staticmethod
     def backward(ctx, grad: Float[Tensor, "k d"]):
-        rows, index, weights = ctx.saved_tensors
-        grad, (bags, entries) = grad.contiguous(), index.shape
+        rows, index, weights, offsets = ctx.saved_tensors
+        grad = grad.contiguous()
+        offsets, bag_of = _bags(index, offsets)
         flat_index, flat_weights = index.flatten(), weights.flatten()
         sorted_index, order = flat_index.sort()
         every_row = torch.arange(len(rows) + 1, dtype=index.dtype, device=index.device)
         row_offsets = torch.searchsorted(sorted_index, every_row, out_int32=True)
-        bag_of = torch.div(order, max(entries, 1), rounding_mode="floor").to(index.dtype)
         grad_rows = F.embedding_bag(
-            bag_of,
+            bag_of[order],
             grad,
-            row_offsets,
+            row_offsets.to(index.dtype),
             mode="sum",
             per_sample_weights=flat_weights[order],
             include_last_offset=True,
         )
-        offsets = torch.arange(bags + 1, dtype=index.dtype, device=index.device) * entries
-        bags_in_order = torch.arange(bags, dtype=index.dtype, device=index.device)
+        if not ctx.needs_input_grad[2]:
+            return grad_rows, None, None, None
         grad_weights = torch.ops.aten._embedding_bag_per_sample_weights_backward(
-            grad, rows, flat_index, offsets, bags_in_order.repeat_interleave(entries), 0
+            grad, rows, flat_index, offsets, bag_of, 0
         )
-        return grad_rows, None, grad_weights.view_as(weights)
+        return grad_rows, None, grad_weights.view_as(weights), None
+
+
+def _bags(index: Tensor, offsets: Tensor | None) -> tuple[Int[Tensor, "k+1"], Int[Tensor, "n"]]:
+    """Offsets of the bags that `SumOfRows` takes, and the bag that each entry is in."""
+    if offsets is None:
+        bags, entries = index.shape
+        every_bag = torch.arange(bags + 1, dtype=index.dtype, device=index.device)
+        return every_bag * entries, every_bag[:-1].repeat_interleave(entries)
+    every_bag = torch.arange(len(offsets) - 1, dtype=index.dtype, device=index.device)
+    return offsets, every_bag.repeat_interleave(offsets.diff(), output_size=len(index))
 
 
 def bordered_rows(

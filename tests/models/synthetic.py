@@ -15,20 +15,40 @@ from src.geometry import (
     rigid,
     rotation_from_euler,
 )
-from src.models import DeformableCrossAttention, PillarDecoder, PillarEncoder, ResNet, SkyOcc
+from src.models import (
+    BilinearLift,
+    DeformableCrossAttention,
+    LiftSplat,
+    PillarDecoder,
+    PillarEncoder,
+    ResNet,
+    SkyOcc,
+)
 from src.models.references import References, padded_index
 from src.ontology import UNKNOWN
 
 GRID = VoxelGrid(shape=(10, 10, 6))
 IMAGE_SIZE = (96, 64)
+LIFTS = ("deformable", "bilinear", "lss")
 
 
-def build_network(grid=GRID, dim=16, num_layers=2, encoder=None, **network):
+def build_lift(name, grid=GRID):
+    """What builds a layer's lift, by the name of its configuration."""
+    return {
+        "deformable": functools.partial(DeformableCrossAttention, num_heads=2, num_points=2),
+        "bilinear": BilinearLift,
+        "lss": functools.partial(LiftSplat, grid=grid),
+    }[name]
+
+
+def build_network(
+    grid=GRID, dim=16, num_layers=2, encoder=None, lift="deformable", backbone=None, **network
+):
     torch.manual_seed(0)
-    lift = functools.partial(DeformableCrossAttention, num_heads=2, num_points=2)
+    build = build_lift(lift, grid)
     return SkyOcc(
-        ResNet(depth=18, width=8),
-        PillarEncoder(grid, lift, dim, num_layers, num_heights=4, num_heads=2, **(encoder or {})),
+        backbone or ResNet(depth=18, width=8),
+        PillarEncoder(grid, build, dim, num_layers, num_heights=4, num_heads=2, **(encoder or {})),
         PillarDecoder(grid, dim, num_blocks=1),
         **network,
     )

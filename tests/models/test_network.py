@@ -16,7 +16,7 @@ from src.models import (
     SkyOcc,
 )
 from src.models.backbone import STRIDES
-from tests.models.synthetic import GRID, IMAGE_SIZE, build_batch, build_network
+from tests.models.synthetic import GRID, IMAGE_SIZE, LIFTS, build_batch, build_network
 
 
 def clone(batch):
@@ -38,9 +38,10 @@ def encoded(network, batch, at):
     )
 
 
-def test_the_stream_equals_the_batch_path_exactly(network, batch):
+@pytest.mark.parametrize("lift", LIFTS)
+def test_the_stream_equals_the_batch_path_exactly(batch, lift):
     """Pillars cached one frame at a time, then the current frame, against the whole queue."""
-    network.eval()
+    network = build_network(lift=lift).eval()
     cached = [encoded(network, batch, at).pillars for at in range(3)]
     history = History(
         torch.stack(cached, 1), batch["occ_from_past_occ"][:, :-1], batch["history_valid"][:, :-1]
@@ -73,12 +74,14 @@ def test_a_layer_must_be_left_to_see_the_past():
     build_network(num_layers=1, encoder={"num_frames": 1})
 
 
+@pytest.mark.parametrize("lift", LIFTS)
 @pytest.mark.parametrize("history_grad", [False, True])
-def test_checkpointing_changes_no_number(batch, history_grad):
+def test_checkpointing_changes_no_number(batch, history_grad, lift):
     """Neither the loss, nor a gradient, nor what batch normalisation has counted."""
     found = []
     for checkpointing in (False, True):
-        network = build_network(history_grad=history_grad, checkpointing=checkpointing)
+        settings = {"history_grad": history_grad, "checkpointing": checkpointing}
+        network = build_network(lift=lift, **settings)
         OccupancyLoss(lovasz_weight=1.0)(network(batch), batch["semantics"])["total"].backward()
         gradients = {name: p.grad for name, p in network.named_parameters() if p.grad is not None}
         found.append({**gradients, **dict(network.named_buffers())})
@@ -125,7 +128,9 @@ def test_no_history_at_all_equals_a_single_frame(network, batch):
     torch.testing.assert_close(network(batch), network(alone))
 
 
-def test_a_camera_that_sees_no_pillar_gives_finite_output_and_gradients(network, batch):
+@pytest.mark.parametrize("lift", LIFTS)
+def test_a_camera_that_sees_no_pillar_gives_finite_output_and_gradients(batch, lift):
+    network = build_network(lift=lift)
     backwards = front_mount((0.0, 0.0, 0.0)).float()
     backwards[:2] *= -1
     batch["body_from_camera"] = backwards.expand(2, 4, 4)
@@ -153,13 +158,38 @@ def test_one_value_a_channel_has_no_statistics(network):
         network(build_batch(1, image_size=(32, 32)))
 
 
-def test_every_parameter_learns(network, batch):
+@pytest.mark.parametrize("lift", LIFTS)
+def test_every_parameter_learns(batch, lift):
+    """What has no gradient at all would stop training on several devices."""
+    network = build_network(lift=lift)
     # At its initial zero, nothing that feeds the prediction of offsets has a gradient yet.
     for layer in (*network.encoder.frame_layers, network.encoder.last_layer):
-        torch.nn.init.normal_(layer.lift.sampling.weight, std=0.1)
+        if lift == "deformable":
+            torch.nn.init.normal_(layer.lift.sampling.weight, std=0.1)
     OccupancyLoss(lovasz_weight=1.0)(network(batch), batch["semantics"])["total"].backward()
     still = [name for name, p in network.named_parameters() if p.grad is None or not p.grad.any()]
     assert still == []
+
+
+@pytest.mark.parametrize("lift", LIFTS)
+def test_a_step_makes_the_loss_of_its_batch_smaller(batch, lift):
+    network, loss = build_network(lift=lift), OccupancyLoss(lovasz_weight=1.0)
+    optimiser = torch.optim.AdamW(network.parameters(), 1e-3)
+    losses = []
+    for _ in range(2):
+        losses.append(loss(network(batch), batch["semantics"])["total"])
+        optimiser.zero_grad()
+        losses[-1].backward()
+        optimiser.step()
+    assert losses[1] < losses[0]
+
+
+def test_levels_that_no_lift_reads_are_not_computed(batch):
+    network = build_network(lift="lss")
+    features = encoded(network, batch, -1).features
+    assert [feature is not None for feature in features] == [False, False, True, False]
+    names = {name.rpartition(".")[0] for name in network.neck.state_dict()}
+    assert names == {"lateral.2", "lateral.3", "output.2"}
 
 
 def test_past_frames_give_gradient_only_when_asked(batch):
@@ -190,11 +220,12 @@ def test_running_statistics_see_the_current_frames_once(batch):
     assert not norm.running_mean.eq(0).all()
 
 
-def test_level_ignores_attitude_except_as_metadata(batch):
+@pytest.mark.parametrize("lift", LIFTS)
+def test_level_ignores_attitude_except_as_metadata(batch, lift):
     tilted = clone(batch)
     tilted["occ_from_body"] = tilted["occ_from_body"].roll(1, dims=0)
     for projection, same in (("level", True), ("attitude", False)):
-        network = build_network(encoder={"projection": projection}).eval()
+        network = build_network(lift=lift, encoder={"projection": projection}).eval()
         assert network(tilted).equal(network(batch)) is same
 
 
@@ -236,8 +267,9 @@ def test_sides_that_are_no_multiples_of_32_are_refused(network):
         network(build_batch(image_size=(100, 64)))
 
 
-def test_bfloat16_autocast_stays_close_and_gives_float32(network, batch):
-    network.eval()
+@pytest.mark.parametrize("lift", LIFTS)
+def test_bfloat16_autocast_stays_close_and_gives_float32(batch, lift):
+    network = build_network(lift=lift).eval()
     with torch.autocast("cpu", dtype=torch.bfloat16):
         mixed = network(batch)
     plain = network(batch)
@@ -245,7 +277,9 @@ def test_bfloat16_autocast_stays_close_and_gives_float32(network, batch):
     assert (mixed - plain).abs().mean() < 0.05 * plain.std()
 
 
-def test_bfloat16_autocast_trains(network, batch):
+@pytest.mark.parametrize("lift", LIFTS)
+def test_bfloat16_autocast_trains(batch, lift):
+    network = build_network(lift=lift)
     with torch.autocast("cpu", dtype=torch.bfloat16):
         logits = network(batch)
         total = OccupancyLoss(torch.ones(9), 1.0)(logits, batch["semantics"])["total"]

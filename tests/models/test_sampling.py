@@ -73,6 +73,23 @@ def test_sum_of_rows_passes_gradcheck_with_repeated_and_unused_rows():
     assert torch.autograd.gradcheck(lambda r, w: SumOfRows.apply(r, index, w), (rows, weights))
 
 
+def test_sum_of_rows_passes_gradcheck_with_bags_of_different_sizes():
+    generator = torch.Generator().manual_seed(0)
+    rows = torch.randn(4, 3, generator=generator).double().requires_grad_()
+    weights = torch.randn(5, generator=generator).double().requires_grad_()
+    index = torch.tensor([2, 0, 2, 2, 3], dtype=torch.int32)
+    offsets = torch.tensor([0, 0, 3, 3, 5, 5], dtype=torch.int32)
+
+    def summed(rows, weights):
+        return SumOfRows.apply(rows, index, weights, offsets)
+
+    products = weights[:, None] * rows[index]
+    nothing = torch.zeros(3).double()
+    bags = [nothing, products[:3].sum(0), nothing, products[3:].sum(0), nothing]
+    torch.testing.assert_close(summed(rows, weights), torch.stack(bags))
+    assert torch.autograd.gradcheck(summed, (rows, weights))
+
+
 def test_sum_of_rows_of_nothing():
     rows = torch.randn(4, 3, requires_grad=True)
     out = SumOfRows.apply(rows, torch.zeros(0, 8, dtype=torch.int32), torch.zeros(0, 8))

@@ -1,0 +1,42 @@
+"""From features at the heights of a pillar to its update: an output projection W_j a height."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from .references import References
+
+
+def height_projections(num_heights: int, dim: int) -> nn.Parameter:
+    """``[num_heights, dim, dim]``, each as a linear layer of its own would start."""
+    projections = nn.Parameter(torch.empty(num_heights, dim, dim))
+    for weight in projections.data:
+        nn.init.xavier_uniform_(weight)
+    return projections
+
+
+def projected_sum(
+    by_height: Float[Tensor, "b*p*j dim"],
+    projections: Float[Tensor, "j dim dim"],
+    batch_size: int,
+) -> Float[Tensor, "b p dim"]:
+    """``sum_j f_pj W_j``: a plain sum would lose which height a feature came from."""
+    by_pillar = by_height.view(batch_size, -1, projections.shape[:2].numel())
+    return by_pillar @ projections.flatten(0, 1)
+
+
+def projected_mean(
+    sampled: Float[Tensor, "r dim"],
+    projections: Float[Tensor, "j dim dim"],
+    references: References,
+) -> Float[Tensor, "b p dim"]:
+    """``1/|J_p| sum_{j in J_p} f_pj W_j`` of what was sampled at ``references.in_view``.
+
+    A pillar with no valid reference gets exactly zero.
+    """
+    total = references.valid.numel()
+    # Padding goes to one row more, which is dropped.
+    by_height = sampled.new_zeros(total + 1, sampled.shape[-1])
+    by_height = by_height.index_copy(0, references.in_view, sampled)[:total]
+    update = projected_sum(by_height, projections, len(references.valid))
+    return update / references.valid.sum(dim=-1, keepdim=True).clamp(min=1)

@@ -1,0 +1,189 @@
+"""Image encoders from the Hugging Face Hub, or at random from their configurations."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor, nn
+
+from ..errors import UserError
+from .backbone import STRIDES, PixelNorm
+
+LAST_FOUR = [-4, -3, -2, -1]
+"""Stages, whether or not a model counts its stem as one."""
+
+CONFIG_FILES = ["config.json"]
+WEIGHT_FILES = ["model.safetensors", "model-*.safetensors", "model.safetensors.index.json"]
+PROBE_PIX = 64
+
+
+class HuggingFaceBackbone(nn.Module):
+    """The last four stages of a transformers `AutoBackbone`, at strides 4, 8, 16 and 32.
+
+    ``name`` is a model on the Hub, such as ``facebook/convnext-tiny-224``, or a folder with its
+    ``config.json`` and ``model.safetensors``; ``revision`` is a branch, tag or commit of it. With
+    ``pretrained`` its weights are loaded, otherwise it starts at random. In the place of a name,
+    ``config`` describes a random model, and needs no network: its ``model_type`` and whatever else
+    that type takes. Only JSON and safetensors are fetched and read, never a pickle, never code.
+    ``channels`` holds the channels of the four outputs.
+
+    Raises `UserError` where transformers is missing, for a model that cannot be had or built, for
+    weights that leave a part of it at random, and for stages at other strides.
+    """
+
+    def __init__(
+        self,
+        name: str | None = None,
+        pretrained: bool = True,
+        revision: str = "main",
+        config: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__()
+        transformers = import_transformers()
+        if config is not None and pretrained:
+            raise UserError(
+                "model.backbone.config: describes a random model; set model.backbone.pretrained="
+                "false with it"
+            )
+        if config is not None:
+            self.model = _at_random(transformers, config)
+        else:
+            self.model = _by_name(transformers, name, pretrained, revision)
+        self.pixel_norm = PixelNorm()
+        maps = _probe(self.model, name if config is None else config["model_type"])
+        self.channels = tuple(level.shape[1] for level in maps)
+        _freeze_unread(self.model, maps)
+        self.model.train()  # as any new module; what was loaded is in its evaluation mode
+
+    def forward(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b _ _ _"]]:
+        """Four feature maps, finest first; the image is normalised here, on its device.
+
+        Raises `UserError` where a side is no multiple of 32.
+        """
+        return list(self.model(self.pixel_norm(image)).feature_maps)
+
+
+def import_transformers() -> ModuleType:
+    """The optional library, imported only where it is used."""
+    try:
+        import transformers
+    except ImportError as error:
+        raise UserError(
+            "model.backbone: needs transformers; pip install 'skyshield[encoders]', or take "
+            "model/backbone=resnet"
+        ) from error
+    return transformers
+
+
+def _at_random(transformers: ModuleType, config: Mapping[str, Any]) -> nn.Module:
+    try:
+        described = transformers.AutoConfig.for_model(**config, out_indices=LAST_FOUR)
+        return transformers.AutoBackbone.from_config(described)
+    except Exception as error:  # each of its many models refuses in its own way
+        raise UserError(
+            f"model.backbone.config: no backbone from {dict(config)}: {_reason(error)}"
+        ) from error
+
+
+def _by_name(
+    transformers: ModuleType, name: str | None, pretrained: bool, revision: str
+) -> nn.Module:
+    if not name:
+        raise UserError("model.backbone.name: none; give a model of the Hub, a folder, or a config")
+    folder = _folder(name, revision, CONFIG_FILES + (WEIGHT_FILES if pretrained else []))
+    try:
+        config = transformers.AutoConfig.from_pretrained(
+            folder, out_indices=LAST_FOUR, trust_remote_code=False
+        )
+        if not pretrained:
+            return transformers.AutoBackbone.from_config(config)
+        # AutoBackbone's own loading asks the Hub even where all is at hand, and falls back to timm.
+        with torch.device("meta"):
+            kind = type(transformers.AutoBackbone.from_config(config))
+        with _errors_only(transformers):  # what its report of the loading says is judged below
+            model, loaded = kind.from_pretrained(
+                folder,
+                config=config,
+                use_safetensors=True,
+                dtype=torch.float32,
+                output_loading_info=True,
+            )
+    except Exception as error:  # each of its many models refuses in its own way
+        raise UserError(f"model.backbone.name: {name} is no backbone: {_reason(error)}") from error
+    _require_all(name, loaded["missing_keys"])
+    return model
+
+
+@contextmanager
+def _errors_only(transformers: ModuleType) -> Iterator[None]:
+    before = transformers.logging.get_verbosity()
+    transformers.logging.set_verbosity_error()
+    try:
+        yield
+    finally:
+        transformers.logging.set_verbosity(before)
+
+
+def _folder(name: str, revision: str, files: list[str]) -> Path:
+    """Where a model's files are on this machine, fetched if need be."""
+    if Path(name).is_dir():
+        return Path(name)
+    from huggingface_hub import snapshot_download
+
+    try:
+        return Path(snapshot_download(name, revision=revision, allow_patterns=files))
+    except (OSError, ValueError) as error:
+        raise UserError(
+            f"model.backbone.name: cannot get {name} ({_reason(error)}); check the name and the "
+            "network, give a folder, or take model/backbone=resnet"
+        ) from error
+
+
+def _require_all(name: str, missing: list[str]) -> None:
+    """Everything has its weights, but for the norms at the outputs, which a classifier lacks."""
+    missing = sorted(key for key in missing if "norm" not in key)
+    if missing:
+        raise UserError(
+            f"model.backbone.name: the weights of {name} lack {missing[0]} and {len(missing) - 1} "
+            "more of the backbone; take another model, or model.backbone.pretrained=false"
+        )
+
+
+def _probe(model: nn.Module, name: str) -> list[Float[Tensor, "1 _ _ _"]]:
+    """What a model gives for a small image; its configuration says nothing of strides."""
+    try:
+        with torch.enable_grad():
+            maps = model.eval()(torch.zeros(1, 3, PROBE_PIX, PROBE_PIX)).feature_maps
+    except Exception as error:  # such as a model for one size of image only
+        raise UserError(
+            f"model.backbone: {name} does not take {PROBE_PIX}x{PROBE_PIX} pixels: {_reason(error)}"
+        ) from error
+    sizes = [tuple(level.shape[2:]) for level in maps]
+    if sizes != [(PROBE_PIX // stride,) * 2 for stride in STRIDES]:
+        strides = [PROBE_PIX / height for height, _ in sizes]
+        raise UserError(
+            f"model.backbone: the last stages of {name} are at strides {strides}, not at "
+            f"{list(STRIDES)}; take a ResNet, ConvNeXt, Swin or another hierarchical model"
+        )
+    return list(maps)
+
+
+def _freeze_unread(model: nn.Module, maps: list[Tensor]) -> None:
+    """Parameters that no map comes from, such as a last norm, would never have a gradient."""
+    seen, todo = set(), [level.grad_fn for level in maps]
+    while todo:
+        node = todo.pop()
+        if node is not None and node not in seen:
+            seen.add(node)
+            todo += [before for before, _ in node.next_functions]
+    read = {id(node.variable) for node in seen if hasattr(node, "variable")}
+    for parameter in model.parameters():
+        parameter.requires_grad_(id(parameter) in read)
+
+
+def _reason(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]

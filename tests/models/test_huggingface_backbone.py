@@ -1,0 +1,172 @@
+import sys
+
+import pytest
+import torch
+
+from src.errors import UserError
+from src.models.backbone import IMAGENET_MEAN, IMAGENET_STD
+from src.models.huggingface_backbone import HuggingFaceBackbone
+from src.models.losses import OccupancyLoss
+from tests.models.synthetic import LIFTS, build_batch, build_network
+from tests.models.test_backbone import random_image
+
+pytest.importorskip("transformers")
+
+FOUR = {"depths": [1, 1, 1, 1]}
+RESNET = {"model_type": "resnet", "embedding_size": 8, "hidden_sizes": [8, 16, 32, 64], **FOUR}
+CONVNEXT = {"model_type": "convnext", "hidden_sizes": [8, 16, 32, 64], **FOUR}
+SWIN = {"model_type": "swin", "embed_dim": 8, "num_heads": [1, 2, 4, 8], "window_size": 3, **FOUR}
+CONFIGS = {"resnet": RESNET, "convnext": CONVNEXT, "swin": SWIN}
+
+
+def at_random(config, seed=0):
+    torch.manual_seed(seed)
+    return HuggingFaceBackbone(pretrained=False, config=config)
+
+
+@pytest.fixture(autouse=True)
+def no_hub(monkeypatch):
+    """Whatever this machine can reach or has kept."""
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """A classifier of that configuration, saved as on the Hub, and its weights."""
+    import transformers
+
+    def save(config, **how):
+        torch.manual_seed(1)
+        config = transformers.AutoConfig.for_model(**config)
+        model = transformers.AutoModelForImageClassification.from_config(config)
+        model.save_pretrained(tmp_path, **how)
+        return model.state_dict()
+
+    return save
+
+
+@pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
+def test_four_levels_at_strides_4_to_32(config):
+    backbone = at_random(config)
+    features = backbone(random_image())
+    assert backbone.channels == (8, 16, 32, 64)
+    assert [tuple(f.shape[1:]) for f in features] == [
+        (8, 16, 24), (16, 8, 12), (32, 4, 6), (64, 2, 3)
+    ]  # fmt: skip
+    assert all(module.training for module in backbone.modules())
+
+
+def test_channels_are_what_comes_out_whatever_the_configuration_says():
+    stages = {"stem_channels": [3, 4, 8], "stage_in_channels": [8, 16, 24, 32]}
+    widths = {"stage_mid_channels": [4] * 4, "stage_out_channels": [16, 24, 32, 40]}
+    counts = {"stage_num_blocks": [1] * 4, "stage_numb_of_layers": [1] * 4}
+    config = {"model_type": "hgnet_v2", "hidden_sizes": [1, 2, 3, 4], **stages, **widths, **counts}
+    backbone = at_random(config)
+    assert backbone.channels == tuple(f.shape[1] for f in backbone(random_image()))
+
+
+def test_pixels_are_normalised_inside():
+    backbone, seen = at_random(CONVNEXT), []
+    backbone.model.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0]))
+    image = random_image()
+    backbone(image)
+    mean, std = (torch.tensor(x).view(3, 1, 1) for x in (IMAGENET_MEAN, IMAGENET_STD))
+    torch.testing.assert_close(seen[0], (image / 255 - mean) / std)
+
+
+def test_sides_that_are_no_multiples_of_32_are_refused():
+    with pytest.raises(UserError, match="multiples of 32"):
+        at_random(CONVNEXT)(random_image(100, 64))
+
+
+@pytest.mark.parametrize("config", [RESNET, CONVNEXT], ids=["resnet", "convnext"])
+def test_weights_load_from_a_folder_and_drop_the_classifier(config, saved, tmp_path):
+    state = saved(config)
+    backbone = HuggingFaceBackbone(str(tmp_path))
+    loaded = {name: value for name, value in backbone.model.state_dict().items()}
+    prefix = config["model_type"] + "."
+    shared = [name for name in loaded if prefix + name in state]
+    assert len(shared) > 0.8 * len(loaded)
+    assert all(loaded[name].equal(state[prefix + name]) for name in shared)
+    assert all("norm" in name for name in loaded if name not in shared)
+    assert backbone.model.training
+
+
+def test_a_folder_can_be_taken_without_its_weights(saved, tmp_path):
+    saved(CONVNEXT)
+    (tmp_path / "model.safetensors").unlink()
+    assert HuggingFaceBackbone(str(tmp_path), pretrained=False).channels == (8, 16, 32, 64)
+
+
+def test_a_pickle_is_never_read(saved, tmp_path):
+    state = saved(CONVNEXT)
+    (tmp_path / "model.safetensors").unlink()
+    torch.save(state, tmp_path / "pytorch_model.bin")
+    with pytest.raises(UserError, match="safetensors"):
+        HuggingFaceBackbone(str(tmp_path))
+
+
+def test_weights_that_leave_a_part_at_random_are_refused(saved, tmp_path):
+    from safetensors.torch import save_file
+
+    state = saved(CONVNEXT)
+    kept = {name: value for name, value in state.items() if "stages.2" not in name}
+    save_file(kept, tmp_path / "model.safetensors", metadata={"format": "pt"})
+    with pytest.raises(UserError, match=r"lack encoder\.stages\.2"):
+        HuggingFaceBackbone(str(tmp_path))
+
+
+@pytest.mark.parametrize("name", ["nobody/no-such-model", "no such name"])
+@pytest.mark.parametrize("pretrained", [True, False])
+def test_a_name_that_cannot_be_had_is_refused_in_one_line(name, pretrained):
+    with pytest.raises(UserError, match=rf"model\.backbone\.name: cannot get {name}") as error:
+        HuggingFaceBackbone(name, pretrained)
+    assert "\n" not in str(error.value)
+
+
+def test_no_name_and_a_random_model_with_weights_are_refused():
+    with pytest.raises(UserError, match=r"model\.backbone\.name"):
+        HuggingFaceBackbone()
+    with pytest.raises(UserError, match=r"model\.backbone\.pretrained=false"):
+        HuggingFaceBackbone(config=CONVNEXT)
+
+
+@pytest.mark.parametrize(
+    "config", [{"model_type": "nothing"}, {"model_type": "bert"}, {**RESNET, "depths": "x"}, {}]
+)
+def test_a_config_of_no_backbone_is_refused(config):
+    with pytest.raises(UserError, match=r"model\.backbone\.config"):
+        at_random(config)
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        {**RESNET, "downsample_in_first_stage": True},
+        {"model_type": "dinov2", "hidden_size": 16, "num_attention_heads": 2},
+    ],
+)
+def test_stages_at_other_strides_are_refused(config):
+    with pytest.raises(UserError, match=r"strides \[.*, not at \[4, 8, 16, 32\]"):
+        at_random(config)
+
+
+def test_without_transformers_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "transformers", None)
+    with pytest.raises(UserError, match=r"pip install 'skyshield\[encoders\]'"):
+        at_random(CONVNEXT)
+
+
+@pytest.mark.parametrize("lift", LIFTS)
+@pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
+def test_the_network_trains_on_them(config, lift):
+    """With batch normalisation or without. What is trained has a gradient, but for the norms of
+    levels that the lift does not read."""
+    batch = build_batch(batch_size=1, frames=2)
+    network = build_network(backbone=at_random(config), lift=lift)
+    OccupancyLoss(lovasz_weight=1.0)(network(batch), batch["semantics"])["total"].backward()
+    trained = {name: p.grad for name, p in network.named_parameters() if p.requires_grad}
+    still = [name for name, grad in trained.items() if grad is None]
+    assert all(grad.isfinite().all() for grad in trained.values() if grad is not None)
+    assert all(lift == "lss" and ".hidden_states_norms." in name for name in still)
+    assert len(trained) > 0.9 * len(list(network.parameters()))
