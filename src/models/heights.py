@@ -37,6 +37,6 @@ def projected_mean(
     total = references.valid.numel()
     # Padding goes to one row more, which is dropped.
     by_height = sampled.new_zeros(total + 1, sampled.shape[-1])
-    by_height = by_height.index_copy(0, references.in_view, sampled)[:total]
+    by_height = by_height.index_copy_(0, references.in_view, sampled)[:total]
     update = projected_sum(by_height, projections, len(references.valid))
     return update / references.valid.sum(dim=-1, keepdim=True).clamp(min=1)

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ..errors import UserError
-from ..geometry import VoxelGrid, inverse, transform
+from ..geometry import VoxelGrid, inverse
 from .sampling import summed_samples
 
 DZ_SCALE_M = 5.0
@@ -46,24 +46,24 @@ def align_history(history: History, grid: VoxelGrid) -> AlignedHistory:
     in the plane moves pillars, the rest is ``dz_m``. A pillar whose centre falls outside the past
     grid is not valid for that frame.
     """
-    size = grid.shape[:2]
+    rows, columns, _ = grid.shape
     eye = torch.eye(4, device=history.valid.device)
     occ_from_past_occ = history.occ_from_past_occ.float()
     occ_from_past_occ = torch.where(history.valid[..., None, None], occ_from_past_occ, eye)
     pillars = history.pillars.float()
-    centres = grid.centers(device=eye.device)[:, :, 0].flatten(0, 1)
-    centres = torch.cat([centres[:, :2], torch.zeros_like(centres[:, :1])], dim=-1)
+    lower = eye.new_tensor(grid.lower_m[:2])
+    cells = eye.new_tensor((rows, columns))
+    index = torch.cartesian_prod(*(torch.arange(n, device=eye.device) for n in (rows, columns)))
+    centres = lower + (index + 0.5) * grid.voxel_m
     with torch.autocast(eye.device.type, enabled=False):
-        past = transform(inverse(occ_from_past_occ), centres)[..., :2]
-    lower = past.new_tensor(grid.lower_m[:2])
-    extent = past.new_tensor(grid.upper_m[:2]) - lower
-    share = (past - lower) / extent
-    valid = ((share >= 0) & (share <= 1)).all(dim=-1) & history.valid[..., None]
-    cells = share.new_tensor(size)
+        past_from_now = inverse(occ_from_past_occ)[..., :2, :]
+        turned = centres @ past_from_now[..., :2].transpose(-1, -2)
+    place = (turned + past_from_now[..., None, :, 3] - lower) / grid.voxel_m
+    valid = ((place >= 0) & (place <= cells)).all(dim=-1) & history.valid[..., None]
     # Beyond the outermost centres there is nothing to interpolate with.
-    place = (share * cells - 0.5).clamp(min=share.new_zeros(2), max=cells - 1)
+    place = (place - 0.5).clamp(min=torch.zeros_like(cells), max=cells - 1)
     row, column = place.flatten(0, 2).T[:, None, None, None]
-    maps = pillars.flatten(0, 1).unflatten(1, size)
+    maps = pillars.flatten(0, 1).unflatten(1, (rows, columns))
     frame = torch.arange(len(maps), device=eye.device).repeat_interleave(len(centres))
     aligned = summed_samples([maps], column, row, torch.ones_like(row), frame).view_as(pillars)
     return AlignedHistory(

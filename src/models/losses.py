@@ -24,7 +24,22 @@ def supervised(
     target = target.flatten()
     voxels = (target != ignore_index).nonzero()[:, 0]
     by_class = logits.float().transpose(0, 1).flatten(1)
-    return by_class[:, voxels], target[voxels].long()
+    return _Chosen.apply(by_class, voxels), target[voxels].long()
+
+
+class _Chosen(torch.autograd.Function):
+    """Columns of a matrix, each at most once; so the backward copies, where indexing would add."""
+
+    @staticmethod
+    def forward(ctx, matrix: Float[Tensor, "c n"], columns: Int[Tensor, "v"]):
+        ctx.save_for_backward(columns)
+        ctx.width = matrix.shape[1]
+        return matrix.index_select(1, columns)
+
+    @staticmethod
+    def backward(ctx, grad: Float[Tensor, "c v"]):
+        (columns,) = ctx.saved_tensors
+        return grad.new_zeros(len(grad), ctx.width).index_copy_(1, columns, grad), None
 
 
 def weighted_cross_entropy(
@@ -63,14 +78,38 @@ def _cross_entropy(
 
 
 def _lovasz(scores: Float[Tensor, "c v"], labels: Int[Tensor, "v"]) -> Float[Tensor, ""]:
-    probability = scores.softmax(dim=0)
-    present = labels.bincount(minlength=len(scores)).nonzero()[:, 0].tolist()
-    total = probability.sum() * 0
-    for class_id in present:
-        is_class = labels == class_id
-        error = torch.where(is_class, 1 - probability[class_id], probability[class_id])
-        total = total + error @ _lovasz_slope(error.detach(), is_class)
-    return total / max(len(present), 1)
+    return _LovaszExtension.apply(scores.softmax(dim=0), labels)
+
+
+class _LovaszExtension(torch.autograd.Function):
+    """Mean over the classes present of ``errors @ slopes``, from probabilities [C, V].
+
+    The slopes are its derivative too, so the backward is one multiplication, with no graph through
+    the sorting.
+    """
+
+    @staticmethod
+    def forward(ctx, probability: Float[Tensor, "c v"], labels: Int[Tensor, "v"]):
+        counts = labels.bincount(minlength=len(probability)).tolist()
+        share = 1 / max(sum(count > 0 for count in counts), 1)
+        gradient = torch.empty_like(probability)
+        total = probability.new_zeros(())
+        for class_id, count in enumerate(counts):
+            if count == 0:
+                gradient[class_id] = 0
+                continue
+            is_class = labels == class_id
+            error = torch.where(is_class, 1 - probability[class_id], probability[class_id])
+            slope = _lovasz_slope(error, is_class).mul_(share)
+            total += error @ slope
+            torch.where(is_class, -slope, slope, out=gradient[class_id])
+        ctx.save_for_backward(gradient)
+        return total
+
+    @staticmethod
+    def backward(ctx, grad: Float[Tensor, ""]):
+        (gradient,) = ctx.saved_tensors
+        return grad * gradient, None
 
 
 def _lovasz_slope(error: Float[Tensor, "v"], is_class: Bool[Tensor, "v"]) -> Float[Tensor, "v"]:
@@ -80,15 +119,17 @@ def _lovasz_slope(error: Float[Tensor, "v"], is_class: Bool[Tensor, "v"]) -> Flo
     1/U for a voxel of the class, I/(U (U-1)) for another one, with the intersection I and the union
     U after it joined; a difference of running Jaccard values would cancel.
     """
-    # Non-negative floats order as their bits do, and integers sort ten times faster.
-    order = (FLOAT_ONE_BITS - error.view(torch.int32)).argsort()
-    sorted_is_class = is_class[order]
-    positives = sorted_is_class.cumsum(0, dtype=torch.int32)
-    total = positives[-1]
+    # Non-negative floats order as their bits do, and integers sort ten times faster; the lowest bit
+    # carries the class along.
+    falling = FLOAT_ONE_BITS - error.view(torch.int32)
+    key, order = falling.mul_(2).add_(is_class).sort()
+    sorted_is_class = key.bitwise_and_(1)
+    joined = sorted_is_class.cumsum(0, dtype=torch.int32)
+    intersection = joined[-1:] - joined
     rank = torch.arange(1, len(error) + 1, dtype=torch.int32, device=error.device)
-    intersection = (total - positives).float()
-    union = (total + rank - positives).float()
-    slope = torch.where(sorted_is_class, 1, intersection / (union - 1).clamp(min=1)) / union
+    union = intersection + rank
+    others = intersection / (union - 1).clamp_(min=1)
+    slope = torch.where(sorted_is_class.bool(), 1, others).div_(union)
     return torch.empty_like(error).scatter_(0, order, slope)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 from torch import Tensor
 
 
@@ -37,7 +37,8 @@ def summed_samples(
 
 def summed_by_bags(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
     """`summed_samples` as one weighted sum of the rows of a table."""
-    heads, sizes = len(x), [level.shape[1:3] for level in levels]
+    heads, points = x.shape[:2]
+    sizes = [level.shape[1:3] for level in levels]
     rows = bordered_rows(levels)
     batch_size, table_size, dim = rows.shape
     # A table for each head and frame.
@@ -45,8 +46,11 @@ def summed_by_bags(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
     head = torch.arange(heads, dtype=torch.int32, device=x.device)
     base = (head[:, None, None, None] * batch_size + frame.to(torch.int32)) * table_size
     index, corner_weight = bilinear_corners(x, y, sizes, base)
-    weights = (weight * corner_weight).to(rows.dtype)
-    return SumOfRows.apply(rows, _by_bag(index), _by_bag(weights)).view(-1, dim)
+    weights = (weight[:, None] * corner_weight).to(rows.dtype)
+    index, weights = (Transposed.apply(entries.flatten(0, 3)) for entries in (index, weights))
+    # What is summed for one place and head now stands together.
+    bags = (x.shape[-1] * heads, 4 * points * len(levels))
+    return SumOfRows.apply(rows, index.view(bags), weights.view(bags)).view(-1, dim)
 
 
 def summed_by_grid(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
@@ -144,11 +148,11 @@ def bordered_rows(
 
 
 def bilinear_corners(
-    x: Float[Tensor, "*batch levels r"],
-    y: Float[Tensor, "*batch levels r"],
+    x: Float[Tensor, "heads points levels r"],
+    y: Float[Tensor, "heads points levels r"],
     sizes: Sequence[tuple[int, int]],
-    base: Int[Tensor, "*#batch r"],
-) -> tuple[Int[Tensor, "4 *batch levels r"], Float[Tensor, "4 *batch levels r"]]:
+    base: Int[Tensor, "heads 1 1 r"],
+) -> tuple[Int[Tensor, "heads 4 points levels r"], Float[Tensor, "heads 4 points levels r"]]:
     """Rows of `bordered_rows` (int32) and weights of each place's four neighbours.
 
     ``sizes`` are the levels' (height, width) without border; ``base`` is the row where the place's
@@ -160,19 +164,25 @@ def bilinear_corners(
     column, fraction_x = _split(x, width)
     row, fraction_y = _split(y, height)
     corner = (row + 1) * (width + 2) + column + (start + 1 + base)
-    index = torch.stack([corner, corner + 1, corner + width + 2, corner + width + 3])
+    below = corner + (width + 2)
+    index = torch.stack([corner, corner + 1, below, below + 1], dim=1)
     rest_x, rest_y = 1 - fraction_x, 1 - fraction_y
     weight = torch.stack(
-        [rest_y * rest_x, rest_y * fraction_x, fraction_y * rest_x, fraction_y * fraction_x]
+        [rest_y * rest_x, rest_y * fraction_x, fraction_y * rest_x, fraction_y * fraction_x], dim=1
     )
     return index, weight
 
 
-def _by_bag(entries: Tensor) -> Tensor:
-    """[4, heads, points, levels, r] as [r * heads, i]: what is summed stands together."""
-    corners, heads, points, levels, places = entries.shape
-    by_bag = entries.permute(4, 1, 0, 2, 3)
-    return by_bag.reshape(places * heads, corners * points * levels)
+class Transposed(torch.autograd.Function):
+    """A matrix transposed in memory, and its gradient likewise: block by block, not by strides."""
+
+    @staticmethod
+    def forward(ctx, matrix: Shaped[Tensor, "m n"]) -> Shaped[Tensor, "n m"]:
+        return matrix.T.contiguous()
+
+    @staticmethod
+    def backward(ctx, grad: Float[Tensor, "n m"]) -> Float[Tensor, "m n"]:
+        return grad.T.contiguous()
 
 
 def _split(x: Tensor, size: Tensor) -> tuple[Tensor, Tensor]:
