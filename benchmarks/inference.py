@@ -57,9 +57,8 @@ def contenders(cfg: DictConfig, exported: bool, folder: Path) -> dict[str, Calla
             todo[f"{name}, bf16"] = torch.autocast("cuda", torch.bfloat16)(todo[name])
         todo["a stream, bf16"] = torch.autocast("cuda", torch.bfloat16)(flight(network))
     if exported:
-        export_step(
-            network.cpu(), *stream_of(cfg, network).arguments(frames[0]), folder, FORMATS, {}
-        )
+        arguments = stream_of(cfg, network.cpu()).arguments(frames[0])
+        export_step(network, *arguments, folder, FORMATS, {})
         network.to(device)
         for name in FORMATS:
             step = ExportedStep(folder, name, torch.get_num_threads())

@@ -1,4 +1,4 @@
-"""Times training steps in fp32 and bf16 side by side: python benchmarks/precision.py scale=small.
+"""Times training steps in fp32 and bf16 side by side: python -m benchmarks.precision scale=small.
 
 Takes the overrides of run.py, needs the data set to be there, and prints the seconds of a step
 without the optimizer's part, on the device that training would use, and their ratio. The two take
@@ -14,8 +14,6 @@ from hydra import compose, initialize_config_dir
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from src.failures import quiet_libraries, told_in_one_line
 from src.tasks.dataset import data_of, ready_dataset

@@ -1,32 +1,37 @@
-"""Times one training step on real frames: python benchmarks/training_step.py scale=small.
+"""Where the time of a training step goes: python -m benchmarks.training_step scale=small
 
-Takes the overrides of run.py, needs the data set to be there, and prints samples per second, the
-share of each stage, and the peak memory. It asserts nothing.
+Takes the overrides of run.py and needs the data set to be there: real frames, through the loader of
+training, with ``data.order=streams`` as well. On a GPU where there is one (`scale=paper` then uses
+bf16, as its configuration says). Prints samples per second, the share of each stage and the peak
+memory; asserts nothing.
 """
 
 import resource
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 import torch
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
+from omegaconf import DictConfig
 from rich.console import Console
 from rich.table import Table
+from torch import Tensor
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
-
-from src.failures import told_in_one_line
+from src.failures import quiet_libraries, told_in_one_line
 from src.models.losses import OccupancyLoss
+from src.models.memory import PillarMemory
+from src.models.network import Frame, SkyOcc
 from src.ontology import NUM_CLASSES
-from src.provenance import machine
+from src.provenance import git_commit, machine
 from src.tasks.dataset import data_of, ready_dataset
+from src.tasks.precision import BF16
 
-STEPS = 10
+STEPS, WARM_UP = 12, 2
 
 Seconds = dict[str, float]
 
@@ -35,52 +40,103 @@ Seconds = dict[str, float]
 def timed(seconds: Seconds, stage: str) -> Iterator[None]:
     start_s = time.perf_counter()
     yield
+    if torch.cuda.is_available():
+        torch.cuda.synchronize()
     seconds[stage] += time.perf_counter() - start_s
 
 
-def measure(overrides: list[str]) -> tuple[Seconds, int]:
-    """Seconds of every stage over STEPS steps, and the batch size."""
+class Step:
+    """One training step of a network, stage by stage."""
+
+    def __init__(self, cfg: DictConfig, device: torch.device) -> None:
+        self.network: SkyOcc = instantiate(cfg.model).to(device)
+        self.loss = OccupancyLoss(torch.ones(NUM_CLASSES), lovasz_weight=1.0).to(device)
+        self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=1e-4)
+        self.memory = PillarMemory(cfg.data.frames - 1) if cfg.data.order == "streams" else None
+        self.device = device
+        self.bf16 = cfg.trainer.precision == BF16
+
+    def precision(self) -> AbstractContextManager:
+        return torch.autocast(self.device.type, torch.bfloat16) if self.bf16 else nullcontext()
+
+    def __call__(self, batch: Mapping[str, Tensor], seconds: Seconds) -> None:
+        with self.precision():
+            logits = self.logits(batch, seconds)
+        with timed(seconds, "loss"):
+            total = self.loss(logits, batch["semantics"])["total"]
+        with timed(seconds, "backward"):
+            total.backward()
+        with timed(seconds, "optimizer"):
+            self.optimizer.step()
+            self.optimizer.zero_grad()
+
+    def logits(self, batch: Mapping[str, Tensor], seconds: Seconds) -> Tensor:
+        network, encoder = self.network, self.network.encoder
+        with timed(seconds, "past frames"):
+            past = network.history_of if self.memory is None else self.memory.history
+            history = past(batch)
+        with timed(seconds, "image encoder and pyramid"):
+            image = batch["image"][:, -1]
+            features = network.features(image)
+        with timed(seconds, "pillars of the frame"):
+            height, width = image.shape[-2:]
+            camera = (batch["body_from_camera"], batch["pix_from_camera"][:, -1])
+            references = encoder.references(batch["occ_from_body"][:, -1], *camera, (width, height))
+            frame = Frame(features, references, encoder.frame(features, references))
+        with timed(seconds, "history and last layer"):
+            fused = network.fuse(frame, history)
+        if self.memory is not None:
+            self.memory.keep(network.carried(frame, fused))
+        with timed(seconds, "decoder"):
+            return network.decode(fused, batch["attitude_rad"], batch["velocity_mps"])
+
+
+def measure(overrides: list[str]) -> tuple[DictConfig, Seconds, str]:
+    """Configuration, seconds of every stage over STEPS steps, and where they were measured."""
     conf = Path(__file__).parent.parent / "conf"
     with initialize_config_dir(str(conf.resolve()), version_base="1.3"):
         cfg = compose("config", overrides=overrides)
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     data = data_of(cfg, ready_dataset(cfg))
-    network = instantiate(cfg.model)
-    loss = OccupancyLoss(torch.ones(NUM_CLASSES), lovasz_weight=1.0)
-    optimizer = torch.optim.AdamW(network.parameters(), lr=1e-4)
+    step = Step(cfg, device)
     batches = iter(data.train_dataloader())
     seconds: Seconds = defaultdict(float)
-    for step in range(STEPS + 1):
-        spent = seconds if step else defaultdict(float)
+    for number in range(WARM_UP + STEPS):
+        spent = seconds if number >= WARM_UP else defaultdict(float)
         with timed(spent, "waiting for the loader"):
             batch = next(batches)
-        with timed(spent, "forward"):
-            logits = network(batch)
-        with timed(spent, "loss"):
-            total = loss(logits, batch["semantics"])["total"]
-        with timed(spent, "backward"):
-            total.backward()
-        with timed(spent, "optimizer"):
-            optimizer.step()
-            optimizer.zero_grad()
-    return seconds, cfg.data.batch_size
+        with timed(spent, "to the device"):
+            batch = {k: v.to(device) for k, v in batch.items() if isinstance(v, Tensor)}
+        step(batch, spent)
+    precision = BF16 if step.bf16 else "fp32"
+    return cfg, seconds, f"{precision}, {_where()}"
+
+
+def _where() -> str:
+    if torch.cuda.is_available():
+        peak_mib = torch.cuda.max_memory_allocated() / 2**20
+        return f"{torch.cuda.get_device_name()}, peak memory {peak_mib:.0f} MiB"
+    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return f"{machine()}, {torch.get_num_threads()} threads, peak memory {peak_mib:.0f} MiB"
 
 
 def main() -> None:
-    seconds, batch_size = measure(sys.argv[1:])
+    cfg, seconds, where = measure(sys.argv[1:])
     total_s = sum(seconds.values())
-    table = Table(title=f"{' '.join(sys.argv[1:])}: {STEPS * batch_size / total_s:.1f} samples/s")
+    rate = STEPS * cfg.data.batch_size / total_s
+    title = f"scale {cfg.scale_name}, {cfg.data.order}, batch {cfg.data.batch_size}"
+    table = Table(title=f"{title}: {rate:.2f} samples/s")
     table.add_column("stage")
     table.add_column("ms a step", justify="right")
     table.add_column("share", justify="right")
     for stage, spent_s in seconds.items():
-        table.add_row(stage, f"{1e3 * spent_s / STEPS:.0f}", f"{100 * spent_s / total_s:.0f} %")
-    console = Console()
+        table.add_row(stage, f"{1e3 * spent_s / STEPS:.0f}", f"{100 * spent_s / total_s:.1f} %")
+    console = Console(width=100)
     console.print(table)
-    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    threads = torch.get_num_threads()
-    console.print(f"peak memory {peak_mib:.0f} MiB; {machine()}, {threads} threads")
+    console.print(f"{where}, commit {git_commit()}", soft_wrap=True, highlight=False)
 
 
 if __name__ == "__main__":
+    quiet_libraries()
     with told_in_one_line():
         main()

@@ -324,8 +324,11 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path):
         pd.read_csv(path / "scores.csv").query("experiment == 'skyocc'").set_index("score")
         for path in (tmp_path / "mine/scores", folder)
     )
-    # The class scores were rounded to half precision, and nothing else.
-    pd.testing.assert_frame_equal(whole, kept, atol=2e-3, rtol=0)
+    # The class scores were rounded to half precision, and nothing else. Of a class that is hardly
+    # predicted, a voxel or two that change their bin move the calibration further.
+    of_class = kept.index.str.startswith("ece/")
+    pd.testing.assert_frame_equal(whole[of_class], kept[of_class], atol=2e-2, rtol=0)
+    pd.testing.assert_frame_equal(whole[~of_class], kept[~of_class], atol=2e-3, rtol=0)
     exact = ~kept.index.str.startswith(("ece", "nll"))
     pd.testing.assert_frame_equal(whole[exact], kept[exact], atol=1e-6, rtol=0)
 

@@ -86,7 +86,29 @@ class SkyOcc(nn.Module):
         Raises `UserError` for image sides that are no multiples of 32, and for more frames than the
         encoder was built for.
         """
-        return self.step(batch, self._encode_history(batch))[0]
+        return self.step(batch, self.history_of(batch))[0]
+
+    def history_of(self, batch: Mapping[str, Tensor]) -> History | None:
+        """What every past frame of the queue that exists leaves behind.
+
+        Batch normalisation uses its running statistics there: so a past frame's pillars are the
+        ones that a stream would have cached, and each step updates the statistics once, from the
+        current frames only.
+        """
+        valid = batch["history_valid"][:, :-1]
+        if valid.shape[1] == 0:
+            return None
+        gradient = nullcontext() if self.history_grad else torch.no_grad()
+        steps: list[Tensor] = []
+        with gradient, running_statistics(self.backbone):
+            # A step at a time: what one step touches stays in the cache, and memory stays low.
+            for at in range(valid.shape[1]):
+                steps.append(self._encode_past(batch, at, steps))
+        if self.history == "recursive":
+            steps = steps[-1:]
+        n = len(steps)
+        motion = batch["occ_from_past_occ"][:, -1 - n : -1]
+        return History(torch.stack(steps, dim=1), motion, valid[:, -n:])
 
     def step(
         self, batch: Mapping[str, Tensor], history: History | None
@@ -109,8 +131,12 @@ class SkyOcc(nn.Module):
         references = self.encoder.references(
             occ_from_body, body_from_camera, pix_from_camera, (width, height)
         )
-        features = self._run(self._features, image)
+        features = self._run(self.features, image)
         return Frame(features, references, self._run(self.encoder.frame, features, references))
+
+    def features(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b dim _ _"] | None]:
+        """Feature maps of a frame, finest first; ``None`` for a level that no lifting reads."""
+        return self.neck(self.backbone(image))
 
     def fuse(self, frame: Frame, history: History | None) -> Float[Tensor, "b p dim"]:
         """Pillars of a frame and of what came before it."""
@@ -136,9 +162,6 @@ class SkyOcc(nn.Module):
             pillars = pillars + self.metadata(torch.cat(scaled, dim=-1).float())[:, None]
         return self._run(self.decoder, pillars)
 
-    def _features(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b dim _ _"] | None]:
-        return self.neck(self.backbone(image))
-
     def _run(self, stage, *inputs):
         keep = not (self.checkpointing and self.training and torch.is_grad_enabled())
         return stage(*inputs) if keep else checkpointed(self, stage, *inputs)
@@ -151,28 +174,6 @@ class SkyOcc(nn.Module):
             batch["body_from_camera"][rows],
             batch["occ_from_body"][rows, at],
         )
-
-    def _encode_history(self, batch: Mapping[str, Tensor]) -> History | None:
-        """What every past frame of the queue that exists leaves behind.
-
-        Batch normalisation uses its running statistics there: so a past frame's pillars are the
-        ones that a stream would have cached, and each step updates the statistics once, from the
-        current frames only.
-        """
-        valid = batch["history_valid"][:, :-1]
-        if valid.shape[1] == 0:
-            return None
-        gradient = nullcontext() if self.history_grad else torch.no_grad()
-        steps: list[Tensor] = []
-        with gradient, running_statistics(self.backbone):
-            # A step at a time: what one step touches stays in the cache, and memory stays low.
-            for at in range(valid.shape[1]):
-                steps.append(self._encode_past(batch, at, steps))
-        if self.history == "recursive":
-            steps = steps[-1:]
-        n = len(steps)
-        motion = batch["occ_from_past_occ"][:, -1 - n : -1]
-        return History(torch.stack(steps, dim=1), motion, valid[:, -n:])
 
     def _encode_past(
         self, batch: Mapping[str, Tensor], at: int, before: Sequence[Tensor]

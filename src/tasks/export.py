@@ -3,7 +3,6 @@
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import torch
 from jaxtyping import Float
@@ -20,9 +19,7 @@ from ..models.export import FORMATS, ExportedStep, export_step
 from ..models.network import SkyOcc
 from ..models.stream import SkyOccStream, StreamFrame
 from ..provenance import git_commit, machine
-from ..run_folder import CONFIG, RunFolder, require_same_config
-from .dataset import data_of, ready_dataset
-from .model import load_weights, module_of, prior_of
+from .trained import trained
 
 
 def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: float) -> None:
@@ -31,15 +28,7 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
     Raises `UserError` without a checkpoint, for one of another model, for an unknown format, and
     where a graph's logits differ from the model's by more than ``tolerance``.
     """
-    if cfg.ckpt_path is None:
-        raise UserError("ckpt_path: task=export needs a checkpoint; give best, last or a file")
-    run = RunFolder(Path(cfg.paths.run), OmegaConf.to_container(cfg, resolve=True))
-    checkpoint = run.checkpoint(cfg.ckpt_path)
-    if (checkpoint.parent.parent / CONFIG).is_file():
-        require_same_config(checkpoint, run.config, part="model")
-    data = data_of(cfg, ready_dataset(cfg))
-    module = module_of(cfg, data, prior_of(cfg, data))
-    load_weights(module, checkpoint)
+    run, data, _, module, _ = trained(cfg, "export")
     folder = run.path / "export"
     facts = {
         "name": cfg.name,

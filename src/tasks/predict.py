@@ -5,7 +5,7 @@ from pathlib import Path
 
 import lightning
 import torch
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 from rich.console import Console
 from rich.progress import track
 from torch import Tensor
@@ -16,11 +16,8 @@ from ..data.truth import PARTS
 from ..errors import UserError
 from ..models.module import OccupancyModule
 from ..provenance import git_commit
-from ..run_folder import CONFIG, RunFolder, require_same_config
-from .dataset import data_of, ready_dataset
 from .fit import trainer_of
-from .model import load_weights, module_of, prior_of
-from .precision import precision_of_run
+from .trained import trained
 
 
 def predict(cfg: DictConfig, part: str, logits: bool) -> None:
@@ -30,16 +27,8 @@ def predict(cfg: DictConfig, part: str, logits: bool) -> None:
     """
     if part not in PARTS:
         raise UserError(f"task.part: {part!r}; there are {', '.join(PARTS)}")
-    if cfg.ckpt_path is None:
-        raise UserError("ckpt_path: task=predict needs a checkpoint; give best, last or a file")
-    run = RunFolder(Path(cfg.paths.run), OmegaConf.to_container(cfg, resolve=True))
-    checkpoint = run.checkpoint(cfg.ckpt_path)
-    if (checkpoint.parent.parent / CONFIG).is_file():
-        require_same_config(checkpoint, run.config, part="model")
-    data = data_of(cfg, ready_dataset(cfg))
-    module = module_of(cfg, data, prior_of(cfg, data))
-    load_weights(module, checkpoint)
-    trainer = trainer_of(cfg, precision_of_run(cfg, checkpoint.parent.parent))
+    run, data, _, module, precision = trained(cfg, "predict")
+    trainer = trainer_of(cfg, precision)
     folder = Path(cfg.predictions) if cfg.predictions else run.path / "predictions" / part
     facts = {
         "name": cfg.name,
