@@ -1,4 +1,6 @@
-"""Where the time of a training step goes: python -m benchmarks.training_step scale=small
+"""Where the time of a training step goes.
+
+    python -m benchmarks.training_step scale=small [--steps 12]
 
 Takes the overrides of run.py and needs the data set to be there: real frames, through the loader of
 training, with ``data.order=streams`` as well. On a GPU where there is one (`scale=paper` then uses
@@ -6,8 +8,8 @@ bf16, as its configuration says). Prints samples per second, the share of each s
 memory; asserts nothing.
 """
 
+import argparse
 import resource
-import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
@@ -31,7 +33,7 @@ from src.provenance import git_commit, machine
 from src.tasks.dataset import data_of, ready_dataset
 from src.tasks.precision import BF16
 
-STEPS, WARM_UP = 12, 2
+WARM_UP = 2
 
 Seconds = dict[str, float]
 
@@ -91,8 +93,8 @@ class Step:
             return network.decode(fused, batch["attitude_rad"], batch["velocity_mps"])
 
 
-def measure(overrides: list[str]) -> tuple[DictConfig, Seconds, str]:
-    """Configuration, seconds of every stage over STEPS steps, and where they were measured."""
+def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]:
+    """Configuration, seconds of every stage over all steps, and where they were measured."""
     conf = Path(__file__).parent.parent / "conf"
     with initialize_config_dir(str(conf.resolve()), version_base="1.3"):
         cfg = compose("config", overrides=overrides)
@@ -101,7 +103,7 @@ def measure(overrides: list[str]) -> tuple[DictConfig, Seconds, str]:
     step = Step(cfg, device)
     batches = iter(data.train_dataloader())
     seconds: Seconds = defaultdict(float)
-    for number in range(WARM_UP + STEPS):
+    for number in range(WARM_UP + steps):
         spent = seconds if number >= WARM_UP else defaultdict(float)
         with timed(spent, "waiting for the loader"):
             batch = next(batches)
@@ -121,16 +123,22 @@ def _where() -> str:
 
 
 def main() -> None:
-    cfg, seconds, where = measure(sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("overrides", nargs="+")
+    parser.add_argument("--steps", type=int, default=12)
+    options = parser.parse_args()
+    cfg, seconds, where = measure(options.overrides, options.steps)
     total_s = sum(seconds.values())
-    rate = STEPS * cfg.data.batch_size / total_s
+    rate = options.steps * cfg.data.batch_size / total_s
     title = f"scale {cfg.scale_name}, {cfg.data.order}, batch {cfg.data.batch_size}"
     table = Table(title=f"{title}: {rate:.2f} samples/s")
     table.add_column("stage")
     table.add_column("ms a step", justify="right")
     table.add_column("share", justify="right")
     for stage, spent_s in seconds.items():
-        table.add_row(stage, f"{1e3 * spent_s / STEPS:.0f}", f"{100 * spent_s / total_s:.1f} %")
+        table.add_row(
+            stage, f"{1e3 * spent_s / options.steps:.0f}", f"{100 * spent_s / total_s:.1f} %"
+        )
     console = Console(width=100)
     console.print(table)
     console.print(f"{where}, commit {git_commit()}", soft_wrap=True, highlight=False)

@@ -100,9 +100,9 @@ class _LovaszExtension(torch.autograd.Function):
                 continue
             is_class = labels == class_id
             error = torch.where(is_class, 1 - probability[class_id], probability[class_id])
-            slope = _lovasz_slope(error, is_class).mul_(share)
-            total += error @ slope
-            torch.where(is_class, -slope, slope, out=gradient[class_id])
+            slope = _lovasz_slope(error, is_class, out=gradient[class_id]).mul_(share)
+            # Each term is positive: an error grows as its slope says. A dot product rounds more.
+            total += error.mul_(slope).abs_().sum()
         ctx.save_for_backward(gradient)
         return total
 
@@ -112,12 +112,15 @@ class _LovaszExtension(torch.autograd.Function):
         return grad * gradient, None
 
 
-def _lovasz_slope(error: Float[Tensor, "v"], is_class: Bool[Tensor, "v"]) -> Float[Tensor, "v"]:
-    """Derivative of the Lovasz extension of the Jaccard loss to each error, in [0, 1].
+def _lovasz_slope(
+    error: Float[Tensor, "v"], is_class: Bool[Tensor, "v"], out: Float[Tensor, "v"]
+) -> Float[Tensor, "v"]:
+    """Derivative of the Lovasz extension of the Jaccard loss to each probability, in [-1, 1].
 
-    It is the Jaccard loss's increase when the voxel joins those of larger error. In closed form:
-    1/U for a voxel of the class, I/(U (U-1)) for another one, with the intersection I and the union
-    U after it joined; a difference of running Jaccard values would cancel.
+    To each error, it is the Jaccard loss's increase when the voxel joins those of larger error. In
+    closed form: 1/U for a voxel of the class, I/(U (U-1)) for another one, with the intersection I
+    and the union U after it joined; a difference of running Jaccard values would cancel. The error
+    of a voxel of the class falls with its probability, so there the sign turns.
     """
     # Non-negative floats order as their bits do, and integers sort ten times faster; the lowest bit
     # carries the class along.
@@ -129,8 +132,8 @@ def _lovasz_slope(error: Float[Tensor, "v"], is_class: Bool[Tensor, "v"]) -> Flo
     rank = torch.arange(1, len(error) + 1, dtype=torch.int32, device=error.device)
     union = intersection + rank
     others = intersection / (union - 1).clamp_(min=1)
-    slope = torch.where(sorted_is_class.bool(), 1, others).div_(union)
-    return torch.empty_like(error).scatter_(0, order, slope)
+    slope = torch.where(sorted_is_class.bool(), -1, others).div_(union)
+    return out.scatter_(0, order, slope)
 
 
 def safety_weights(

@@ -98,7 +98,8 @@ def test_lovasz_slopes_keep_their_precision_over_many_voxels():
     expected[order] = torch.diff(jaccard, prepend=jaccard.new_zeros(1))
     unique = error.unique(return_inverse=True, return_counts=True)
     untied = unique[2][unique[1]] == 1
-    slope = _lovasz_slope(error, is_class).double()
+    expected[is_class] *= -1  # to the probability, which the error is 1 minus
+    slope = _lovasz_slope(error, is_class, out=torch.empty_like(error)).double()
     torch.testing.assert_close(slope[untied], expected[untied], atol=0, rtol=1e-4)
 
 
