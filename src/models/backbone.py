@@ -38,6 +38,7 @@ class BasicBlock(nn.Module):
     """Two 3x3 convolutions and a shortcut (ResNet-18)."""
 
     expansion = 1
+    recomputable = True
 
     def __init__(self, in_channels: int, channels: int, stride: int) -> None:
         super().__init__()
@@ -58,6 +59,7 @@ class Bottleneck(nn.Module):
     """1x1, 3x3 and 1x1 convolutions and a shortcut (ResNet-50); the 3x3 carries the stride."""
 
     expansion = 4
+    recomputable = True
 
     def __init__(self, in_channels: int, channels: int, stride: int) -> None:
         super().__init__()

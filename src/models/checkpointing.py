@@ -1,9 +1,11 @@
 """Stages computed twice for the sake of memory, and batch normalisation that stays as it is."""
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
+import torch
 from torch import nn
 from torch.nn.modules.batchnorm import _BatchNorm
 from torch.utils.checkpoint import checkpoint
@@ -18,18 +20,28 @@ def running_statistics(module: nn.Module) -> Iterator[None]:
         yield
 
 
-def checkpointed(network: nn.Module, stage: Callable[..., Any], *inputs: Any) -> Any:
-    """What a stage of a network in training gives; its insides are computed again in the backward.
+def recompute_in_backward(network: nn.Module) -> None:
+    """Lets every module that calls itself ``recomputable`` keep only its inputs in training.
 
-    The second time, batch normalisation does as it did the first time, and counts nothing.
+    What it computed it computes again in the backward, one module at a time; the names of the
+    parameters stay.
     """
-    norms = [m for m in network.modules() if isinstance(m, _BatchNorm)]
+    for module in network.modules():
+        if getattr(module, "recomputable", False):
+            module.forward = functools.partial(_forward, module, module.forward)
+
+
+def _forward(module: nn.Module, forward: Callable[..., Any], *inputs: Any) -> Any:
+    """The second time, batch normalisation does as it did the first time, and counts nothing."""
+    if not (module.training and torch.is_grad_enabled()):
+        return forward(*inputs)
+    norms = [m for m in module.modules() if isinstance(m, _BatchNorm)]
     states = [_state(norm) for norm in norms]
 
     def contexts() -> tuple[AbstractContextManager, AbstractContextManager]:
         return nullcontext(), _in_state(norms, states)
 
-    return checkpoint(stage, *inputs, use_reentrant=False, context_fn=contexts)
+    return checkpoint(forward, *inputs, use_reentrant=False, context_fn=contexts)
 
 
 def _state(norm: _BatchNorm) -> dict[str, Any]:

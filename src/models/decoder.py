@@ -13,6 +13,8 @@ from ..ontology import NUM_CLASSES
 class ResidualBlock(nn.Module):
     """Two 3x3 convolutions on the pillar map, added to their input."""
 
+    recomputable = True
+
     def __init__(self, dim: int) -> None:
         super().__init__()
         self.body = nn.Sequential(

@@ -16,6 +16,8 @@ from .references import PillarReferences, Projection, References
 class EncoderLayer(nn.Module):
     """Lifting and a feed-forward network, each on a normalised residual."""
 
+    recomputable = True
+
     def __init__(self, dim: int, lift: nn.Module) -> None:
         super().__init__()
         self.lift = lift

@@ -79,6 +79,8 @@ class TemporalAttention(nn.Module):
     ``num_frames`` is the paper's L, the current frame included.
     """
 
+    recomputable = True
+
     def __init__(self, dim: int, num_heads: int, num_frames: int) -> None:
         super().__init__()
         if dim % num_heads:

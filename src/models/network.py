@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from ..errors import UserError
 from ..geometry import inverse
-from .checkpointing import checkpointed, running_statistics
+from .checkpointing import recompute_in_backward, running_statistics
 from .decoder import PillarDecoder
 from .encoder import PillarEncoder
 from .history import History
@@ -43,7 +43,7 @@ class SkyOcc(nn.Module):
     ``backbone`` is a `ResNet`, or any module with its call and ``channels``. With ``metadata`` the
     measured attitude and velocity are added to the pillars after the lifting: before it, deformable
     offsets could learn the tilt. With ``history_grad`` gradients also flow into the past frames.
-    With ``checkpointing`` training keeps less in memory and computes the stages twice.
+    With ``checkpointing`` training keeps less in memory and computes blocks and layers twice.
 
     Raises `UserError` for another ``history``.
     """
@@ -67,8 +67,10 @@ class SkyOcc(nn.Module):
         self.metadata = (
             nn.Sequential(nn.Linear(5, dim), nn.ReLU(), nn.Linear(dim, dim)) if metadata else None
         )
-        self.history, self.history_grad, self.checkpointing = history, history_grad, checkpointing
+        self.history, self.history_grad = history, history_grad
         self.to(memory_format=torch.channels_last)
+        if checkpointing:
+            recompute_in_backward(self)
 
     @property
     def pillar_shape(self) -> tuple[int, int]:
@@ -131,8 +133,8 @@ class SkyOcc(nn.Module):
         references = self.encoder.references(
             occ_from_body, body_from_camera, pix_from_camera, (width, height)
         )
-        features = self._run(self.features, image)
-        return Frame(features, references, self._run(self.encoder.frame, features, references))
+        features = self.features(image)
+        return Frame(features, references, self.encoder.frame(features, references))
 
     def features(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b dim _ _"] | None]:
         """Feature maps of a frame, finest first; ``None`` for a level that no lifting reads."""
@@ -142,9 +144,7 @@ class SkyOcc(nn.Module):
         """Pillars of a frame and of what came before it."""
         if history is None and self.training:
             history = self.encoder.no_history(frame.pillars)
-        return self._run(
-            self.encoder.fuse, frame.pillars, frame.features, frame.references, history
-        )
+        return self.encoder.fuse(frame.pillars, frame.features, frame.references, history)
 
     def carried(self, frame: Frame, fused: Float[Tensor, "b p dim"]) -> Float[Tensor, "b p dim"]:
         """The pillars that later frames take as their history."""
@@ -160,11 +160,7 @@ class SkyOcc(nn.Module):
         if self.metadata is not None:
             scaled = [attitude_rad / ATTITUDE_SCALE_RAD, velocity_mps / SPEED_SCALE_MPS]
             pillars = pillars + self.metadata(torch.cat(scaled, dim=-1).float())[:, None]
-        return self._run(self.decoder, pillars)
-
-    def _run(self, stage, *inputs):
-        keep = not (self.checkpointing and self.training and torch.is_grad_enabled())
-        return stage(*inputs) if keep else checkpointed(self, stage, *inputs)
+        return self.decoder(pillars)
 
     def _encode(self, batch: Mapping[str, Tensor], at: int, rows: Tensor | slice = slice(None)):
         """Frame ``at`` of the queue by itself, for some rows of the batch."""

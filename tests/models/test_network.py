@@ -74,6 +74,26 @@ def test_a_layer_must_be_left_to_see_the_past():
     build_network(num_layers=1, encoder={"num_frames": 1})
 
 
+def kept_bytes(network, batch):
+    """What the graph of a forward pass keeps for its backward."""
+    kept = {}
+
+    def keep(tensor):
+        kept[tensor.untyped_storage().data_ptr()] = tensor.untyped_storage().nbytes()
+        return tensor
+
+    parameters = sum(p.untyped_storage().nbytes() for p in network.parameters())
+    with torch.autograd.graph.saved_tensors_hooks(keep, lambda tensor: tensor):
+        logits = network(batch)
+    assert logits.requires_grad
+    return sum(kept.values()) - parameters
+
+
+def test_checkpointing_keeps_less(batch):
+    plain, less = (kept_bytes(build_network(checkpointing=c), batch) for c in (False, True))
+    assert less < 0.7 * plain
+
+
 @pytest.mark.parametrize("lift", LIFTS)
 @pytest.mark.parametrize("history_grad", [False, True])
 def test_checkpointing_changes_no_number(batch, history_grad, lift):
