@@ -13,6 +13,7 @@ import argparse
 import statistics
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -26,9 +27,10 @@ from benchmarks.timing import extra_mib, milliseconds
 from src.failures import quiet_libraries, told_in_one_line
 from src.models.export import FORMATS, ExportedStep, export_step
 from src.models.network import SkyOcc
+from src.models.stream import SkyOccStream
 from src.provenance import machine
 from src.tasks.dataset import data_of, ready_dataset
-from src.tasks.export import stream_frames, stream_of
+from src.tasks.export import stream_frames
 
 ROUNDS, WARM_UP = 12, 4
 
@@ -43,21 +45,21 @@ def contenders(cfg: DictConfig, exported: bool, folder: Path) -> dict[str, Calla
     batch = next(iter(data.in_order("test")))
     window = {k: v[-1:].to(device) for k, v in batch.items() if isinstance(v, torch.Tensor)}
     window["history_valid"] = torch.ones_like(window["history_valid"])
-    todo = {"the queue anew": torch.no_grad()(lambda: network(window))}
+    anew = torch.no_grad()(lambda: network(window))
+    stream_of = partial(SkyOccStream, history_step_s=cfg.data.history_step_s)
 
     def flight(network: SkyOcc | ExportedStep) -> Callable[[], object]:
-        stream, coming = stream_of(cfg, network), iter(frames)
+        stream, coming = stream_of(network), iter(frames)
         for _ in range(WARM_UP):
             stream(next(coming))
         return lambda: stream(next(coming))
 
-    todo["a stream"] = flight(network)
+    todo = {"the queue anew": anew, "a stream": flight(network)}
     if device.type == "cuda":
-        for name in list(todo):
-            todo[f"{name}, bf16"] = torch.autocast("cuda", torch.bfloat16)(todo[name])
-        todo["a stream, bf16"] = torch.autocast("cuda", torch.bfloat16)(flight(network))
+        bf16 = torch.autocast("cuda", torch.bfloat16)
+        todo |= {"the queue anew, bf16": bf16(anew), "a stream, bf16": bf16(flight(network))}
     if exported:
-        arguments = stream_of(cfg, network.cpu()).arguments(frames[0])
+        arguments = stream_of(network.cpu()).arguments(frames[0])
         export_step(network, *arguments, folder, FORMATS, {})
         network.to(device)
         for name in FORMATS:

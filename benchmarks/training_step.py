@@ -54,7 +54,9 @@ class Step:
         self.network: SkyOcc = instantiate(cfg.model).to(device)
         self.loss = OccupancyLoss(torch.ones(NUM_CLASSES), lovasz_weight=1.0).to(device)
         self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=1e-4)
-        self.memory = PillarMemory(cfg.data.frames - 1) if cfg.data.order == "streams" else None
+        self.memory = (
+            PillarMemory(self.network.past_frames) if cfg.data.order == "streams" else None
+        )
         self.device = device
         self.bf16 = cfg.trainer.precision == BF16
 

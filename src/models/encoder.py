@@ -76,7 +76,7 @@ class PillarEncoder(nn.Module):
                 f"model.encoder.num_layers: {num_layers} leaves no layer to see a past frame; give "
                 "2 or more, or data.frames=1"
             )
-        self.grid, self.dim = grid, dim
+        self.grid, self.dim, self.num_frames = grid, dim, num_frames
         rows, columns, _ = grid.shape
         self.query = nn.Parameter(0.02 * torch.randn(rows, columns, dim))
         self.row = nn.Parameter(torch.randn(rows, 1, dim))

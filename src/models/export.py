@@ -126,9 +126,8 @@ class ExportedStep:
         if not path.is_file() or not (Path(folder) / DESCRIPTION).is_file():
             raise UserError(f"{path}: no exported graph; make it with task=export")
         facts = json.loads((Path(folder) / DESCRIPTION).read_text())
-        self.history = facts["history"]
         shapes = {entry["name"]: entry["shape"] for entry in facts["inputs"]}
-        self.pillar_shape = tuple(shapes.get("past_pillars", [0, 0])[-2:])
+        _, self.past_frames, *self.pillar_shape = shapes.get("past_pillars", [1, 0, 0, 0])
         self.device = torch.device("cpu")
         self.run = _open[format](path, threads)
 

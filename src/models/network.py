@@ -78,6 +78,12 @@ class SkyOcc(nn.Module):
         return self.encoder.query.shape[:2].numel(), self.encoder.dim
 
     @property
+    def past_frames(self) -> int:
+        """How many frames before the current one `step` takes as its history, at most."""
+        queue = self.encoder.num_frames - 1
+        return min(queue, 1) if self.history == "recursive" else queue
+
+    @property
     def device(self) -> torch.device:
         """Where the parameters are."""
         return self.encoder.query.device
@@ -106,8 +112,7 @@ class SkyOcc(nn.Module):
             # A step at a time: what one step touches stays in the cache, and memory stays low.
             for at in range(valid.shape[1]):
                 steps.append(self._encode_past(batch, at, steps))
-        if self.history == "recursive":
-            steps = steps[-1:]
+        steps = steps[-self.past_frames :]
         n = len(steps)
         motion = batch["occ_from_past_occ"][:, -1 - n : -1]
         return History(torch.stack(steps, dim=1), motion, valid[:, -n:])

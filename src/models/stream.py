@@ -48,21 +48,18 @@ class SkyOccStream:
 
     Args:
         network: is put into evaluation; or an `ExportedStep`.
-        frames: the paper's L, the current frame included, as the network was trained with.
-        history_step_s: seconds between them.
+        history_step_s: seconds between the frames of a history, as the network was trained with.
         tolerance_s: how far from its time a past frame may have been taken.
     """
 
     def __init__(
         self,
         network: SkyOcc | ExportedStep,
-        frames: int,
         history_step_s: float,
         tolerance_s: float = 0.02,
     ) -> None:
         self.network = network.eval()
-        oldest = min(frames - 1, 1) if network.history == "recursive" else frames - 1
-        self.ages = range(oldest, 0, -1)
+        self.ages = range(network.past_frames, 0, -1)
         self.step_s, self.tolerance_s = history_step_s, tolerance_s
         self.past: list[Past] = []
         self.clip = ""

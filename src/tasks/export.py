@@ -16,7 +16,6 @@ from ..data.datamodule import SkyShieldData
 from ..data.dataset import velocity_world_mps
 from ..errors import UserError
 from ..models.export import FORMATS, ExportedStep, export_step
-from ..models.network import SkyOcc
 from ..models.stream import SkyOccStream, StreamFrame
 from ..provenance import git_commit, machine
 from .trained import trained
@@ -29,23 +28,23 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
     where a graph's logits differ from the model's by more than ``tolerance``.
     """
     run, data, _, module, _ = trained(cfg, "export")
-    folder = run.path / "export"
+    folder, step_s = run.path / "export", cfg.data.history_step_s
     facts = {
         "name": cfg.name,
         "frames": cfg.data.frames,
-        "history_step_s": cfg.data.history_step_s,
+        "history_step_s": step_s,
         "grid": OmegaConf.to_container(cfg.grid, resolve=True),
         "code_version": run.version,
         "git_commit": git_commit(),
     }
     shown = list(stream_frames(data, frames))
-    stream = stream_of(cfg, module.network)
+    stream = SkyOccStream(module.network, step_s)
     expected, seconds = run_stream(stream, shown)
     batch, history = stream.arguments(shown[-1]._replace(time_s=shown[-1].time_s + 1e-3))
     export_step(module.network, batch, history, folder, formats, facts)
     rows = [("the model itself", 0.0, 1.0, seconds, 0)]
     for name in formats:
-        logits, seconds = run_stream(stream_of(cfg, ExportedStep(folder, name)), shown)
+        logits, seconds = run_stream(SkyOccStream(ExportedStep(folder, name), step_s), shown)
         worst = max((a - b).abs().max().item() for a, b in zip(logits, expected))
         path = folder / FORMATS[name]
         if not worst <= tolerance:
@@ -58,11 +57,6 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
         rows.append((path.name, worst, same, seconds, path.stat().st_size))
     _print(rows, len(shown))
     Console().print(f"{folder}", highlight=False, soft_wrap=True)
-
-
-def stream_of(cfg: DictConfig, network: SkyOcc | ExportedStep) -> SkyOccStream:
-    """A stream with the configured history."""
-    return SkyOccStream(network, cfg.data.frames, cfg.data.history_step_s)
 
 
 def stream_frames(data: SkyShieldData, count: int) -> Iterator[StreamFrame]:

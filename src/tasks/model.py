@@ -41,16 +41,8 @@ def module_of(cfg: DictConfig, data: SkyShieldData, prior: VoxelPrior) -> Occupa
         lambda: scores(data.grid),
         cfg.optimizer,
         suite_of(cfg, data),
-        _memory_of(cfg),
+        PillarMemory(network.past_frames) if cfg.data.order == "streams" else None,
     )
-
-
-def _memory_of(cfg: DictConfig) -> PillarMemory | None:
-    """Only where training goes along streams is anything remembered from step to step."""
-    if cfg.data.order != "streams":
-        return None
-    past = cfg.data.frames - 1
-    return PillarMemory(min(past, 1) if cfg.model.history == "recursive" else past)
 
 
 def load_weights(module: nn.Module, path: Path) -> None:

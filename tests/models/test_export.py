@@ -24,7 +24,7 @@ def clips(tmp_path_factory):
 def exported(folder, clips, formats, frames=4, **network):
     """A network and the folder of its graphs, which are traced on the last of nine frames."""
     network = build_network(grid=GRID, encoder={"num_frames": frames}, **network)
-    stream = SkyOccStream(network, frames, HISTORY_STEP_S)
+    stream = SkyOccStream(network, HISTORY_STEP_S)
     arguments = stream.arguments(frame_of(clips, "town/a", 8))
     export_step(network, *arguments, folder, formats, {"name": "test"})
     return network, folder
@@ -35,9 +35,9 @@ def both(tmp_path_factory, clips):
     return exported(tmp_path_factory.mktemp("export"), clips, list(FORMATS))
 
 
-def require_same_stream(network, graph, clips, frames=4):
+def require_same_stream(network, graph, clips):
     """Frames with no history, some, all of it, and none again after a gap."""
-    streams = [SkyOccStream(each, frames, HISTORY_STEP_S) for each in (network, graph)]
+    streams = [SkyOccStream(each, HISTORY_STEP_S) for each in (network, graph)]
     for number in (0, 1, 2, 3, 4, 5, 6, 7, 8, 15, 17):
         ours, theirs = (stream(frame_of(clips, "town/a", number)) for stream in streams)
         torch.testing.assert_close(theirs, ours, atol=1e-4, rtol=1e-4)
@@ -67,7 +67,7 @@ def test_the_description_names_every_input_with_its_shape(both):
 )
 def test_other_histories_export_too(tmp_path, clips, frames, options):
     network, folder = exported(tmp_path, clips, ["torch"], frames, **options)
-    require_same_stream(network, ExportedStep(folder, "torch"), clips, frames)
+    require_same_stream(network, ExportedStep(folder, "torch"), clips)
 
 
 @pytest.mark.slow

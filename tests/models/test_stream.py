@@ -58,7 +58,7 @@ def close(stream, expected):
 def test_a_stream_gives_what_the_batch_path_gives(clips, frames):
     """From the first frame, without history, to where all of it is there; at twice its rate."""
     network = build_network(grid=GRID, encoder={"num_frames": frames})
-    stream = SkyOccStream(network, frames, HISTORY_STEP_S)
+    stream = SkyOccStream(network, HISTORY_STEP_S)
     for frame in range(10):
         logits = stream(frame_of(clips, "town/a", frame))
         close(logits, batch_logits(network, clips, "town/a", frame, frames))
@@ -67,7 +67,7 @@ def test_a_stream_gives_what_the_batch_path_gives(clips, frames):
 
 def test_the_recursive_stream_equals_the_batch_path_as_far_as_its_queue(clips):
     network = build_network(grid=GRID, history="recursive")
-    stream = SkyOccStream(network, 4, HISTORY_STEP_S)
+    stream = SkyOccStream(network, HISTORY_STEP_S)
     for frame in range(0, 8, 2):
         logits = stream(frame_of(clips, "town/a", frame))
         close(logits, batch_logits(network, clips, "town/a", frame))
@@ -77,15 +77,15 @@ def test_the_recursive_stream_equals_the_batch_path_as_far_as_its_queue(clips):
 
 
 def test_another_clip_begins_without_history(clips, network):
-    stream = SkyOccStream(network, 4, HISTORY_STEP_S)
+    stream = SkyOccStream(network, HISTORY_STEP_S)
     for frame in range(6):
         stream(frame_of(clips, "town/a", frame))
-    alone = SkyOccStream(network, 4, HISTORY_STEP_S)(frame_of(clips, "town/b", 10))
+    alone = SkyOccStream(network, HISTORY_STEP_S)(frame_of(clips, "town/b", 10))
     assert stream(frame_of(clips, "town/b", 10)).equal(alone)
 
 
 def test_a_gap_in_time_drops_the_history(clips, network):
-    stream, alone = (SkyOccStream(network, 4, HISTORY_STEP_S) for _ in range(2))
+    stream, alone = (SkyOccStream(network, HISTORY_STEP_S) for _ in range(2))
     for frame in (0, 2, 4):
         stream(frame_of(clips, "town/a", frame))
     logits = stream(frame_of(clips, "town/a", 7))
@@ -95,7 +95,7 @@ def test_a_gap_in_time_drops_the_history(clips, network):
 
 
 def test_a_frame_out_of_order_is_refused_and_changes_nothing(clips, network):
-    stream = SkyOccStream(network, 4, HISTORY_STEP_S)
+    stream = SkyOccStream(network, HISTORY_STEP_S)
     for frame in range(5):
         stream(frame_of(clips, "town/a", frame))
     for frame in (3, 4):
@@ -111,7 +111,7 @@ def test_a_frame_out_of_order_is_refused_and_changes_nothing(clips, network):
 )
 @pytest.mark.parametrize("value", [torch.nan, torch.inf])
 def test_what_is_not_finite_is_refused_and_changes_nothing(clips, network, name, value):
-    stream = SkyOccStream(network, 4, HISTORY_STEP_S)
+    stream = SkyOccStream(network, HISTORY_STEP_S)
     stream(frame_of(clips, "town/a", 0))
     frame = frame_of(clips, "town/a", 2)
     broken = getattr(frame, name).clone()
@@ -124,4 +124,4 @@ def test_what_is_not_finite_is_refused_and_changes_nothing(clips, network, name,
 @pytest.mark.parametrize("image", [torch.zeros(3, 64, 96), torch.zeros(64, 96, 3).byte()])
 def test_an_image_of_another_kind_is_refused(clips, network, image):
     with pytest.raises(UserError, match="image: "):
-        SkyOccStream(network, 4, HISTORY_STEP_S)(frame_of(clips, "town/a", 0, image=image))
+        SkyOccStream(network, HISTORY_STEP_S)(frame_of(clips, "town/a", 0, image=image))
