@@ -152,12 +152,13 @@ def require_same_config(checkpoint: Path, config: dict, part: str | None = None)
             "unknown; keep a checkpoint in the folder of its run"
         ) from None
     after = shaping(config)
+    way_out = "or drop ckpt_path to start anew" if part is None else "or another ckpt_path"
     if part is not None:
         before, after = {part: before.get(part)}, {part: after.get(part)}
     for key, old, new in differences(before, after):
         raise UserError(
             f"{path}: the run was started with {key}={json.dumps(old)}, and now it is "
-            f"{json.dumps(new)}; give the old value, or drop ckpt_path to start anew"
+            f"{json.dumps(new)}; give the old value, {way_out}"
         )
 
 

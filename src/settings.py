@@ -7,7 +7,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, OmegaConf
 
-from .data.dataset import history_stride
+from .data.batches import ORDERS
+from .data.dataset import HISTORY, history_stride
 from .data.rates import require_rates
 from .errors import UserError
 from .failures import closest
@@ -22,6 +23,7 @@ ANY_LENGTH = ("suite.",)
 TRAINING = "src.tasks.fit.fit"
 PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
 """Geometry is computed in fp32, so the network has no pure half or double precision."""
+CHOICES = {"trainer.precision": PRECISIONS, "data.order": ORDERS, "data.history": HISTORY}
 UNITS = ("_m", "_s", "_hz", "_deg", "_mps")
 """Endings of quantities: any number will do, even where the configuration has a round one."""
 AT_LEAST = {
@@ -31,6 +33,9 @@ AT_LEAST = {
     "data.workers": 0,
     "data.frames": 1,
     "data.run_frames": 1,
+    **dict.fromkeys((f"size.{key}" for key in ("backbone_width", "dim", "layers", "heads")), 1),
+    **dict.fromkeys(("size.heights", "size.points"), 1),
+    "size.blocks": 0,
     "trainer.max_epochs": 1,
     "threads": 1,
 }
@@ -53,10 +58,10 @@ def require_sound(cfg: DictConfig, overrides: list[str]) -> None:
         value = OmegaConf.select(cfg, key)
         if value is not None and value < least:
             raise UserError(f"{key}: {value} is too small; give {least} or more")
-    if cfg.trainer.precision not in PRECISIONS:
-        raise UserError(
-            f"trainer.precision: {cfg.trainer.precision!r}; there are {', '.join(PRECISIONS)}"
-        )
+    for key, choices in CHOICES.items():
+        value = OmegaConf.select(cfg, key)
+        if value not in choices:
+            raise UserError(f"{key}: {value!r}; there are {', '.join(choices)}")
     require_rates(cfg.sim)
     history_stride(cfg.data.history_step_s, cfg.sim.capture_hz)
     _require_sizes(cfg)

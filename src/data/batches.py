@@ -1,8 +1,8 @@
 """The batches of an epoch: which frames stand together, in which order, on which device.
 
 Each of these is a batch sampler whose batches are lists of `Key`. They know the rank of their
-process and how many there are, so that no frame is lost or repeated; Lightning's own distributed
-sampler would repeat some to make all ranks equal, and count them twice in the scores.
+process and how many there are, so that no frame is repeated, nor lost where it is scored;
+Lightning's own distributed sampler would repeat some to make all ranks equal, and count them twice.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,6 +12,9 @@ import numpy as np
 from torch.utils.data import Sampler
 
 from ..errors import UserError
+
+ORDERS = ("shuffled", "streams")
+"""Of the training frames: `TrainingBatches` and `StreamBatches`."""
 
 
 class Key(NamedTuple):

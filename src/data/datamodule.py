@@ -14,13 +14,11 @@ from torch.utils.data import DataLoader
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
-from .batches import ALONE, BatchesInOrder, Rank, StreamBatches, TrainingBatches
+from .batches import ALONE, ORDERS, BatchesInOrder, Rank, StreamBatches, TrainingBatches
 from .clip import Clip
 from .dataset import OccupancyDataset, velocity_world_mps
 from .manifest import read_manifest
 from .split import make_split
-
-ORDERS = ("shuffled", "streams")
 
 
 class SkyShieldData(LightningDataModule):

@@ -29,7 +29,7 @@ class DeformableCrossAttention(nn.Module):
     def __init__(self, dim: int, num_heights: int, num_heads: int = 8, num_points: int = 2) -> None:
         super().__init__()
         if dim % num_heads:
-            raise UserError(f"num_heads: {num_heads} does not divide dim {dim}")
+            raise UserError(f"size.heads: {num_heads} does not divide size.dim, {dim}")
         self.num_heads, self.num_points = num_heads, num_points
         self.height_embedding = nn.Parameter(0.02 * torch.randn(num_heights, dim))
         self.value = nn.Linear(dim, dim)

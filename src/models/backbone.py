@@ -109,7 +109,7 @@ class ResNet(nn.Module):
     ) -> None:
         super().__init__()
         if depth not in LAYOUTS:
-            raise UserError(f"backbone.depth: {depth} is not one of {sorted(LAYOUTS)}")
+            raise UserError(f"size.backbone_depth: {depth} is not one of {sorted(LAYOUTS)}")
         block, repeats = LAYOUTS[depth]
         self.channels = tuple(width * 2**stage * block.expansion for stage in range(4))
         self.conv1 = nn.Conv2d(3, width, 7, 2, 3, bias=False)

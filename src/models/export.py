@@ -3,7 +3,7 @@
 import json
 import logging
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -68,17 +68,16 @@ def export_step(
     batch: Mapping[str, Tensor],
     history: History | None,
     folder: Path,
-    formats: Iterator[str],
+    formats: Sequence[str],
     facts: Mapping[str, Any],
 ) -> None:
     """Writes the graph of a step in every format, and a description of it, into a folder.
 
     ``batch`` and ``history`` are those of any frame: the graph has their shapes. ``facts`` go into
-    the description. Raises `UserError` for an unknown format, or where its packages are missing.
+    the description. Raises `UserError` as `require_formats` does, or where a format's packages are
+    missing.
     """
-    for name in formats:
-        if name not in FORMATS:
-            raise UserError(f"task.formats: {name!r}; there are {', '.join(FORMATS)}")
+    require_formats(formats)
     inputs = step_inputs(batch, history)
     folder.mkdir(parents=True, exist_ok=True)
     with _quietly(), torch.no_grad():
@@ -93,6 +92,15 @@ def export_step(
     with replacing(folder / DESCRIPTION) as temporary:
         facts = {"history": network.history, **facts, "inputs": described, "outputs": OUTPUTS}
         temporary.write_text(json.dumps(facts, indent=1) + "\n")
+
+
+def require_formats(formats: Sequence[str]) -> None:
+    """Raises `UserError` for a format that there is not, or for none."""
+    for name in formats:
+        if name not in FORMATS:
+            raise UserError(f"task.formats: {name!r}; there are {', '.join(FORMATS)}")
+    if not formats:
+        raise UserError(f"task.formats: empty; give some of {', '.join(FORMATS)}")
 
 
 def _write_onnx(program: torch.export.ExportedProgram, path: Path) -> None:
@@ -118,10 +126,12 @@ _write = {"onnx": _write_onnx, "torch": _write_torch}
 class ExportedStep:
     """A graph that `export_step` wrote, in the place of its network in a `SkyOccStream`.
 
-    Raises `UserError` for a folder without it, an unreadable file, or missing packages.
+    ``format`` is one of `FORMATS`. Raises `UserError` for another one, for a folder without the
+    graph, an unreadable file, or missing packages.
     """
 
     def __init__(self, folder: Path, format: str, threads: int = 0) -> None:
+        require_formats([format])
         path = Path(folder) / FORMATS[format]
         if not path.is_file() or not (Path(folder) / DESCRIPTION).is_file():
             raise UserError(f"{path}: no exported graph; make it with task=export")
@@ -129,6 +139,8 @@ class ExportedStep:
         shapes = {entry["name"]: entry["shape"] for entry in facts["inputs"]}
         _, self.past_frames, *self.pillar_shape = shapes.get("past_pillars", [1, 0, 0, 0])
         self.device = torch.device("cpu")
+        self.history_step_s = facts.get("history_step_s")
+        self.image_shape = shapes["image"]
         self.run = _open[format](path, threads)
 
     def eval(self) -> "ExportedStep":
@@ -136,7 +148,14 @@ class ExportedStep:
         return self
 
     def step(self, batch: Mapping[str, Tensor], history: History | None) -> tuple[Tensor, Tensor]:
-        """As `SkyOcc.step`."""
+        """As `SkyOcc.step`. Raises `UserError` for an image of another size than the graph's."""
+        image = batch["image"][:, -1]
+        if [*image.shape] != self.image_shape:
+            height, width = image.shape[-2:]
+            raise UserError(
+                f"image: {width}x{height}, and the graph is for {self.image_shape[3]}x"
+                f"{self.image_shape[2]}; export it again for this camera"
+            )
         return self.run(step_inputs(batch, history))
 
 

@@ -84,7 +84,7 @@ class TemporalAttention(nn.Module):
     def __init__(self, dim: int, num_heads: int, num_frames: int) -> None:
         super().__init__()
         if dim % num_heads:
-            raise UserError(f"num_heads: {num_heads} does not divide dim {dim}")
+            raise UserError(f"size.heads: {num_heads} does not divide size.dim, {dim}")
         self.num_heads = num_heads
         self.age = nn.Parameter(0.02 * torch.randn(num_frames, dim))
         self.dz = (

@@ -73,7 +73,7 @@ def import_transformers() -> ModuleType:
         import transformers
     except ImportError as error:
         raise UserError(
-            "model.backbone: needs transformers; pip install 'skyshield[encoders]', or take "
+            "model.backbone: needs transformers; pip install -e '.[encoders]', or take "
             "model/backbone=resnet"
         ) from error
     return transformers

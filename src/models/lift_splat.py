@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from ..errors import UserError
-from ..geometry import VoxelGrid, inverse, pixel_centres, transform, unproject
+from ..geometry import VoxelGrid, inverse, pixel_centres, transform
 from .backbone import STRIDES
 from .heights import height_projections, projected_sum
 from .references import References
@@ -102,10 +102,24 @@ class LiftSplat(nn.Module):
         pix = (self.stride * pixel_centres(width, height)).flatten(0, 1).to(chain)
         # Autocast would round coordinates to 8 bits.
         with torch.autocast(chain.device.type, enabled=False):
-            at_one_metre = unproject(pix, torch.ones_like(pix[:, 0]), references.pix_from_camera)
+            at_one_metre = rays_camera(pix, references.pix_from_camera)
             points_camera = at_one_metre[:, :, None] * depth_m[:, None]
             points_occ = transform(inverse(chain), points_camera.flatten(1, 2))
         return points_occ.unflatten(1, (-1, self.num_bins))
+
+
+def rays_camera(
+    pix: Float[Tensor, "n 2"], pix_from_camera: Float[Tensor, "b 3 3"]
+) -> Float[Tensor, "b n 3"]:
+    """Points of pixels at a depth of one metre: `unproject` without a matrix inversion, for which
+    ONNX has no operator. The camera matrix is upper triangular."""
+    (focal_x, skew, u0), (_, focal_y, v0), _ = (
+        row.unbind(-1) for row in pix_from_camera[..., None, :, :].unbind(-2)
+    )
+    u, v = pix.unbind(-1)
+    y = (v - v0) / focal_y
+    x = (u - u0 - skew * y) / focal_x
+    return torch.stack([x, y, torch.ones_like(x)], dim=-1)
 
 
 def splat(
@@ -118,8 +132,11 @@ def splat(
     """Sum in every cell of the contexts that fall into it, weighted with their probabilities.
 
     The products are never stored: they are the terms of one `embedding_bag` over the points sorted
-    by cell, which at the paper's size is several times faster than `index_add`.
+    by cell, which at the paper's size is several times faster than `index_add`. An exported graph
+    adds them all the same: other runtimes do not know the sum, nor shapes that depend on values.
     """
+    if torch.compiler.is_exporting():
+        return splat_by_adding(context, probability, cell, inside, num_cells)
     point = inside.flatten().nonzero()[:, 0]
     # Stable: a cell's sum has one order, whatever else is in the batch.
     cell, order = cell.flatten()[point].to(torch.int32).sort(stable=True)
@@ -129,6 +146,15 @@ def splat(
     row = torch.div(point, probability.shape[1], rounding_mode="floor").to(torch.int32)
     weights = probability.flatten().index_select(0, point).to(context.dtype)
     return SumOfRows.apply(context, row, weights, offsets)
+
+
+def splat_by_adding(context, probability, cell, inside, num_cells) -> Float[Tensor, "cells dim"]:
+    """`splat` with every product stored and added to its cell."""
+    products = (context[:, None] * probability[..., None]).flatten(0, 1)
+    # What lies outside goes to one cell more, which is dropped.
+    cell = torch.where(inside, cell, num_cells).flatten()
+    cells = products.new_zeros(num_cells + 1, products.shape[-1])
+    return cells.index_add(0, cell, products)[:num_cells]
 
 
 def farthest_m(grid: VoxelGrid) -> float:

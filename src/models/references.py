@@ -74,7 +74,10 @@ class PillarReferences(nn.Module):
         if projection not in ("attitude", "level"):
             raise UserError(f"projection: {projection!r} is neither 'attitude' nor 'level'")
         if capacity is not None and not 0 < capacity <= 1:
-            raise UserError(f"capacity: {capacity} is no share; give null, or more than 0, up to 1")
+            raise UserError(
+                f"model.encoder.capacity: {capacity} is no share; give null, or more than 0, up "
+                "to 1"
+            )
         self.projection, self.capacity = projection, capacity
         slice_m = (grid.upper_m[2] - grid.lower_m[2]) / num_heights
         z_m = grid.lower_m[2] + (torch.arange(num_heights) + 0.5) * slice_m

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, UInt8
+from numpy.typing import ArrayLike
 from torch import Tensor
 
 from ..data.batch import ego_motion
@@ -13,12 +14,19 @@ from .export import ExportedStep
 from .history import History
 from .network import SkyOcc
 
+SHAPES = {
+    "world_from_body": (4, 4),
+    "velocity_mps": (3,),
+    "pix_from_camera": (3, 3),
+    "body_from_camera": (4, 4),
+}
+
 
 class StreamFrame(NamedTuple):
     """What arrives: an image, when and where it was taken, and how fast the UAV flew.
 
-    ``image`` uint8 [3, H, W]; ``world_from_body`` best in float64; velocity in the world frame.
-    ``clip`` names the flight: another one begins without history.
+    ``image`` uint8 RGB [3, H, W]; ``world_from_body`` best in float64; the velocity is in the world
+    frame. ``clip`` names the flight: another one begins without history. NumPy arrays will do.
     """
 
     image: UInt8[Tensor, "3 h w"]
@@ -50,6 +58,8 @@ class SkyOccStream:
         network: is put into evaluation; or an `ExportedStep`.
         history_step_s: seconds between the frames of a history, as the network was trained with.
         tolerance_s: how far from its time a past frame may have been taken.
+
+    Raises `UserError` for an exported graph whose network had another history step.
     """
 
     def __init__(
@@ -59,6 +69,9 @@ class SkyOccStream:
         tolerance_s: float = 0.02,
     ) -> None:
         self.network = network.eval()
+        trained_s = getattr(network, "history_step_s", None)
+        if trained_s not in (None, history_step_s):
+            raise UserError(f"history_step_s: {history_step_s}; the graph is for {trained_s}")
         self.ages = range(network.past_frames, 0, -1)
         self.step_s, self.tolerance_s = history_step_s, tolerance_s
         self.past: list[Past] = []
@@ -73,8 +86,10 @@ class SkyOccStream:
         """Logits of a frame, in its occ frame.
 
         Raises `UserError`, and leaves the stream as it was, for a frame that is not later than the
-        last one of its clip, and for a pose, a velocity or a camera that is not finite.
+        last one of its clip, and for an image, a pose, a velocity or a camera of another shape or
+        type, or not finite.
         """
+        frame = sound(frame)
         past, batch, history = self._prepared(frame)
         logits, pillars = self.network.step(batch, history)
         self._keep(past, Past(frame.time_s, frame.world_from_body, pillars))
@@ -83,11 +98,10 @@ class SkyOccStream:
 
     def arguments(self, frame: StreamFrame) -> tuple[dict[str, Tensor], History | None]:
         """What the network's step would be called with; the stream stays as it is."""
-        return self._prepared(frame)[1:]
+        return self._prepared(sound(frame))[1:]
 
     def _prepared(self, frame: StreamFrame) -> tuple[list[Past], dict[str, Tensor], History | None]:
         """What of the past is still valid, and the arguments of the step."""
-        _require_sound(frame)
         past = self._still_valid(frame)
         chosen = [self._at(frame.time_s - age * self.step_s, past) for age in self.ages]
         batch = self._batch(frame, chosen)
@@ -119,7 +133,7 @@ class SkyOccStream:
             "image": frame.image[None],
             "pix_from_camera": frame.pix_from_camera.float()[None],
             "body_from_camera": frame.body_from_camera.float(),
-            **ego_motion(torch.stack(poses), frame.velocity_mps.to(poses[0])),
+            **ego_motion(torch.stack(poses), frame.velocity_mps),
         }
         device = self.network.device
         return {name: value[None].to(device) for name, value in window.items()}
@@ -140,12 +154,23 @@ class SkyOccStream:
         self.past = [frame for frame in (*past, newest) if frame.time_s >= oldest_s]
 
 
-def _require_sound(frame: StreamFrame) -> None:
-    for name in ("world_from_body", "velocity_mps", "pix_from_camera", "body_from_camera"):
-        if not getattr(frame, name).isfinite().all():
-            raise UserError(
-                f"{name}: not finite at {frame.time_s:g} s; leave this frame out of the stream"
-            )
-    if frame.image.dtype != torch.uint8 or frame.image.ndim != 3 or len(frame.image) != 3:
-        kind = f"{str(frame.image.dtype).removeprefix('torch.')} {list(frame.image.shape)}"
+def sound(frame: StreamFrame) -> StreamFrame:
+    """The same frame with tensors for arrays, and numbers in float64.
+
+    Raises `UserError` for another shape or type, and for what is not finite.
+    """
+    numbers = {name: _numbers(name, getattr(frame, name), frame.time_s) for name in SHAPES}
+    image = torch.as_tensor(frame.image)
+    if image.dtype != torch.uint8 or image.ndim != 3 or len(image) != 3:
+        kind = f"{str(image.dtype).removeprefix('torch.')} {list(image.shape)}"
         raise UserError(f"image: {kind}; give uint8 [3, height, width]")
+    return frame._replace(image=image, **numbers)
+
+
+def _numbers(name: str, value: ArrayLike, time_s: float) -> Float[Tensor, "..."]:
+    value = torch.as_tensor(value, dtype=torch.float64)
+    if value.shape != SHAPES[name]:
+        raise UserError(f"{name}: {list(value.shape)}; give {list(SHAPES[name])}")
+    if not value.isfinite().all():
+        raise UserError(f"{name}: not finite at {time_s:g} s; leave this frame out of the stream")
+    return value

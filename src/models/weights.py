@@ -35,7 +35,7 @@ def load_weights(
     source = PUBLISHED[depth] if weights == "imagenet" else weights
     path = _download(source) if "://" in source else Path(source)
     if not path.is_file():
-        raise UserError(f"backbone.weights: no file {path}; give a path, a URL or 'imagenet'")
+        raise UserError(f"model.backbone.weights: no file {path}; give a path, a URL or 'imagenet'")
     _verify(path, sha256)
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)

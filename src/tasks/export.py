@@ -3,6 +3,7 @@
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import torch
 from jaxtyping import Float
@@ -11,11 +12,12 @@ from rich.console import Console
 from rich.table import Table
 from torch import Tensor
 
+from ..atomic import replacing_folder
 from ..data.clip import Clip
 from ..data.datamodule import SkyShieldData
 from ..data.dataset import velocity_world_mps
 from ..errors import UserError
-from ..models.export import FORMATS, ExportedStep, export_step
+from ..models.export import FORMATS, ExportedStep, export_step, require_formats
 from ..models.stream import SkyOccStream, StreamFrame
 from ..provenance import git_commit, machine
 from .trained import trained
@@ -24,9 +26,13 @@ from .trained import trained
 def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: float) -> None:
     """Writes ``<run>/export/`` and prints how far each graph is from the model, and how fast.
 
-    Raises `UserError` without a checkpoint, for one of another model, for an unknown format, and
-    where a graph's logits differ from the model's by more than ``tolerance``.
+    The folder is replaced as a whole, once every graph has passed. Raises `UserError` as `trained`
+    does, for an unknown format, for no frames, and where a graph's logits differ from the model's
+    by more than ``tolerance``.
     """
+    require_formats(formats)
+    if frames < 1:
+        raise UserError(f"task.frames: {frames}; give 1 or more")
     run, data, _, module, _ = trained(cfg, "export")
     folder, step_s = run.path / "export", cfg.data.history_step_s
     facts = {
@@ -41,22 +47,33 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
     stream = SkyOccStream(module.network, step_s)
     expected, seconds = run_stream(stream, shown)
     batch, history = stream.arguments(shown[-1]._replace(time_s=shown[-1].time_s + 1e-3))
-    export_step(module.network, batch, history, folder, formats, facts)
     rows = [("the model itself", 0.0, 1.0, seconds, 0)]
-    for name in formats:
-        logits, seconds = run_stream(SkyOccStream(ExportedStep(folder, name), step_s), shown)
-        worst = max((a - b).abs().max().item() for a, b in zip(logits, expected))
-        path = folder / FORMATS[name]
-        if not worst <= tolerance:
-            raise UserError(
-                f"{path}: its logits differ from the model's by {worst:g}, more than "
-                f"task.tolerance={tolerance:g}; do not fly it"
-            )
-        alike = [(a.argmax(0) == b.argmax(0)).double().mean() for a, b in zip(logits, expected)]
-        same = torch.stack(alike).mean().item()
-        rows.append((path.name, worst, same, seconds, path.stat().st_size))
+    with replacing_folder(folder) as unchecked:
+        export_step(module.network, batch, history, unchecked, formats, facts)
+        for name in formats:
+            stream = SkyOccStream(ExportedStep(unchecked, name), step_s)
+            rows.append(_checked(stream, shown, expected, unchecked / FORMATS[name], tolerance))
     _print(rows, len(shown))
     Console().print(f"{folder}", highlight=False, soft_wrap=True)
+
+
+def _checked(
+    stream: SkyOccStream,
+    frames: Sequence[StreamFrame],
+    expected: Sequence[Float[Tensor, "9 x y z"]],
+    path: Path,
+    tolerance: float,
+) -> tuple[str, float, float, list[float], int]:
+    """A row of the table; refuses a graph that is too far from the model."""
+    logits, seconds = run_stream(stream, frames)
+    worst = max((a - b).abs().max().item() for a, b in zip(logits, expected))
+    if not worst <= tolerance:
+        raise UserError(
+            f"{path.name}: its logits differ from the model's by {worst:g}, more than "
+            f"task.tolerance={tolerance:g}; it is not kept"
+        )
+    alike = [(a.argmax(0) == b.argmax(0)).double().mean() for a, b in zip(logits, expected)]
+    return path.name, worst, torch.stack(alike).mean().item(), seconds, path.stat().st_size
 
 
 def stream_frames(data: SkyShieldData, count: int) -> Iterator[StreamFrame]:

@@ -17,7 +17,7 @@ from ..report.results import print_results, read_results
 from ..run_folder import RunFolder, require_same_config
 from .dataset import data_of, ready_dataset
 from .evaluate import evaluate
-from .model import load_weights, module_of, prior_of
+from .model import load_weights, module_of, prior_of, require_buildable
 from .precision import FP32, Choice, settled_precision
 from .processes import is_first_process
 from .progress import EpochLines
@@ -36,6 +36,7 @@ def fit(cfg: DictConfig) -> None:
         print_results(read_results(folder.results))
         return
     named = None if cfg.ckpt_path is None else _checkpoint_to_resume(cfg, folder)
+    require_buildable(cfg)
     data = data_of(cfg, ready_dataset(cfg))
     prior = prior_of(cfg, data)
     module = module_of(cfg, data, prior)

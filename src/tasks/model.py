@@ -4,16 +4,21 @@ import pickle
 from pathlib import Path
 
 import torch
+import yaml
+from hydra.errors import HydraException
 from hydra.utils import instantiate
-from omegaconf import DictConfig
-from torch import nn
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from torch import Tensor, nn
 
 from ..data.datamodule import SkyShieldData
 from ..errors import UserError
 from ..models.memory import PillarMemory
 from ..models.module import OccupancyModule
+from ..models.network import SkyOcc
 from ..models.prior import VoxelPrior
 from ..ontology import FREE, NUM_CLASSES
+from ..run_folder import CONFIG, RunFolder
 from .scoring import suite_of
 
 
@@ -45,19 +50,19 @@ def module_of(cfg: DictConfig, data: SkyShieldData, prior: VoxelPrior) -> Occupa
     )
 
 
+def require_buildable(cfg: DictConfig) -> None:
+    """Builds the configured network once and drops it: what is wrong with it is said before any
+    data are generated or read."""
+    with torch.random.fork_rng(devices=[]):
+        instantiate(cfg.model)
+
+
 def load_weights(module: nn.Module, path: Path) -> None:
     """Fills a module from a checkpoint file.
 
     Raises `UserError` for a file that is no checkpoint, or one of another architecture.
     """
-    try:
-        state = torch.load(path, map_location="cpu", weights_only=True)["state_dict"]
-    except (KeyError, TypeError, EOFError, OSError, RuntimeError, pickle.UnpicklingError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise UserError(
-            f"ckpt_path: {path} is no readable checkpoint ({reason}); give another one, or delete "
-            "it to start anew"
-        ) from error
+    state = _state_of(path)
     own = module.state_dict()
     strange = [
         name
@@ -70,3 +75,34 @@ def load_weights(module: nn.Module, path: Path) -> None:
             f"{strange[0]} first); use the model and scale of the config.yaml beside it"
         )
     module.load_state_dict(state)
+
+
+def network_of_run(run: str | Path, checkpoint: str = "best") -> SkyOcc:
+    """The trained network of a run folder, by its ``config.yaml``: for flying, without any data.
+
+    ``checkpoint`` is ``best``, ``last`` or a file. Raises `UserError` for a folder without them, or
+    for weights of another architecture.
+    """
+    path = Path(run) / CONFIG
+    try:
+        cfg = OmegaConf.create(yaml.safe_load(path.read_text()))
+        # What the run started from is in its checkpoint.
+        start = {"backbone": {"weights": None}} if "weights" in cfg.model.backbone else {}
+        network = instantiate(cfg.model, **start)
+    except (OSError, yaml.YAMLError, HydraException, OmegaConfBaseException) as error:
+        reason = " ".join(str(error).split())
+        raise UserError(f"{path}: cannot be read ({reason}); name a folder of a run") from error
+    file = RunFolder(Path(run), OmegaConf.to_container(cfg)).checkpoint(checkpoint)
+    load_weights(nn.ModuleDict({"network": network}), file)
+    return network.eval()
+
+
+def _state_of(path: Path) -> dict[str, Tensor]:
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)["state_dict"]
+    except (KeyError, TypeError, EOFError, OSError, RuntimeError, pickle.UnpicklingError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise UserError(
+            f"ckpt_path: {path} is no readable checkpoint ({reason}); give another one, or delete "
+            "it to start anew"
+        ) from error

@@ -7,11 +7,13 @@ import torch
 
 from src.data.clip import Clip
 from src.errors import UserError
-from src.models.export import DESCRIPTION, FORMATS, ExportedStep, export_step
+from src.models.export import DESCRIPTION, FORMATS, ExportedStep, export_step, require_formats
 from src.models.stream import SkyOccStream
 from tests.models.synthetic import build_network
 from tests.models.test_stream import GRID, HISTORY_STEP_S, frame_of
 from tests.synthetic import write_clip
+
+FACTS = {"name": "test", "history_step_s": HISTORY_STEP_S}
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +28,7 @@ def exported(folder, clips, formats, frames=4, **network):
     network = build_network(grid=GRID, encoder={"num_frames": frames}, **network)
     stream = SkyOccStream(network, HISTORY_STEP_S)
     arguments = stream.arguments(frame_of(clips, "town/a", 8))
-    export_step(network, *arguments, folder, formats, {"name": "test"})
+    export_step(network, *arguments, folder, formats, FACTS)
     return network, folder
 
 
@@ -71,6 +73,31 @@ def test_other_histories_export_too(tmp_path, clips, frames, options):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("lift", ["bilinear", "lss"])
+def test_other_lifts_export_too(tmp_path, clips, lift):
+    network, folder = exported(tmp_path, clips, list(FORMATS), lift=lift)
+    for name in FORMATS:
+        require_same_stream(network, ExportedStep(folder, name), clips)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FORMATS)
+def test_an_image_of_another_size_is_refused(both, clips, name):
+    frame = frame_of(clips, "town/a", 0)
+    stream = SkyOccStream(ExportedStep(both[1], name), HISTORY_STEP_S)
+    with pytest.raises(UserError, match="image: 64x64, and the graph is for 96x64; export it aga"):
+        stream(frame._replace(image=frame.image[:, :, :64]))
+
+
+@pytest.mark.slow
+def test_another_history_step_than_the_graphs_is_refused(both):
+    step = ExportedStep(both[1], "onnx")
+    assert step.history_step_s == HISTORY_STEP_S
+    with pytest.raises(UserError, match=r"history_step_s: 0\.3; the graph is for 0\.4"):
+        SkyOccStream(step, 0.3)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_broken_file_is_refused(both, tmp_path, name):
     for file in (FORMATS[name], DESCRIPTION):
@@ -89,3 +116,17 @@ def test_a_folder_without_graphs_is_refused(tmp_path):
 def test_an_unknown_format_is_refused_before_the_work(tmp_path):
     with pytest.raises(UserError, match=r"task\.formats: 'tflite'; there are onnx, torch"):
         export_step(None, {}, None, tmp_path, ["onnx", "tflite"], {})
+
+
+@pytest.mark.parametrize(
+    ("formats", "said"),
+    [(["onnx", "tflite"], "'tflite'; there are onnx, torch"), ([], "empty; give some of onnx")],
+)
+def test_formats_that_there_are_not_are_refused(formats, said):
+    with pytest.raises(UserError, match=rf"task\.formats: {said}"):
+        require_formats(formats)
+
+
+def test_a_format_that_there_is_not_cannot_be_opened(tmp_path):
+    with pytest.raises(UserError, match=r"task\.formats: 'tensorrt'; there are onnx, torch"):
+        ExportedStep(tmp_path, "tensorrt")

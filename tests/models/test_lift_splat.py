@@ -4,9 +4,9 @@ import pytest
 import torch
 
 from src.errors import UserError
-from src.geometry import VoxelGrid, front_mount, pinhole, rigid, rotation_from_euler
+from src.geometry import VoxelGrid, front_mount, pinhole, rigid, rotation_from_euler, unproject
 from src.models.backbone import STRIDES
-from src.models.lift_splat import LiftSplat, farthest_m, splat
+from src.models.lift_splat import LiftSplat, farthest_m, rays_camera, splat, splat_by_adding
 from src.models.references import PillarReferences
 
 GRID = VoxelGrid((0, -10, -10), (20, 10, 10), (10, 10, 10))
@@ -207,3 +207,23 @@ def test_bins_reach_the_grids_farthest_corner_by_default():
 def test_settings_that_cannot_be_are_refused(settings, key):
     with pytest.raises(UserError, match=key):
         LiftSplat(DIM, HEIGHTS, GRID, **settings)
+
+
+def test_what_an_exported_graph_adds_is_the_same_sum():
+    generator = torch.Generator().manual_seed(0)
+    context = torch.randn(20, DIM, generator=generator)
+    probability = torch.rand(20, 7, generator=generator)
+    cell = torch.randint(30, (20, 7), generator=generator)
+    inside = torch.rand(20, 7, generator=generator) < 0.6
+    arguments = (context, probability, cell, inside, 30)
+    torch.testing.assert_close(splat_by_adding(*arguments), splat(*arguments))
+
+
+def test_rays_are_those_of_the_inverted_camera_matrix():
+    generator = torch.Generator().manual_seed(0)
+    pix = 100 * torch.rand(12, 2, generator=generator)
+    cameras = torch.tensor([[[50.0, 3.0, 40.0], [0, 60.0, 30.0], [0, 0, 1]]]).repeat(2, 1, 1)
+    cameras[1, 0, 0] = -45.0  # a mirrored one
+    for n in range(2):
+        expected = unproject(pix, torch.ones(12), cameras[n])
+        torch.testing.assert_close(rays_camera(pix, cameras)[n], expected)

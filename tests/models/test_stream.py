@@ -7,7 +7,7 @@ from src.data.clip import Clip
 from src.data.dataset import OccupancyDataset, velocity_world_mps
 from src.errors import UserError
 from src.geometry import VoxelGrid
-from src.models.stream import SkyOccStream, StreamFrame
+from src.models.stream import SHAPES, SkyOccStream, StreamFrame
 from tests.models.synthetic import build_network
 from tests.synthetic import write_clip
 
@@ -125,3 +125,30 @@ def test_what_is_not_finite_is_refused_and_changes_nothing(clips, network, name,
 def test_an_image_of_another_kind_is_refused(clips, network, image):
     with pytest.raises(UserError, match="image: "):
         SkyOccStream(network, HISTORY_STEP_S)(frame_of(clips, "town/a", 0, image=image))
+
+
+def test_arrays_and_single_precision_will_do(clips, network):
+    stream, other = (SkyOccStream(network, HISTORY_STEP_S) for _ in range(2))
+    for number in (0, 2):
+        frame = frame_of(clips, "town/a", number)
+        numbers = {name: getattr(frame, name).float() for name in SHAPES if number}
+        arrays = {name: value.numpy() for name, value in numbers.items()}
+        expected = stream(frame)
+        close(other(frame._replace(image=frame.image.numpy(), **arrays)), expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "given"),
+    [
+        ("world_from_body", torch.eye(4)[:3], r"\[3, 4\]; give \[4, 4\]"),
+        ("velocity_mps", torch.zeros(2), r"\[2\]; give \[3\]"),
+        ("pix_from_camera", torch.eye(4), r"\[4, 4\]; give \[3, 3\]"),
+    ],
+)
+def test_another_shape_is_refused_and_changes_nothing(clips, network, name, value, given):
+    stream = SkyOccStream(network, HISTORY_STEP_S)
+    stream(frame_of(clips, "town/a", 0))
+    frame = frame_of(clips, "town/a", 2)
+    with pytest.raises(UserError, match=f"{name}: {given}"):
+        stream(frame._replace(**{name: value}))
+    close(stream(frame), batch_logits(network, clips, "town/a", 2))

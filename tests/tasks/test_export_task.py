@@ -8,6 +8,8 @@ from src.errors import UserError
 from src.models.export import DESCRIPTION, FORMATS
 from src.tasks.export import export
 from src.tasks.fit import fit
+from src.tasks.model import network_of_run
+from src.tasks.trained import trained
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 
@@ -29,8 +31,24 @@ def test_it_writes_the_graphs_beside_the_run_and_says_how_near_they_are(words, c
     assert "5 frames of a stream" in said
     assert folder in said.replace("\n", "")
     assert {path.name for path in Path(folder).iterdir()} == {DESCRIPTION, *FORMATS.values()}
-    with pytest.raises(UserError, match=r"differ from the model's by .* do not fly it"):
-        export(cfg, formats=["torch"], frames=5, tolerance=-1.0)
+    before = (Path(folder) / DESCRIPTION).read_bytes()
+    with pytest.raises(UserError, match=r"differ from the model's by .* it is not kept"):
+        export(cfg, formats=["torch"], frames=6, tolerance=-1.0)
+    assert {path.name for path in Path(folder).iterdir()} == {DESCRIPTION, *FORMATS.values()}
+    assert (Path(folder) / DESCRIPTION).read_bytes() == before
+    export(cfg, formats=["torch"], frames=5, tolerance=1e-3)
+    assert {path.name for path in Path(folder).iterdir()} == {DESCRIPTION, FORMATS["torch"]}, (
+        "no graph of an earlier export stays beside it"
+    )
+
+
+@pytest.mark.slow
+def test_a_runs_network_flies_without_the_data(words):
+    cfg = compose_config(*words, "ckpt_path=best")
+    network, expected = network_of_run(cfg.paths.run), trained(cfg, "test").module.network
+    for ours, theirs in zip(network.state_dict().values(), expected.state_dict().values()):
+        assert ours.equal(theirs)
+    assert not network.training
 
 
 @pytest.mark.slow
@@ -41,5 +59,9 @@ def test_what_cannot_be_exported_is_refused(words):
     with pytest.raises(UserError, match=r"task\.frames: suburb/clip00 has 30 to test; ask for few"):
         export(cfg, formats=["onnx"], frames=31, tolerance=1e-3)
     level = compose_config(*words, "ckpt_path=best", "model/projection=level")
-    with pytest.raises(UserError, match=r'projection="attitude", and now it is "level"'):
+    for nothing in ({"formats": [], "frames": 5}, {"formats": ["onnx"], "frames": 0}):
+        with pytest.raises(UserError, match=r"task\.(formats: empty|frames: 0); give "):
+            export(cfg, **nothing, tolerance=1e-3)
+    other = r'projection="attitude", and now it is "level"; give the old value, or another ckpt_pat'
+    with pytest.raises(UserError, match=other):
         export(level, formats=["onnx"], frames=5, tolerance=1e-3)
