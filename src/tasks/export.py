@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from torch import Tensor
 
-from ..atomic import replacing_folder
+from ..atomic_folder import replacing_folder
 from ..data.clip import Clip
 from ..data.datamodule import SkyShieldData
 from ..data.dataset import velocity_world_mps

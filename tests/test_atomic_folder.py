@@ -1,8 +1,8 @@
-"""Results that are written whole or not at all."""
+"""Folders of results that are written whole or not at all."""
 
 import pytest
 
-from src.atomic import replacing_folder
+from src.atomic_folder import replacing_folder
 
 
 def names(folder):
