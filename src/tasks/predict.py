@@ -3,20 +3,18 @@
 import sys
 from pathlib import Path
 
-import lightning
 import torch
 from omegaconf import DictConfig
 from rich.console import Console
 from rich.progress import track
-from torch import Tensor
 
 from ..data.datamodule import SkyShieldData
 from ..data.predictions import PredictionWriter
 from ..data.truth import PARTS
 from ..errors import UserError
-from ..models.module import OccupancyModule
 from ..provenance import git_commit
 from .fit import trainer_of
+from .predictor import Predictor, predictor
 from .trained import trained
 
 
@@ -41,30 +39,19 @@ def predict(cfg: DictConfig, part: str, logits: bool) -> None:
         "parameters": sum(p.numel() for p in module.network.parameters()),
         "precision": trainer.precision,
     }
-    module.to(trainer.strategy.root_device).eval()
+    scores_of = predictor(module, trainer)
     with PredictionWriter(folder, facts) as writer:
-        _write(writer, trainer, module, data, part, logits)
+        _write(writer, scores_of, data, part, logits)
     count = len(data.split[part])
     Console().print(f"{folder}: {count} frames", highlight=False, soft_wrap=True)
 
 
-@torch.no_grad()
 def _write(
-    writer: PredictionWriter,
-    trainer: lightning.Trainer,
-    module: OccupancyModule,
-    data: SkyShieldData,
-    part: str,
-    logits: bool,
+    writer: PredictionWriter, scores_of: Predictor, data: SkyShieldData, part: str, logits: bool
 ) -> None:
     quiet = not sys.stdout.isatty()
     for batch in track(data.in_order(part), f"predicting {part}", transient=True, disable=quiet):
-        on_device = {
-            key: value.to(module.device) if isinstance(value, Tensor) else value
-            for key, value in batch.items()
-        }
-        with trainer.precision_plugin.forward_context():
-            scores = module(on_device).float()
+        scores = scores_of(batch)
         for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):
             labels = scores[n].argmax(dim=0).to(torch.uint8)
             writer.add(clip, int(frame), labels, scores[n] if logits else None)

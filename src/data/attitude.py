@@ -1,0 +1,89 @@
+"""Roll and pitch as an autopilot might report them: late, and with noise."""
+
+import math
+from collections.abc import Mapping
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..errors import UserError
+from ..geometry import euler_from_rotation, rigid, rotation_from_euler
+from .batch import Batch
+from .clip import Clip
+
+
+class MeasuredAttitude:
+    """Puts a faulty measurement of roll and pitch in the place of the true one.
+
+    What depends on it is where the camera is said to look (``occ_from_body``, of every frame of the
+    queue) and the metadata (``attitude_rad``). Labels and ego-motion stay: the occ frame is that of
+    the true attitude.
+
+    Args:
+        clips: those whose frames may come.
+        step: frames from one of a queue to the next.
+        noise_deg: standard deviation of roll and of pitch, independent from frame to frame.
+        delay_s: how old the reported attitude is; between frames it is interpolated, and at a
+            clip's beginning its first one is held.
+        seed: of the noise, which is the same for a frame whatever else is asked for.
+
+    Raises `UserError` for a noise or a delay below zero.
+    """
+
+    def __init__(
+        self,
+        clips: Mapping[str, Clip],
+        step: int,
+        noise_deg: float = 0.0,
+        delay_s: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        for name, value in {"noise_deg": noise_deg, "delay_s": delay_s}.items():
+            if not (math.isfinite(value) and value >= 0):
+                raise UserError(f"task.{name}: {value}; give 0 or more")
+        self.step = step
+        generator = torch.Generator().manual_seed(seed)
+        self.roll_pitch_rad = {}
+        for clip_id in sorted(clips):
+            reported = delayed(*roll_pitch_of(clips[clip_id]), delay_s)
+            noise = torch.randn(reported.shape, generator=generator, dtype=reported.dtype)
+            self.roll_pitch_rad[clip_id] = reported + math.radians(noise_deg) * noise
+
+    def __call__(self, batch: Batch) -> Batch:
+        """The batch as the autopilot would have told it."""
+        queue = batch["occ_from_body"].shape[1]
+        ages = torch.arange(queue - 1, -1, -1) * self.step
+        # What lies before the clip does not exist for the network either.
+        reported = torch.stack(
+            [
+                self.roll_pitch_rad[clip][(int(now) - ages).clamp(min=0)]
+                for clip, now in zip(batch["clip"], batch["frame"])
+            ]
+        )
+        roll_rad, pitch_rad = reported.unbind(-1)
+        rotation = rotation_from_euler(roll_rad, pitch_rad, torch.zeros_like(roll_rad))
+        occ_from_body = rigid(rotation, torch.zeros_like(rotation[..., 0]))
+        return {
+            **batch,
+            "occ_from_body": occ_from_body.to(batch["occ_from_body"]),
+            "attitude_rad": reported[:, -1].to(batch["attitude_rad"]),
+        }
+
+
+def roll_pitch_of(clip: Clip) -> tuple[Float[Tensor, "t 2"], float]:
+    """True roll and pitch of every frame in radians, and frames per second."""
+    roll_rad, pitch_rad, _ = euler_from_rotation(clip.world_from_body[:, :3, :3])
+    return torch.stack([roll_rad, pitch_rad], dim=-1), clip.meta.capture_hz
+
+
+def delayed(
+    values: Float[Tensor, "t 2"], capture_hz: float, delay_s: float
+) -> Float[Tensor, "t 2"]:
+    """What was true ``delay_s`` before each frame, between frames interpolated linearly."""
+    place = torch.arange(len(values), dtype=values.dtype) - delay_s * capture_hz
+    # So that a delay of whole frames takes them as they are.
+    place = place.mul(1e6).round().div(1e6).clamp(min=0)
+    before = place.floor().long()
+    after = place.ceil().long()
+    return torch.lerp(values[before], values[after], (place - before)[:, None])

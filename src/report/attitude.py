@@ -1,0 +1,95 @@
+"""Scores by tilt and under a wrong attitude: the printed table, and the figure."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from ..atomic import replacing
+from .canvas import INK, MUTED
+
+SHOWN = {"miou_occupied": "mIoU occupied", "kar_miou": "KAR-mIoU", "iou/thin_structure": "thin"}
+SCORE = "kar_miou"
+COLORS = ("#2962ff", "#d1495b", "#00898a", "#8a5a00", "#6a3fb5", "#5a606a")
+SIZE_INCHES, DPI = (11.0, 3.8), 130
+
+
+def print_attitude(table: pd.DataFrame, console: Console | None = None) -> None:
+    """Print the main scores of every condition in percent, with their intervals over clips."""
+    printed = Table(box=box.SIMPLE_HEAD, padding=(0, 1), title_justify="left")
+    printed.title = "Scores (%) by tilt |roll| + |pitch|, and under a wrongly measured attitude"
+    printed.add_column("condition", no_wrap=True)
+    for name in ("frames", *SHOWN.values()):
+        printed.add_column(name, justify="right", no_wrap=True)
+    for condition, rows in table.groupby("condition", sort=False):
+        scores = rows.set_index("score")
+        cells = [_cell(scores.loc[name]) if name in scores.index else "–" for name in SHOWN]
+        printed.add_row(condition, str(rows["frames"].iloc[0]), *cells)
+    (console or Console(width=110)).print(printed)
+
+
+def _cell(row: pd.Series) -> str:
+    if np.isnan(row["value"]):
+        return "–"
+    if np.isnan(row["low"]):
+        return f"{100 * row['value']:.1f}"
+    return f"{100 * row['value']:.1f} \\[{100 * row['low']:.1f}, {100 * row['high']:.1f}]"
+
+
+def draw_attitude(tables: Mapping[str, pd.DataFrame], path: str | Path) -> None:
+    """Write a PNG of KAR-mIoU by tilt, by noise and by delay, a line for each run's table.
+
+    Bars are the intervals over clips. Raises `UserError` for a path that cannot be written.
+    """
+    figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
+    panels = figure.subplots(1, 3, sharey=True, width_ratios=(1.4, 1, 1))
+    for color, (run, table) in zip(COLORS, tables.items()):
+        rows = table[table["score"] == SCORE]
+        whole = rows[rows["condition"] == "true"]
+        binned = rows[(rows["tilt_low_deg"] > 0) | np.isfinite(rows["tilt_high_deg"])]
+        _line(panels[0], range(len(binned)), binned, run, color)
+        panels[0].set_xticks(range(len(binned)), [_bin_name(row) for _, row in binned.iterrows()])
+        for axes, key in zip(panels[1:], ("noise_deg", "delay_s")):
+            faulty = pd.concat([whole, rows[rows[key] > 0].sort_values(key)])
+            _line(axes, faulty[key], faulty, run, color)
+            axes.set_xticks(faulty[key])
+    names = (
+        "tilt |roll| + |pitch| (°)",
+        "noise of roll and pitch (°)",
+        "delay of the attitude (s)",
+    )
+    for axes, name in zip(panels, names):
+        _finish(axes, name)
+    panels[0].set_ylabel("KAR-mIoU (%)", color=INK)
+    panels[0].set_ylim(bottom=0)
+    if len(tables) > 1:
+        panels[0].legend(frameon=False)
+    with replacing(path) as temporary:
+        FigureCanvasAgg(figure).print_png(temporary)
+
+
+def _line(axes: Axes, places, rows: pd.DataFrame, name: str, color: str) -> None:
+    value, low, high = (100 * rows[key].to_numpy(float) for key in ("value", "low", "high"))
+    reach = np.nan_to_num(np.abs(np.stack([value - low, high - value])))
+    style = {"marker": "o", "markersize": 4, "capsize": 3, "elinewidth": 1}
+    axes.errorbar(list(places), value, yerr=reach, color=color, label=name, **style)
+
+
+def _bin_name(row: pd.Series) -> str:
+    low, high = row["tilt_low_deg"], row["tilt_high_deg"]
+    bounds = f"{low:g}–{high:g}" if np.isfinite(high) else f"from {low:g}"
+    return f"{bounds}\n{row['frames']} frames"
+
+
+def _finish(axes: Axes, name: str) -> None:
+    axes.set_xlabel(name, color=INK)
+    axes.tick_params(colors=MUTED, labelsize=9)
+    axes.grid(axis="y", color="#e3e6ea")
+    axes.spines[["top", "right"]].set_visible(False)

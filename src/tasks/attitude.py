@@ -1,0 +1,91 @@
+"""task=attitude: a checkpoint's scores by the UAV's tilt, and under a wrongly measured attitude."""
+
+import sys
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import pandas as pd
+import torch
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+from rich.console import Console
+from rich.progress import track
+
+from ..data.attitude import MeasuredAttitude
+from ..data.datamodule import SkyShieldData
+from ..data.dataset import history_stride
+from ..metrics.tally import Tally
+from ..report.attitude import draw_attitude, print_attitude
+from ..report.scores import TALLIES, score_table, write_table
+from .condition import Condition, ConditionCount, conditions_of
+from .fit import trainer_of
+from .predictor import Predictor, predictor
+from .scoring import clips_of, protocol_of
+from .trained import trained
+
+FOLDER, TABLE = "attitude", "attitude.csv"
+
+
+def attitude(
+    cfg: DictConfig,
+    tilt_edges_deg: Sequence[float],
+    noise_deg: Sequence[float],
+    delay_s: Sequence[float],
+    seed: int,
+) -> None:
+    """Writes ``<run>/attitude/``: ``attitude.csv``, a tally a condition, and a figure.
+
+    Raises `UserError` as `trained` and `conditions_of` do.
+    """
+    conditions = list(conditions_of(tilt_edges_deg, noise_deg, delay_s))
+    run, data, _, module, precision = trained(cfg, "attitude")
+    trainer = trainer_of(cfg, precision)
+    counts = _counts(conditions, cfg, data)
+    _count(counts, data, predictor(module, trainer), seed)
+    folder = run.path / FOLDER
+    protocol = protocol_of(cfg, data)
+    tallies = [count.tally(protocol) for count in counts]
+    for tally in tallies:
+        tally.write(folder / TALLIES / f"{tally.name}.npz")
+    table = _described(tallies, conditions)
+    draw_attitude({cfg.name: table}, folder / "attitude.png")
+    write_table(table, folder / TABLE)
+    print_attitude(table)
+    Console().print(f"{folder}", highlight=False, soft_wrap=True)
+
+
+def _counts(
+    conditions: Sequence[Condition], cfg: DictConfig, data: SkyShieldData
+) -> list[ConditionCount]:
+    metric, clips = instantiate(cfg.metric), clips_of(data.split["test"])
+    return [ConditionCount(condition, metric(data.grid), clips) for condition in conditions]
+
+
+def _count(
+    counts: Sequence[ConditionCount], data: SkyShieldData, scores_of: Predictor, seed: int
+) -> None:
+    """Counts the test split under every condition; each wrong attitude is predicted with once."""
+    of_fault = defaultdict(list)
+    for count in counts:
+        of_fault[count.condition.noise_deg, count.condition.delay_s].append(count)
+    clips = {clip: data.clips[clip] for clip in clips_of(data.split["test"])}
+    capture_hz = next(iter(clips.values())).meta.capture_hz
+    step = history_stride(data.history_step_s, capture_hz)
+    told = {fault: MeasuredAttitude(clips, step, *fault, seed) for fault in of_fault}
+    quiet = not sys.stdout.isatty()
+    for batch in track(data.in_order("test"), "scoring", transient=True, disable=quiet):
+        for fault, measured in told.items():
+            labels = scores_of(measured(batch)).argmax(dim=1).to(torch.uint8).cpu()
+            for count in of_fault[fault]:
+                count.add(batch, labels)
+
+
+def _described(tallies: Sequence[Tally], conditions: Sequence[Condition]) -> pd.DataFrame:
+    """A row for each condition and score, with its interval over clips."""
+    scores = score_table(tallies, {"test": lambda clip: True})
+    scores = scores.drop(columns="split").rename(columns={"experiment": "condition"})
+    facts = pd.DataFrame([{"condition": each.name, **asdict(each)} for each in conditions])
+    return facts.rename(columns={"low_deg": "tilt_low_deg", "high_deg": "tilt_high_deg"}).merge(
+        scores, on="condition"
+    )

@@ -1,0 +1,29 @@
+"""A trained model as a function of the loader's batches."""
+
+from collections.abc import Callable
+
+import lightning
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..data.batch import Batch
+from ..models.module import OccupancyModule
+
+Predictor = Callable[[Batch], Float[Tensor, "b 9 x y z"]]
+
+
+def predictor(module: OccupancyModule, trainer: lightning.Trainer) -> Predictor:
+    """Logits of a batch, computed on the trainer's device and in its precision, as float32."""
+    module.to(trainer.strategy.root_device).eval()
+
+    @torch.no_grad()
+    def logits(batch: Batch) -> Float[Tensor, "b 9 x y z"]:
+        on_device = {
+            key: value.to(module.device) if isinstance(value, Tensor) else value
+            for key, value in batch.items()
+        }
+        with trainer.precision_plugin.forward_context():
+            return module(on_device).float()
+
+    return logits

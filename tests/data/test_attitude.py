@@ -1,0 +1,90 @@
+"""What a faulty measurement of the attitude changes in a batch, and what it leaves."""
+
+import math
+
+import pytest
+import torch
+from torch.utils.data import default_collate
+
+from src.data.attitude import MeasuredAttitude, delayed, roll_pitch_of
+from src.data.clip import Clip
+from src.data.dataset import OccupancyDataset
+from src.errors import UserError
+from tests.synthetic import write_clip
+
+NAMES = ("town/a", "town/b")
+
+
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clips")
+    for seed, name in enumerate(NAMES):
+        write_clip(folder / name, capture_hz=5, seed=seed)
+    return {name: Clip(folder / name) for name in NAMES}
+
+
+def batch_of(clips, *samples):
+    dataset = OccupancyDataset(clips, samples, frames=3, history_step_s=0.4)
+    return default_collate([dataset[n] for n in range(len(samples))])
+
+
+def test_a_faultless_measurement_is_the_truth(clips):
+    batch = batch_of(clips, ("town/a", 9), ("town/b", 4))
+    told = MeasuredAttitude(clips, step=2)(batch)
+    for key in ("occ_from_body", "attitude_rad"):
+        torch.testing.assert_close(told[key], batch[key], atol=1e-6, rtol=0)
+        assert told[key].dtype == batch[key].dtype
+
+
+def test_every_frame_of_the_queue_is_told_what_was_true_before(clips):
+    """Two frames late: the queue's own attitudes, one frame of the queue back."""
+    batch, before = (batch_of(clips, ("town/a", now)) for now in (12, 10))
+    told = MeasuredAttitude(clips, step=2, delay_s=0.4)(batch)
+    torch.testing.assert_close(told["occ_from_body"], before["occ_from_body"], atol=1e-6, rtol=0)
+    torch.testing.assert_close(told["attitude_rad"], before["attitude_rad"], atol=1e-6, rtol=0)
+
+
+def test_labels_and_motion_stay_as_they_are(clips):
+    batch = batch_of(clips, ("town/a", 9))
+    told = MeasuredAttitude(clips, step=2, noise_deg=5.0, delay_s=0.2)(batch)
+    changed = {key for key in batch if batch[key] is not told[key]}
+    assert changed == {"occ_from_body", "attitude_rad"}
+
+
+def test_noise_has_the_size_asked_for_and_belongs_to_the_frame(clips):
+    one, five = (MeasuredAttitude(clips, 2, noise_deg=size, seed=3) for size in (1.0, 5.0))
+    true = {name: roll_pitch_of(clip)[0] for name, clip in clips.items()}
+    error_deg = torch.rad2deg(torch.cat([five.roll_pitch_rad[name] - true[name] for name in clips]))
+    assert 4.0 < error_deg.std() < 6.0
+    assert error_deg.mean().abs() < 1.5
+    assert torch.corrcoef(error_deg.T)[0, 1].abs() < 0.4, "roll and pitch err apart"
+    small_deg = torch.rad2deg(torch.cat([one.roll_pitch_rad[n] - true[n] for n in clips]))
+    torch.testing.assert_close(5 * small_deg, error_deg)
+    # The queue of one window and the current frame of an earlier one are the same frame.
+    later, earlier = (five(batch_of(clips, ("town/b", now))) for now in (9, 7))
+    torch.testing.assert_close(later["occ_from_body"][:, -2], earlier["occ_from_body"][:, -1])
+
+
+def test_noise_depends_on_its_seed_alone(clips):
+    first, again, other = (MeasuredAttitude(clips, 2, 1.0, seed=seed) for seed in (0, 0, 1))
+    backwards = MeasuredAttitude(dict(reversed(clips.items())), 2, 1.0, seed=0)
+    for name in clips:
+        assert first.roll_pitch_rad[name].equal(again.roll_pitch_rad[name])
+        assert first.roll_pitch_rad[name].equal(backwards.roll_pitch_rad[name])
+        assert not first.roll_pitch_rad[name].equal(other.roll_pitch_rad[name])
+
+
+def test_a_delay_interpolates_and_holds_the_first():
+    values = torch.tensor([[0.0, 0.0], [1.0, 2.0], [3.0, 2.0]])
+    half = delayed(values, capture_hz=5, delay_s=0.1)
+    assert half.tolist() == [[0.0, 0.0], [0.5, 1.0], [2.0, 2.0]]
+    assert delayed(values, 5, 0.2).equal(values[[0, 0, 1]])
+    assert delayed(values, 5, 9.0).equal(values[[0, 0, 0]])
+    assert delayed(values, 5, 0.0).equal(values)
+
+
+@pytest.mark.parametrize("fault", [{"noise_deg": -1.0}, {"delay_s": math.nan}])
+def test_a_fault_below_zero_is_refused(clips, fault):
+    (name,) = fault
+    with pytest.raises(UserError, match=rf"task\.{name}: .*; give 0 or more"):
+        MeasuredAttitude(clips, 2, **fault)

@@ -1,0 +1,51 @@
+"""task=attitude on a trained checkpoint, as a user calls it."""
+
+import pandas as pd
+import pytest
+
+from src.errors import UserError
+from src.metrics.tally import Tally
+from src.report.results import read_results
+from src.tasks.attitude import attitude
+from src.tasks.fit import fit
+from tests.synthetic import compose_config, mini_overrides, write_dataset
+
+SETTINGS = {"tilt_edges_deg": [6.0], "noise_deg": [20.0], "delay_s": [0.4], "seed": 0}
+
+
+@pytest.fixture(scope="module")
+def words(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("attitude")
+    words = mini_overrides(folder, "+experiment=skyocc", "trainer.accelerator=cpu")
+    write_dataset(compose_config(*words))
+    fit(compose_config(*words))
+    return words
+
+
+@pytest.mark.slow
+def test_it_scores_every_condition_and_the_true_one_as_the_run_did(words, capsys):
+    cfg = compose_config(*words, "ckpt_path=best")
+    attitude(cfg, **SETTINGS)
+    assert "noise_20deg" in capsys.readouterr().out
+    folder = f"{cfg.paths.run}/attitude"
+    table = pd.read_csv(f"{folder}/attitude.csv")
+    kar = table[table["score"] == "kar_miou"].set_index("condition")
+    assert list(kar.index) == [
+        "true", "tilt_0_6deg", "tilt_6_infdeg", "noise_20deg", "delay_0.4s"
+    ]  # fmt: skip
+    results = read_results(f"{cfg.paths.run}/results.csv")
+    ours = results[(results["experiment"] == "skyocc") & (results["split"] == "test")].iloc[0]
+    assert kar.loc["true", "value"] == pytest.approx(ours["kar_miou"], abs=1e-7)
+    assert kar.loc["noise_20deg", "value"] != kar.loc["true", "value"]
+    frames = kar["frames"]
+    assert frames["tilt_0_6deg"] + frames["tilt_6_infdeg"] == frames["true"]
+    tally = Tally.read(f"{folder}/tallies/noise_20deg.npz")
+    assert tally.protocol.part == "test, noise_20deg"
+
+
+@pytest.mark.slow
+def test_what_cannot_be_scored_is_refused(words):
+    with pytest.raises(UserError, match="ckpt_path: task=attitude needs a checkpoint"):
+        attitude(compose_config(*words), **SETTINGS)
+    with pytest.raises(UserError, match=r"task\.noise_deg"):
+        attitude(compose_config(*words, "ckpt_path=best"), **{**SETTINGS, "noise_deg": [-1.0]})
