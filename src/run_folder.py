@@ -10,13 +10,14 @@ import yaml
 
 from .atomic import replacing
 from .errors import UserError
-from .provenance import code_version
+from .provenance import code_version, source_digest
 
 CONFIG = "config.yaml"
 METRICS = "metrics.csv"
 RESULTS = "results.csv"
 SESSIONS = "sessions"
 VERSION = ".version"
+CODE = ".code"
 NOT_SHAPING = (
     *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
     *("predictions", "dataset", "layout"),
@@ -85,6 +86,7 @@ class RunFolder:
         self.path.mkdir(parents=True)
         self._write(CONFIG, yaml.safe_dump(self.config, sort_keys=False))
         self._write(VERSION, self.version + "\n")
+        self._write(CODE, source_digest() + "\n")
         return None
 
     def to_resume(self, afresh: bool) -> Path | None:
@@ -122,8 +124,7 @@ class RunFolder:
                 yield table
 
     def _recorded_version(self) -> str:
-        path = self.path / VERSION
-        return path.read_text().strip() if path.is_file() else ""
+        return _recorded(self.path / VERSION)
 
     def _free_name(self) -> Path:
         number = 1
@@ -134,6 +135,17 @@ class RunFolder:
     def _write(self, name: str, text: str) -> None:
         with replacing(self.path / name) as temporary:
             temporary.write_text(text)
+
+
+def code_of(folder: Path) -> str:
+    """Digest of ``src/`` alone when the run began: the version of a run hashes its configuration
+    too, so it cannot say whether two rungs ran the same code. Empty for a run that recorded none.
+    """
+    return _recorded(Path(folder) / CODE)
+
+
+def _recorded(path: Path) -> str:
+    return path.read_text().strip() if path.is_file() else ""
 
 
 def require_same_config(checkpoint: Path, config: dict, part: str | None = None) -> None:
