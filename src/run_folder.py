@@ -155,14 +155,8 @@ def require_same_config(checkpoint: Path, config: dict, part: str | None = None)
     names the first key that differs, or where the run's ``config.yaml`` cannot be read.
     """
     path = checkpoint.parent.parent / CONFIG
-    try:
-        before = shaping(yaml.safe_load(path.read_text()))
-    except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
-        reason = " ".join(str(error).split())
-        raise UserError(
-            f"{path}: cannot be read ({reason}), so what {checkpoint.name} was trained with is "
-            "unknown; keep a checkpoint in the folder of its run"
-        ) from None
+    unknown = f"so what {checkpoint.name} was trained with is unknown"
+    before = shaping(read_config(path, f"{unknown}; keep a checkpoint in the folder of its run"))
     after = shaping(config)
     if part is not None:
         before, after = {part: before.get(part)}, {part: after.get(part)}
@@ -171,6 +165,20 @@ def require_same_config(checkpoint: Path, config: dict, part: str | None = None)
             f"{path}: the run was started with {key}={json.dumps(old)}, and now it is "
             f"{json.dumps(new)}; give the old value, or drop ckpt_path to start anew"
         )
+
+
+def read_config(path: Path, so: str) -> dict:
+    """The configuration that a run was started with.
+
+    Raises `UserError` where it cannot be read or is none; ``so`` says what follows from that.
+    """
+    try:
+        config = yaml.safe_load(path.read_text())
+        shaping(config)
+        return config
+    except (OSError, ValueError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+        reason = " ".join(str(error).split())
+        raise UserError(f"{path}: cannot be read ({reason}), {so}") from None
 
 
 def shaping(config: dict) -> dict:
