@@ -14,6 +14,11 @@ SPECIAL = {
 }
 LAST_LATIN = "\u017f"
 """Beyond it a plain LaTeX has no letters, and stops."""
+FITTED = (
+    r"\ifdim\wd0>\linewidth\ifcsname resizebox\endcsname\resizebox{\linewidth}{!}{\usebox0}"
+    r"\else\usebox0\fi\else\usebox0\fi"
+)
+"""The table, no wider than the page where ``graphicx`` can see to it."""
 WIDE = 7
 """More columns than these span both columns of the page."""
 
@@ -21,7 +26,8 @@ WIDE = 7
 def latex_of(table: ReportTable) -> str:
     """A float with the table, its caption and the label ``tab:<key>``; the best is bold.
 
-    Intervals stand small below their numbers. A document that inputs it needs only ``booktabs``.
+    Intervals stand small below their numbers. A document that inputs it needs only ``booktabs``;
+    with ``graphicx`` a table that is too wide is made smaller.
     """
     wide = len(table.columns) > WIDE
     kind, size = ("table*", r"\scriptsize") if wide else ("table", r"\small")
@@ -36,13 +42,14 @@ def latex_of(table: ReportTable) -> str:
         r"\setlength{\tabcolsep}{3pt}",
         rf"\caption{{\textbf{{{escaped(table.title)}.}} {escaped(table.caption)}}}",
         rf"\label{{tab:{table.key}}}",
-        rf"\begin{{tabular}}{{l{'c' * len(table.columns)}}}",
+        rf"\sbox0{{\begin{{tabular}}{{l{'c' * len(table.columns)}}}",
         r"\toprule",
         " & ".join(head) + r" \\",
         r"\midrule",
         *rows,
         r"\bottomrule",
-        r"\end{tabular}",
+        r"\end{tabular}}",
+        FITTED,
         rf"\end{{{kind}}}",
     )
     return "\n".join(lines) + "\n"

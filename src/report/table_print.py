@@ -15,23 +15,22 @@ UNBOUNDED = 10_000
 NAME_WIDTH = 30
 """Longer names are folded."""
 
+Below = Callable[[Cell, Column], list[str]]
+
 
 def print_table(table: ReportTable, console: Console) -> None:
     """Print a table with the interval of every number below it; * marks the best of a column.
 
-    Where bounds have no room there is half the interval's width instead.
+    Where an interval is too wide its two bounds stand below each other.
     """
-    drawn, note = _drawn(table, _bounds), "below each: its interval"
-    if (
-        Measurement.get(console, console.options.update_width(UNBOUNDED), drawn).maximum
-        > console.width
-    ):
-        drawn, note = _drawn(table, _half), "below each: half the width of its interval"
-    drawn.title = Text(f"{table.title} (%; {note})", style="bold")
+    drawn, room = _drawn(table, _side_by_side), console.options.update_width(UNBOUNDED)
+    if Measurement.get(console, room, drawn).maximum > console.width:
+        drawn = _drawn(table, _stacked)
+    drawn.title = Text(f"{table.title} (%; below each number its interval)", style="bold")
     console.print(drawn)
 
 
-def _drawn(table: ReportTable, below: Callable[[Cell, Column], str]) -> Table:
+def _drawn(table: ReportTable, below: Below) -> Table:
     drawn = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), title_justify="left")
     drawn.add_column(table.head, overflow="fold", max_width=NAME_WIDTH)
     for column in table.columns:
@@ -48,24 +47,20 @@ def _drawn(table: ReportTable, below: Callable[[Cell, Column], str]) -> Table:
     return drawn
 
 
-def _cell(
-    entry: Cell | str | None, column: Column, is_best: bool, below: Callable[[Cell, Column], str]
-) -> Text:
+def _cell(entry: Cell | str | None, column: Column, is_best: bool, below: Below) -> Text:
     if not isinstance(entry, Cell):
         return Text(entry or "")
     value = number(entry, column, decimals=1)
     # A blank where others have a star keeps the points in line.
-    top = (f"{value}*", "bold") if is_best else (f"{value} ", "")
-    return (
-        Text.assemble(top, "\n", (f"{below(entry, column)} ", "dim"))
-        if entry.has_bounds
-        else (Text.assemble(top))
-    )
+    lines = [(f"{value}*", "bold") if is_best else (f"{value} ", "")]
+    if entry.has_bounds:
+        lines += [(f"\n{end} ", "dim") for end in below(entry, column)]
+    return Text.assemble(*lines)
 
 
-def _bounds(cell: Cell, column: Column) -> str:
-    return bounds(cell, column, decimals=1)
+def _side_by_side(cell: Cell, column: Column) -> list[str]:
+    return [bounds(cell, column, decimals=1)]
 
 
-def _half(cell: Cell, column: Column) -> str:
-    return f"±{(cell.high - cell.low) / 2:.1f}"
+def _stacked(cell: Cell, column: Column) -> list[str]:
+    return bounds(cell, column, decimals=1).strip("[]").split(", ")
