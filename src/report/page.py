@@ -113,7 +113,7 @@ def _sheet_html(sheet: Picture) -> str:
     return (
         '<figure class="sheet"><div class="scroll"><button type="button" aria-pressed="false" '
         f'title="in its own size, or as wide as the page"><img src="{sheet.address}" '
-        f'alt="{caption}" width="{width}" height="{height}" decoding="async"></button></div>'
+        f'alt="{caption}" width="{width}" height="{height}"></button></div>'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 
@@ -142,7 +142,7 @@ def _viewer_html(scenes: Sequence[Scene]) -> str:
 
 def _stills_html(scene: Scene) -> str:
     figures = "".join(
-        f'<figure><img src="{picture.address}" alt="{escape(picture.caption)}" decoding="async">'
+        f'<figure><img src="{picture.address}" alt="{escape(picture.caption)}">'
         f"<figcaption>{escape(picture.caption)}</figcaption></figure>"
         for picture in (scene.photo, *scene.stills())
     )

@@ -5,6 +5,7 @@ import base64
 import fcntl
 import json
 import os
+import select
 import shutil
 import signal
 import tempfile
@@ -37,15 +38,14 @@ def program() -> str:
 
 
 class Page:
-    """One tab. ``errors`` collects what its scripts threw or logged as an error, and ``requests``
-    the addresses it asked for."""
+    """One tab. ``errors`` holds what the open page's scripts threw or logged as an error, and
+    ``requests`` the addresses that it asked for."""
 
     def __init__(self, to_browser: int, from_browser: int) -> None:
         self._to, self._from, self._buffer = to_browser, from_browser, b""
         self._last, self._session = 0, None
         self.errors: list[str] = []
         self.requests: list[str] = []
-        self.loaded = False
         target = self.send("Target.createTarget", url="about:blank")["targetId"]
         attached = self.send("Target.attachToTarget", targetId=target, flatten=True)
         self._session = attached["sessionId"]
@@ -66,6 +66,8 @@ class Page:
 
     def _receive(self) -> dict:
         while b"\0" not in self._buffer:
+            ready, _, _ = select.select([self._from], [], [], WAIT_S)
+            assert ready, f"the browser has said nothing for {WAIT_S:g} s"
             received = os.read(self._from, 1 << 20)
             assert received, "the browser has ended"
             self._buffer += received
@@ -74,9 +76,7 @@ class Page:
 
     def _notice(self, event: dict) -> None:
         method, parameters = event.get("method"), event.get("params", {})
-        if method == "Page.loadEventFired":
-            self.loaded = True
-        elif method == "Runtime.exceptionThrown":
+        if method == "Runtime.exceptionThrown":
             self.errors.append(json.dumps(parameters["exceptionDetails"]))
         elif method == "Log.entryAdded" and parameters["entry"]["level"] == "error":
             self.errors.append(json.dumps(parameters["entry"]))
@@ -97,8 +97,9 @@ class Page:
         self.send("Emulation.setEmulatedMedia", media="", features=[scheme])
 
     def open(self, path: Path) -> None:
-        """Load a file, and wait until it says that it is ready."""
-        self.loaded = False
+        """Load a file; what went wrong and was asked for before is forgotten."""
+        self.errors.clear()
+        self.requests.clear()
         self.send("Page.navigate", url=path.resolve().as_uri())
         self.wait("document.readyState === 'complete'")
 
@@ -152,8 +153,7 @@ def opened(webgl: bool = True) -> Iterator[Page]:
         finally:
             os.close(to_browser)
             os.close(from_browser)
-            os.kill(process, signal.SIGTERM)
-            os.waitpid(process, 0)
+            _end(process)
 
 
 def _start(command: list[str], home: str) -> tuple[int, int, int]:
@@ -175,6 +175,16 @@ def _start(command: list[str], home: str) -> tuple[int, int, int]:
     for end in (its_input, its_output, quiet):
         os.close(end)
     return to_browser, from_browser, process
+
+
+def _end(process: int) -> None:
+    """Ask the browser to end, and end it where a script keeps it busy."""
+    os.kill(process, signal.SIGTERM)
+    until_s = time.monotonic() + 10
+    while os.waitpid(process, os.WNOHANG) == (0, 0):
+        if time.monotonic() > until_s:
+            os.kill(process, signal.SIGKILL)
+        time.sleep(0.05)
 
 
 def _moved_up(descriptor: int) -> int:

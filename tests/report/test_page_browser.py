@@ -67,6 +67,7 @@ def tables():
         ("a-run", (Cell(10.5, 10.0, 11.0), None)),
         ("c-run", (Cell(NAN), Cell(4.0))),
         ("d-run", (Cell(-1.0), Cell(100.0))),
+        ("gain", (Cell(99.0, signed=True), None)),
     )
     wide = tuple(Column(f"c{n}", f"a rather long name {n}") for n in range(20))
     filled = ("run", tuple(Cell(float(n), n - 1.0, n + 1.0) for n in range(20)))
@@ -237,15 +238,15 @@ def test_a_curve_names_the_values_under_the_pointer(page):
 
 def test_a_click_sorts_by_value_and_a_third_one_restores_the_order(page):
     before = column_of(page, 0)
-    assert before == ["b-run", "a-run", "c-run", "d-run"]
+    assert before == ["b-run", "a-run", "c-run", "d-run", "gain"]
     sort = "document.querySelectorAll('#table-ladder thead th')[1]"
     orders, names = [], []
     for _ in range(3):
         click(page, "#table-ladder thead th:nth-child(2) button")
         orders.append(column_of(page, 0))
         names.append(page.evaluate(f"{sort}.getAttribute('aria-sort')"))
-    assert orders[0] == ["a-run", "b-run", "d-run", "c-run"], "the best first, the empty one last"
-    assert orders[1] == ["d-run", "b-run", "a-run", "c-run"], "the empty one still last"
+    assert orders[0] == ["a-run", "b-run", "d-run", "gain", "c-run"], "the empty one last"
+    assert orders[1] == ["d-run", "b-run", "a-run", "gain", "c-run"], "still last"
     assert orders[2] == before
     assert names == ["descending", "ascending", "none"]
 
@@ -253,7 +254,7 @@ def test_a_click_sorts_by_value_and_a_third_one_restores_the_order(page):
 def test_numbers_are_sorted_as_numbers_and_one_column_at_a_time(page):
     click(page, "#table-ladder thead th:nth-child(2) button")
     click(page, "#table-ladder thead th:nth-child(3) button")
-    assert column_of(page, 0) == ["c-run", "b-run", "d-run", "a-run"], "4, 30, 100, none"
+    assert column_of(page, 0) == ["c-run", "b-run", "d-run", "a-run", "gain"], "4, 30, 100"
     heads = "[...document.querySelectorAll('#table-ladder thead th')].map(h => h.ariaSort)"
     assert page.evaluate(heads) == ["none", "none", "ascending"]
 
@@ -261,7 +262,7 @@ def test_numbers_are_sorted_as_numbers_and_one_column_at_a_time(page):
 def test_the_keyboard_sorts_too(page):
     page.evaluate("document.querySelector('#table-ladder thead button').focus()")
     page.press("Enter")
-    assert column_of(page, 0) == ["a-run", "b-run", "c-run", "d-run"]
+    assert column_of(page, 0) == ["a-run", "b-run", "c-run", "d-run", "gain"]
 
 
 # ----------------------------------------------------------------------------------- the viewer

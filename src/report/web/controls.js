@@ -22,7 +22,8 @@ function connectControls(viewer) {
 }
 
 function nameScenes(select, titles) {
-  const option = (title, n) => element("option", { value: n }, `${n + 1} of ${titles.length}: ${title}`);
+  const option = (title, n) =>
+    element("option", { value: n }, `${n + 1} of ${titles.length}: ${title}`);
   select.append(...titles.map(option));
 }
 
@@ -30,10 +31,10 @@ function nameScenes(select, titles) {
 function showState({ box, state, scene, index }) {
   box.querySelector("select").value = index;
   for (const button of all("[data-mode]", box)) {
-    button.ariaPressed = String(button.dataset.mode === state.mode);
+    press(button, button.dataset.mode === state.mode);
   }
   for (const button of all("[data-view]", box)) {
-    button.ariaPressed = String(!state.steered && button.dataset.view === state.preset);
+    press(button, !state.steered && button.dataset.view === state.preset);
     button.disabled = button.dataset.view === "camera" && !scene.frustum;
   }
   box.querySelector(".legend.errors").hidden = state.mode !== "errors";

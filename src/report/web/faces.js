@@ -55,7 +55,9 @@ function seesSun({ drawn, strides, shape }, place) {
   const cell = place.map(Math.floor);
   const step = SUN.map(Math.sign);
   const wait = SUN.map((along) => 1 / Math.abs(along));
-  const next = SUN.map((along, a) => (along > 0 ? cell[a] + 1 - place[a] : place[a] - cell[a]) * wait[a]);
+  const next = SUN.map(
+    (along, a) => (along > 0 ? cell[a] + 1 - place[a] : place[a] - cell[a]) * wait[a],
+  );
   for (;;) {
     const a = next[0] < next[1] ? (next[0] < next[2] ? 0 : 2) : next[1] < next[2] ? 1 : 2;
     cell[a] += step[a];
@@ -93,7 +95,10 @@ function facesOf(kinds, shape) {
     const side = 2 * axis + (direction > 0 ? 1 : 0);
     const kind = kinds[(x * shape[1] + y) * shape[2] + z];
     const open = openness(grid, at + direction * grid.strides[axis], axis);
-    bytes.set([side, kind, open, sunlight(grid, [x, y, z], axis, direction)], face * FACE_BYTES + 8);
+    bytes.set(
+      [side, kind, open, sunlight(grid, [x, y, z], axis, direction)],
+      face * FACE_BYTES + 8,
+    );
     face++;
   });
   return { bytes, count };

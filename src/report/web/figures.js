@@ -12,7 +12,8 @@ function gridEnds(scene) {
 // The two ends and the multiples of 10 m between them.
 function ticksBetween([low, high]) {
   const ticks = new Set([low, high]);
-  for (let n = Math.ceil(low / FLOOR_LINE_M); n * FLOOR_LINE_M <= high; n++) ticks.add(n * FLOOR_LINE_M);
+  for (let n = Math.ceil(low / FLOOR_LINE_M); n * FLOOR_LINE_M <= high; n++)
+    ticks.add(n * FLOOR_LINE_M);
   return [...ticks];
 }
 
@@ -40,7 +41,12 @@ function uavFigure(scene, colors) {
   const lift = 0.02 * span;
   const lines = [{ from: [0, 0, 0], to: [0, 0, scene.floor], color: colors.plumb, width: 1.5 }];
   const triangles = discTriangles([0, 0, scene.floor], 0.2 * span, colors.plumb);
-  for (const [x, y] of [[1, 1], [1, -1], [-1, -1], [-1, 1]]) {
+  for (const [x, y] of [
+    [1, 1],
+    [1, -1],
+    [-1, -1],
+    [-1, 1],
+  ]) {
     const rotor = [x * 0.36 * span, y * 0.36 * span, 0];
     lines.push({ from: [0, 0, 0], to: rotor, color: colors.uav, width: 3 });
     triangles.push(...discTriangles(rotor, 0.26 * span, colors.uav));

@@ -5,7 +5,10 @@ function fillLegend(legend, entries, shown, onChange) {
   const chips = entries.map(({ name, color }, n) => {
     const swatch = element("i", { style: `--color: rgb(${color.join(" ")})` });
     const chip = element(
-      "button", { type: "button", title: `hide or show; twice: ${name} alone` }, swatch, name,
+      "button",
+      { type: "button", title: `hide or show; twice: ${name} alone` },
+      swatch,
+      name,
     );
     chip.addEventListener("click", () => {
       shown[n] = !shown[n];
@@ -18,10 +21,11 @@ function fillLegend(legend, entries, shown, onChange) {
     });
     return chip;
   });
+  const say = () => chips.forEach((chip, n) => press(chip, shown[n]));
   const refresh = () => {
-    chips.forEach((chip, n) => (chip.ariaPressed = String(shown[n])));
+    say();
     onChange();
   };
-  chips.forEach((chip, n) => (chip.ariaPressed = String(shown[n])));
+  say();
   legend.replaceChildren(...chips);
 }

@@ -1,5 +1,5 @@
-// From the occ frame to the picture, and back: clip = [across . d, up . d, depth, forward . d] of the
-// way d from the eye to a point.
+// From the occ frame to the picture, and back: clip = [across . d, up . d, depth, forward . d] of
+// the way d from the eye to a point.
 
 const NEAR_M = 0.1;
 
@@ -9,7 +9,14 @@ function lensOf(eye, across, up, forward, far, hazeFromTo) {
   const shifts = [0, 0, (-2 * far * NEAR_M) / (far - NEAR_M), 0];
   const columns = [0, 1, 2].map((n) => rows.map((row) => row[n]));
   const last = rows.map((row, n) => shifts[n] - dot(row, eye));
-  return { eye, across, up, forward, hazeFromTo, clipFromOcc: new Float32Array([...columns, last].flat()) };
+  return {
+    eye,
+    across,
+    up,
+    forward,
+    hazeFromTo,
+    clipFromOcc: new Float32Array([...columns, last].flat()),
+  };
 }
 
 function diagonalOf(scene) {
@@ -23,8 +30,12 @@ function orbitLens(orbit, aspect, scene) {
   const length = scene.shape[0] * scene.voxel;
   const from = Math.max(orbit.distance - length / 2, 0);
   return lensOf(
-    eye, scaled(right, 1 / wide), scaled(up, aspect / wide), forward,
-    orbit.distance + 3 * diagonalOf(scene), [from, from + length],
+    eye,
+    scaled(right, 1 / wide),
+    scaled(up, aspect / wide),
+    forward,
+    orbit.distance + 3 * diagonalOf(scene),
+    [from, from + length],
   );
 }
 
@@ -43,8 +54,14 @@ function cameraLens(frustum, aspect, scene, share = 1) {
   const [north, south] = [dot(topLeft, down), dot(bottomLeft, down)];
   const wider = (east - west) / (south - north) / aspect;
   const [shareX, shareY] = [Math.min(1, 1 / wider), Math.min(1, wider)].map((all) => all * share);
-  const across = scaled(sum(scaled(right, 2 * depth), scaled(forward, -west - east)), shareX / (east - west));
-  const up = scaled(sum(scaled(down, -2 * depth), scaled(forward, north + south)), shareY / (south - north));
+  const across = scaled(
+    sum(scaled(right, 2 * depth), scaled(forward, -west - east)),
+    shareX / (east - west),
+  );
+  const up = scaled(
+    sum(scaled(down, -2 * depth), scaled(forward, north + south)),
+    shareY / (south - north),
+  );
   const haze = [0, scene.shape[0] * scene.voxel];
   return { ...lensOf(eye, across, up, forward, 3 * diagonalOf(scene), haze), isCamera: true };
 }

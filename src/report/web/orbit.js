@@ -11,7 +11,9 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const scaled = (a, by) => [a[0] * by, a[1] * by, a[2] * by];
 const sum = (...all) => [0, 1, 2].map((n) => all.reduce((total, a) => total + a[n], 0));
 const cross = (a, b) => [
-  a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0],
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0],
 ];
 
 // The observer's own axes.
@@ -25,7 +27,7 @@ function eyeOf(orbit) {
 }
 
 // As near as lets all the points into the picture, as the figures' own view does: the points bound
-// the eye along each side of the lens; where left meets right, and top meets bottom, is the nearest.
+// the eye along each side of the lens; where left meets right, and top meets bottom, is nearest.
 function fitted(points, pitch, aspect) {
   const { forward, right, up } = axesOf({ yaw: 0, pitch });
   const slopeX = Math.tan(HFOV / 2) * (1 - 2 * MARGIN);
@@ -39,7 +41,11 @@ function fitted(points, pitch, aspect) {
     [near, far] = [Math.min(near, z), Math.max(far, z)];
   }
   const depth = Math.min((west - east) / (2 * slopeX), (north - south) / (2 * slopeY));
-  const eye = sum(scaled(right, (west + east) / 2), scaled(up, -(north + south) / 2), scaled(forward, depth));
+  const eye = sum(
+    scaled(right, (west + east) / 2),
+    scaled(up, -(north + south) / 2),
+    scaled(forward, depth),
+  );
   const distance = (near + far) / 2 - depth;
   return { target: sum(eye, scaled(forward, distance)), yaw: 0, pitch, distance };
 }

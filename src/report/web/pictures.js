@@ -6,8 +6,8 @@ function makeZoomable(button) {
     const before = button.getBoundingClientRect();
     const across = (event.clientX - before.left) / before.width;
     const down = (event.clientY - before.top) / before.height;
-    const large = button.ariaPressed !== "true";
-    button.ariaPressed = String(large);
+    const large = !isPressed(button);
+    press(button, large);
     if (!large || event.detail === 0) return;
     const now = button.getBoundingClientRect();
     box.scrollLeft = across * now.width - box.clientWidth / 2;

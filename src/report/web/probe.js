@@ -14,13 +14,18 @@ function firstHit(scene, kinds, eye, ray) {
   }
   if (enter >= leave) return null;
   const inside = (index, a) => Math.min(Math.max(index, 0), scene.shape[a] - 1);
-  const cell = start.map((at, a) => inside(Math.floor(at + enter * ray[a] + 1e-9 * Math.sign(ray[a])), a));
+  const cell = start.map((at, a) =>
+    inside(Math.floor(at + enter * ray[a] + 1e-9 * Math.sign(ray[a])), a),
+  );
   const step = ray.map(Math.sign);
   const wait = ray.map((along) => Math.abs(1 / along));
   const next = ray.map((along, a) => (cell[a] + (along > 0) - start[a]) / along);
   while (cell.every((index, a) => index >= 0 && index < scene.shape[a])) {
     if (kinds[(cell[0] * Y + cell[1]) * Z + cell[2]] !== HIDDEN) return cell;
-    const a = [0, 1, 2].reduce((best, n) => (next[n] < next[best] || step[best] === 0 ? n : best), 0);
+    const a = [0, 1, 2].reduce(
+      (best, n) => (next[n] < next[best] || step[best] === 0 ? n : best),
+      0,
+    );
     cell[a] += step[a];
     next[a] += wait[a];
   }
@@ -33,7 +38,9 @@ function middleOf(scene, cell) {
 
 function directionWords([x, y, z]) {
   const far = (value) => `${Math.abs(value).toFixed(1)} m`;
-  return `${far(x)} ${x < 0 ? "behind" : "ahead"}, ${far(y)} ${y < 0 ? "right" : "left"}, ${far(z)} ${z < 0 ? "below" : "above"}`;
+  const along = `${far(x)} ${x < 0 ? "behind" : "ahead"}`;
+  const across = `${far(y)} ${y < 0 ? "right" : "left"}`;
+  return `${along}, ${across}, ${far(z)} ${z < 0 ? "below" : "above"}`;
 }
 
 // What each view holds at a voxel.
@@ -72,7 +79,11 @@ class Marker {
   markPhoto(scene, cell) {
     this.dot.hidden = true;
     if (!cell || !scene.frustum) return;
-    const lens = cameraLens(scene.frustum, this.photo.naturalWidth / this.photo.naturalHeight, scene);
+    const lens = cameraLens(
+      scene.frustum,
+      this.photo.naturalWidth / this.photo.naturalHeight,
+      scene,
+    );
     const place = placeOf(lens, middleOf(scene, cell));
     if (!place || Math.max(...place.map(Math.abs)) > 1) return;
     this.dot.hidden = false;

@@ -2,7 +2,10 @@
 
 function compiled(gl, vertex, fragment) {
   const program = gl.createProgram();
-  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+  for (const [kind, source] of [
+    [gl.VERTEX_SHADER, vertex],
+    [gl.FRAGMENT_SHADER, fragment],
+  ]) {
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
@@ -13,9 +16,12 @@ function compiled(gl, vertex, fragment) {
     const logs = gl.getAttachedShaders(program).map((shader) => gl.getShaderInfoLog(shader));
     throw new Error(`shader: ${logs.join(" ")} ${gl.getProgramInfoLog(program)}`);
   }
-  return new Proxy({ program }, {
-    get: (held, name) => held[name] ?? (held[name] = gl.getUniformLocation(program, name)),
-  });
+  return new Proxy(
+    { program },
+    {
+      get: (held, name) => held[name] ?? (held[name] = gl.getUniformLocation(program, name)),
+    },
+  );
 }
 
 class Renderer {
@@ -34,7 +40,7 @@ class Renderer {
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
 
-  // An array of vertices: `fields` are [how many numbers, type, byte], `divisor` is 1 for instances.
+  // An array of vertices: `fields` are [how many numbers, type, byte], `divisor` 1 for instances.
   mesh(data, stride, fields, divisor) {
     const { gl } = this;
     const [array, buffer] = [gl.createVertexArray(), gl.createBuffer()];
@@ -58,21 +64,43 @@ class Renderer {
 
   faceMesh({ bytes }) {
     const { gl } = this;
-    const fields = [[3, gl.UNSIGNED_SHORT, 0], [4, gl.UNSIGNED_BYTE, 8]];
+    const fields = [
+      [3, gl.UNSIGNED_SHORT, 0],
+      [4, gl.UNSIGNED_BYTE, 8],
+    ];
     return this.mesh(bytes, FACE_BYTES, fields, 1);
   }
 
   lineMesh(lines, ratio) {
     const { gl } = this;
-    const data = lines.flatMap(({ from, to, color, width }) => [...from, ...to, ...color, width * ratio]);
-    const fields = [[3, gl.FLOAT, 0], [3, gl.FLOAT, 12], [4, gl.FLOAT, 24]];
+    const data = lines.flatMap(({ from, to, color, width }) => [
+      ...from,
+      ...to,
+      ...color,
+      width * ratio,
+    ]);
+    const fields = [
+      [3, gl.FLOAT, 0],
+      [3, gl.FLOAT, 12],
+      [4, gl.FLOAT, 24],
+    ];
     return this.mesh(new Float32Array(data), 40, fields, 1);
   }
 
   triangleMesh(triangles) {
     const { gl } = this;
-    const data = triangles.flatMap(({ places, color }) => places.flatMap((place) => [...place, ...color]));
-    return this.mesh(new Float32Array(data), 24, [[3, gl.FLOAT, 0], [3, gl.FLOAT, 12]], 0);
+    const data = triangles.flatMap(({ places, color }) =>
+      places.flatMap((place) => [...place, ...color]),
+    );
+    return this.mesh(
+      new Float32Array(data),
+      24,
+      [
+        [3, gl.FLOAT, 0],
+        [3, gl.FLOAT, 12],
+      ],
+      0,
+    );
   }
 
   // Large enough for the largest view: one that shrank with each view would be made anew each time.
@@ -93,7 +121,10 @@ class Renderer {
     gl.uniform3fv(faces.lower, scene.lower);
     gl.uniform1f(faces.voxel, scene.voxel);
     gl.uniform3fv(faces.palette, palette.flat());
-    gl.uniform3fv(faces.sun, SUN.map((along) => along / length));
+    gl.uniform3fv(
+      faces.sun,
+      SUN.map((along) => along / length),
+    );
     gl.uniform3fv(faces.haze, haze);
     gl.uniform2fv(faces.hazeFromTo, lens.hazeFromTo);
     gl.bindVertexArray(mesh.array);

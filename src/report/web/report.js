@@ -21,3 +21,12 @@ function element(tag, attributes = {}, ...children) {
   made.append(...children);
   return made;
 }
+
+// Buttons that stay pressed.
+function press(button, isDown) {
+  button.setAttribute("aria-pressed", isDown);
+}
+
+function isPressed(button) {
+  return button.getAttribute("aria-pressed") === "true";
+}

@@ -5,7 +5,7 @@ async function startViewer(box) {
     const message = box.nextElementSibling;
     box.hidden = true;
     box.classList.remove("steered");
-    message.textContent = `The 3-D viewer cannot run: ${reason}. Still pictures of the scenes follow.`;
+    message.textContent = `The 3-D viewer cannot run: ${reason}. Still pictures follow.`;
     message.hidden = false;
     report("viewer", "stills");
     report("ready", "true");
@@ -16,7 +16,10 @@ async function startViewer(box) {
     const viewer = new Viewer(box, classes, all("script.scene"), fail);
     box.hidden = false;
     box.classList.add("steered");
-    nameScenes(box.querySelector("select"), all(".still h3").map((title) => title.textContent));
+    nameScenes(
+      box.querySelector("select"),
+      all(".still h3").map((title) => title.textContent),
+    );
     await viewer.open(0);
     connectControls(viewer);
     report("viewer", "3d");

@@ -8,14 +8,18 @@ const KEY_ZOOM = 1.15;
 const WHEEL_ZOOM = 0.0015;
 
 const KEYS = {
-  ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1],
+  ArrowLeft: [-1, 0],
+  ArrowRight: [1, 0],
+  ArrowUp: [0, -1],
+  ArrowDown: [0, 1],
 };
 
 // The middle of the held pointers, and how far apart they are.
 function gripOf(held) {
   const places = [...held.values()];
   const middle = [0, 1].map((n) => places.reduce((total, at) => total + at[n], 0) / places.length);
-  const spread = places.length > 1 ? Math.hypot(places[0][0] - places[1][0], places[0][1] - places[1][1]) : 0;
+  const spread =
+    places.length > 1 ? Math.hypot(places[0][0] - places[1][0], places[0][1] - places[1][1]) : 0;
   return { middle, spread };
 }
 
@@ -32,7 +36,9 @@ function steerByPointer(canvas, steer) {
     const before = gripOf(held);
     held.set(event.pointerId, [event.clientX, event.clientY]);
     const now = gripOf(held);
-    const [right, down] = [0, 1].map((n) => (now.middle[n] - before.middle[n]) / canvas.clientWidth);
+    const [right, down] = [0, 1].map(
+      (n) => (now.middle[n] - before.middle[n]) / canvas.clientWidth,
+    );
     if (held.size > 1 || event.shiftKey || event.buttons & 6) steer.move(right, down);
     else steer.turn(right * TURN_PER_WIDTH, down * TURN_PER_WIDTH);
     if (held.size > 1 && now.spread > 0) steer.zoom(before.spread / now.spread);

@@ -8,7 +8,9 @@ class Viewer {
     this.box = box;
     this.classes = classes;
     this.scripts = scripts;
-    this.palette = [...classes.colors, ...ERRORS.map(({ color }) => color)].map((c) => scaled(c, 1 / 255));
+    this.palette = [...classes.colors, ...ERRORS.map(({ color }) => color)].map((c) =>
+      scaled(c, 1 / 255),
+    );
     this.shown = { classes: classes.names.map(() => true), errors: ERRORS.map(() => true) };
     this.state = { mode: "classes", preset: "behind", orbit: null, steered: false, beyond: false };
     this.views = [];
@@ -91,7 +93,12 @@ class Viewer {
   // The faces of all views, for what is to be shown now.
   rebuild() {
     const { mode, beyond } = this.state;
-    const how = { unknown: this.classes.unknown, beyond, errors: mode === "errors", shown: this.shown };
+    const how = {
+      unknown: this.classes.unknown,
+      beyond,
+      errors: mode === "errors",
+      shown: this.shown,
+    };
     for (const view of this.views) view.rebuild(this.scene, how);
     this.point(null);
     this.draw();
@@ -130,8 +137,14 @@ class Viewer {
   }
 
   lens() {
-    const { scene, state: { orbit }, views: [{ aspect }] } = this;
-    return orbit ? orbitLens(orbit, aspect, scene) : cameraLens(scene.frustum, aspect, scene, IMAGE_SHARE);
+    const {
+      scene,
+      state: { orbit },
+      views: [{ aspect }],
+    } = this;
+    return orbit
+      ? orbitLens(orbit, aspect, scene)
+      : cameraLens(scene.frustum, aspect, scene, IMAGE_SHARE);
   }
 
   resize() {

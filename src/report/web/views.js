@@ -6,7 +6,12 @@ class View {
     this.canvas = element("canvas", { tabindex: 0, role: "img" });
     this.context = this.canvas.getContext("2d");
     [this.name, this.errors] = [element("b"), element("span")];
-    this.figure = element("figure", {}, element("figcaption", {}, this.name, this.errors), this.canvas);
+    this.figure = element(
+      "figure",
+      {},
+      element("figcaption", {}, this.name, this.errors),
+      this.canvas,
+    );
     makeSteerable(this.canvas, steer(this));
   }
 
@@ -27,7 +32,9 @@ class View {
     this.errors.textContent = "";
     if (!how.errors || this.labels === truth) return;
     const counts = errorCounts(truth, this.labels, how.unknown);
-    this.errors.textContent = ERRORS.map(({ name }, n) => `${name} ${counts[n].toLocaleString("en")}`).join(" · ");
+    this.errors.textContent = ERRORS.map(
+      ({ name }, n) => `${name} ${counts[n].toLocaleString("en")}`,
+    ).join(" · ");
   }
 
   // As many pixels as the screen has, within reason.

@@ -66,7 +66,13 @@ function kindsOf(truth, labels, { unknown, beyond, errors, shown }) {
 function pointsToShow({ shape: [X, Y, Z], lower, voxel, volumes, floor }, unknown) {
   const truth = volumes[0].labels;
   const half = (UAV_SHARE * X * voxel) / 2;
-  const points = [[-half, -half, 0], [-half, half, 0], [half, -half, 0], [half, half, 0], [0, 0, floor]];
+  const points = [
+    [-half, -half, 0],
+    [-half, half, 0],
+    [half, -half, 0],
+    [half, half, 0],
+    [0, 0, floor],
+  ];
   for (let x = 0, i = 0; x < X; x++) {
     for (let y = 0; y < Y; y++) {
       for (let z = 0; z < Z; z++, i++) {
