@@ -34,9 +34,14 @@ def code_digest(paths: Iterable[Path]) -> str:
     )
 
 
+def source_digest() -> str:
+    """Digest of all of ``src/``, as it lies on the disk now."""
+    return code_digest([SOURCE])
+
+
 def code_version(config: Mapping) -> str:
     """The version of a result: digest of ``src/`` and of the composed configuration."""
-    return digest_of([code_digest([SOURCE]), config])
+    return digest_of([source_digest(), config])
 
 
 def git_commit() -> str:

@@ -10,13 +10,14 @@ import yaml
 
 from .atomic import replacing
 from .errors import UserError
-from .provenance import code_version
+from .provenance import code_version, source_digest
 
 CONFIG = "config.yaml"
 METRICS = "metrics.csv"
 RESULTS = "results.csv"
 SESSIONS = "sessions"
 VERSION = ".version"
+CODE = ".code"
 NOT_SHAPING = (
     *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
     *("predictions", "dataset", "layout"),
@@ -85,6 +86,7 @@ class RunFolder:
         self.path.mkdir(parents=True)
         self._write(CONFIG, yaml.safe_dump(self.config, sort_keys=False))
         self._write(VERSION, self.version + "\n")
+        self._write(CODE, source_digest() + "\n")
         return None
 
     def to_resume(self, afresh: bool) -> Path | None:
@@ -122,8 +124,7 @@ class RunFolder:
                 yield table
 
     def _recorded_version(self) -> str:
-        path = self.path / VERSION
-        return path.read_text().strip() if path.is_file() else ""
+        return _recorded(self.path / VERSION)
 
     def _free_name(self) -> Path:
         number = 1
@@ -136,6 +137,17 @@ class RunFolder:
             temporary.write_text(text)
 
 
+def code_of(folder: Path) -> str:
+    """Digest of ``src/`` alone when the run began: the version of a run hashes its configuration
+    too, so it cannot say whether two rungs ran the same code. Empty for a run that recorded none.
+    """
+    return _recorded(Path(folder) / CODE)
+
+
+def _recorded(path: Path) -> str:
+    return path.read_text().strip() if path.is_file() else ""
+
+
 def require_same_config(checkpoint: Path, config: dict, part: str | None = None) -> None:
     """Refuses a checkpoint whose run was started under another configuration.
 
@@ -143,14 +155,8 @@ def require_same_config(checkpoint: Path, config: dict, part: str | None = None)
     names the first key that differs, or where the run's ``config.yaml`` cannot be read.
     """
     path = checkpoint.parent.parent / CONFIG
-    try:
-        before = shaping(yaml.safe_load(path.read_text()))
-    except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
-        reason = " ".join(str(error).split())
-        raise UserError(
-            f"{path}: cannot be read ({reason}), so what {checkpoint.name} was trained with is "
-            "unknown; keep a checkpoint in the folder of its run"
-        ) from None
+    unknown = f"so what {checkpoint.name} was trained with is unknown"
+    before = shaping(read_config(path, f"{unknown}; keep a checkpoint in the folder of its run"))
     after = shaping(config)
     way_out = "or drop ckpt_path to start anew" if part is None else "or another ckpt_path"
     if part is not None:
@@ -160,6 +166,20 @@ def require_same_config(checkpoint: Path, config: dict, part: str | None = None)
             f"{path}: the run was started with {key}={json.dumps(old)}, and now it is "
             f"{json.dumps(new)}; give the old value, {way_out}"
         )
+
+
+def read_config(path: Path, so: str) -> dict:
+    """The configuration that a run was started with.
+
+    Raises `UserError` where it cannot be read or is none; ``so`` says what follows from that.
+    """
+    try:
+        config = yaml.safe_load(path.read_text())
+        shaping(config)
+        return config
+    except (OSError, ValueError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+        reason = " ".join(str(error).split())
+        raise UserError(f"{path}: cannot be read ({reason}), {so}") from None
 
 
 def shaping(config: dict) -> dict:

@@ -125,7 +125,7 @@ def test_a_run_leaves_its_folder_complete(finished):
     folder, _ = finished
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     assert names == {
-        *("config.yaml", ".version", "class_weights.json", "metrics.csv", "results.csv"),
+        *("config.yaml", ".version", ".code", "class_weights.json", "metrics.csv", "results.csv"),
         *("checkpoints/best.ckpt", "checkpoints/last.ckpt"),
         *("figures/curves.png", "figures/qualitative.png"),
         *("scores.csv", "precision.json", "sessions/version_0/metrics.csv"),

@@ -4,8 +4,9 @@ import pandas as pd
 import pytest
 import yaml
 
+from src import run_folder
 from src.errors import UserError
-from src.run_folder import RunFolder, differences, require_same_config, shaping
+from src.run_folder import RunFolder, code_of, differences, require_same_config, shaping
 
 
 def config(folder, **changes):
@@ -97,6 +98,15 @@ def test_what_shapes_no_result_does_not_change_the_version(tmp_path, changes):
 )
 def test_what_shapes_a_result_does(tmp_path, changes):
     assert folder_of(tmp_path, **changes).version != folder_of(tmp_path).version
+
+
+def test_the_code_of_a_run_is_recorded_apart_from_its_configuration(tmp_path, monkeypatch):
+    one, other = (half_done(tmp_path / name, seed=n).path for n, name in enumerate("ab"))
+    assert code_of(one) == code_of(other) != ""
+    monkeypatch.setattr(run_folder, "source_digest", lambda: "0123456789ab")
+    assert code_of(half_done(tmp_path / "c").path) == "0123456789ab"
+    (one / ".code").unlink()
+    assert code_of(one) == ""
 
 
 def test_a_run_may_be_moved_to_another_place(tmp_path):

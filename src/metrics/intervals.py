@@ -1,8 +1,12 @@
-"""Confidence intervals by resampling clips.
+"""Confidence intervals by resampling clips and, where there are several, the seeds of the training.
 
 Frames of one clip show the same street in the same light, so they are no independent evidence:
 clips are drawn, with replacement, and all frames of a clip come or go together (the cluster
 bootstrap). Of two runs on the same clips the same clips are drawn, so what they share cancels.
+
+Another training would have moved a score too. Where a model was trained from several seeds its
+score is their mean, and every resample draws seeds, with replacement, beside its clips: each drawn
+seed is scored on the drawn clips (two levels, crossed, since all seeds are scored on all clips).
 """
 
 from typing import NamedTuple
@@ -12,7 +16,7 @@ from jaxtyping import Float
 from torch import Generator, Tensor
 
 from ..errors import UserError
-from .tables import Scores, TableMetric, Tables
+from .tables import TableMetric, Tables
 
 RESAMPLES = 2000
 LEVEL = 0.95
@@ -56,12 +60,10 @@ def score_intervals(
     With one clip there is nothing to resample: the bounds are NaN. So they are where a score is NaN
     in all resamples; resamples in which it is are left out.
     """
-    values, resampled = _whole(metric, tables), _resampled(metric, tables, weights)
-    intervals = {}
-    for name, value in values.items():
-        low, high = _bounds(resampled[name], level) if weights.shape[1] > 1 else (torch.nan,) * 2
-        intervals[name] = Interval(float(value), float(low), float(high))
-    return intervals
+    samples = score_samples(metric, tables, weights)
+    return {
+        name: interval_of(_if_drawn(sample, weights), level) for name, sample in samples.items()
+    }
 
 
 def score_differences(
@@ -72,36 +74,59 @@ def score_differences(
     level: float = LEVEL,
 ) -> dict[str, Difference]:
     """Every score of the second tables minus the first's, both [n clips, ...] of the same clips."""
-    differences = {}
-    values = [_whole(metric, tables) for tables in (first, second)]
-    resampled = [_resampled(metric, tables, weights) for tables in (first, second)]
-    for name in values[0]:
-        value = values[1][name] - values[0][name]
-        drawn = resampled[1][name] - resampled[0][name]
-        several = weights.shape[1] > 1
-        low, high = _bounds(drawn, level) if several else (torch.nan,) * 2
-        kept = drawn[~drawn.isnan()]
-        same = (kept.sign() == value.sign()).double().mean() if several else torch.nan
-        differences[name] = Difference(float(value), float(low), float(high), float(same))
-    return differences
+    ours, theirs = (score_samples(metric, tables, weights) for tables in (first, second))
+    return {
+        name: difference_of(_if_drawn(theirs[name] - ours[name], weights), level) for name in ours
+    }
 
 
-def _whole(metric: TableMetric, tables: Tables) -> Scores:
-    return metric.scores({name: table.sum(0) for name, table in tables.items()})
-
-
-def _resampled(metric: TableMetric, tables: Tables, weights: Float[Tensor, "r n"]) -> Scores:
-    return metric.scores(
+def score_samples(
+    metric: TableMetric, tables: Tables, weights: Float[Tensor, "r n"]
+) -> dict[str, Float[Tensor, "1+r"]]:
+    """Every score of the tables [n clips, ...]: of all clips, and then of each resample."""
+    whole = metric.scores({name: table.sum(0) for name, table in tables.items()})
+    drawn = metric.scores(
         {
             name: (weights @ table.flatten(1).double()).unflatten(1, table.shape[1:])
             for name, table in tables.items()
         }
     )
+    # The whole is summed as integers: it is the score of the result table to the last bit.
+    return {name: torch.cat([value.view(1), drawn[name]]) for name, value in whole.items()}
 
 
-def _bounds(values: Float[Tensor, "r"], level: float) -> tuple[Tensor, Tensor]:
-    kept = values[~values.isnan()]
+def seed_sample(
+    samples: Float[Tensor, "s 1+r"], weights: Float[Tensor, "r s"]
+) -> Float[Tensor, "1+r"]:
+    """The mean of one score over s seeds, and over those that each resample draws.
+
+    ``samples`` are of the same draws of clips, ``weights`` say how often each seed is drawn
+    (`resamplings`). A seed whose score is NaN is left out of its mean.
+    """
+    times = torch.cat([torch.ones_like(weights[:1]), weights]).T
+    kept = times * ~samples.isnan()
+    return (kept * samples.nan_to_num()).sum(0) / kept.sum(0)
+
+
+def interval_of(sample: Float[Tensor, "1+r"], level: float = LEVEL) -> Interval:
+    """A score and its percentile interval. Resamples in which it is NaN are left out, and where
+    none is left the bounds are NaN."""
+    value, drawn = sample[0], sample[1:]
+    kept = drawn[~drawn.isnan()]
     if not len(kept):
-        return values.new_tensor(torch.nan), values.new_tensor(torch.nan)
+        return Interval(float(value), torch.nan, torch.nan)
     tail = (1 - level) / 2
-    return tuple(kept.quantile(kept.new_tensor([tail, 1 - tail])))
+    low, high = kept.quantile(kept.new_tensor([tail, 1 - tail])).tolist()
+    return Interval(float(value), low, high)
+
+
+def difference_of(sample: Float[Tensor, "1+r"], level: float = LEVEL) -> Difference:
+    """The same for a difference, with ``same_sign``."""
+    value, drawn = sample[0], sample[1:]
+    same = drawn[~drawn.isnan()].sign() == value.sign()
+    return Difference(*interval_of(sample, level), float(same.double().mean()))
+
+
+def _if_drawn(sample: Float[Tensor, "1+r"], weights: Float[Tensor, "r n"]) -> Tensor:
+    """The score alone where there is but one clip to draw from."""
+    return sample if weights.shape[1] > 1 else sample[:1]

@@ -1,14 +1,15 @@
 """The integer tables of a scored run, clip by clip, on disk: all scores can be computed again."""
 
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 import torch
 
 from ..atomic import replacing
+from ..data.files import BROKEN
 from ..errors import UserError
 from .protocol import Protocol
 from .suite import ScoreSuite
@@ -59,6 +60,7 @@ class Tally:
     @classmethod
     def read(cls, path: Path) -> "Tally":
         """What `write` wrote. Raises `UserError` for a file that is missing or anything else."""
+        tables: dict[str, Tables] = {}
         try:
             with np.load(path, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
@@ -66,12 +68,13 @@ class Tally:
                 raise ValueError("it is of another version")
             name, protocol = (str(arrays.pop(key)) for key in ("name", "protocol"))
             clips, frames = (arrays.pop(key).tolist() for key in ("clips", "frames"))
+            for key, array in arrays.items():
+                metric, table = key.split("/", 1)
+                tables.setdefault(metric, {})[table] = torch.from_numpy(array)
+            return cls(name, Protocol.from_json(protocol), clips, frames, tables)
         except FileNotFoundError as error:
             raise UserError(f"{path}: no such file; finish the run or run task=score") from error
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
-            raise UserError(f"{path}: cannot be read ({error}); score again") from error
-        tables: dict[str, Tables] = {}
-        for key, array in arrays.items():
-            metric, table = key.split("/", 1)
-            tables.setdefault(metric, {})[table] = torch.from_numpy(array)
-        return cls(name, Protocol.from_json(protocol), clips, frames, tables)
+        # The last two are what numpy raises over the header of an array.
+        except (*BROKEN, SyntaxError, TokenError) as error:
+            reason = " ".join(str(error).split())
+            raise UserError(f"{path}: cannot be read ({reason}); score again") from error

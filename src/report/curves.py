@@ -10,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..atomic import replacing
 from ..errors import UserError
+from .curve_plot import Curve
 
 TRAIN_LOSS = "train/total"
 VALIDATION = {"val/kar_miou": "KAR-mIoU", "val/miou_occupied": "mIoU occupied"}
@@ -38,6 +39,14 @@ def draw_curves(metrics_csv: str | Path, path: str | Path) -> None:
         canvas.print_png(temporary)
 
 
+def read_curve(metrics_csv: str | Path, column: str, name: str, scale: float = 1.0) -> Curve:
+    """One column of a ``metrics.csv`` as the curve of a run, with no point where it was not logged.
+
+    Raises `UserError` as `draw_curves` does.
+    """
+    return _curve(_read(metrics_csv), column, name, scale)
+
+
 def _read(metrics_csv: str | Path) -> pd.DataFrame:
     wanted = (TRAIN_LOSS, *VALIDATION)
     try:
@@ -55,11 +64,19 @@ def _read(metrics_csv: str | Path) -> pd.DataFrame:
 def _draw(
     axes: Axes, table: pd.DataFrame, column: str, label: str, color: str, scale: float = 1.0
 ) -> None:
-    """One curve: the mean of a column in each epoch, at the epoch's end."""
+    """One curve, where the column was logged."""
+    curve = _curve(table, column, label, scale)
+    if curve.epochs:
+        style = {"color": color, "label": label, "marker": "o", "markersize": 3.5}
+        axes.plot(curve.epochs, curve.values, **style)
+
+
+def _curve(table: pd.DataFrame, column: str, name: str, scale: float) -> Curve:
+    """The mean of a column in each epoch, at the epoch's end; empty where it was never logged."""
     if column not in table:
-        return
+        return Curve(name, (), ())
     values = table.dropna(subset=[column]).groupby("epoch")[column].mean() * scale
-    axes.plot(values.index + 1, values, color=color, label=label, marker="o", markersize=3.5)
+    return Curve(name, tuple((values.index + 1.0).tolist()), tuple(values.tolist()))
 
 
 def _finish(axes: Axes, title: str) -> None:

@@ -1,4 +1,4 @@
-"""Intervals by resampling clips: exact cases, their coverage, and paired differences."""
+"""Intervals by resampling clips and seeds: exact cases, their coverage, and paired differences."""
 
 import math
 
@@ -7,7 +7,14 @@ import torch
 
 from src.errors import UserError
 from src.metrics import KARMeanIoU, SafetyScores
-from src.metrics.intervals import resamplings, score_differences, score_intervals
+from src.metrics.intervals import (
+    interval_of,
+    resamplings,
+    score_differences,
+    score_intervals,
+    score_samples,
+    seed_sample,
+)
 from src.metrics.tables import TableMetric
 from src.ontology import CAR, FREE, THIN_STRUCTURE
 
@@ -255,3 +262,69 @@ def test_thin_structures_of_a_single_clip_have_the_recall_of_that_clip(grid):
     found = score_intervals(metric, tables, resamplings(6, 100, rng(0)))
     assert found["thin_recall"] == pytest.approx((0.4, 0.4, 0.4))
     assert found["geometric_iou"].low < found["geometric_iou"].high
+
+
+# ------------------------------------------------------------------------------ seeds and clips
+
+
+def rates_of(samples):
+    return torch.stack([sample["rate"] for sample in samples])
+
+
+def two_levels(runs, seed=0, resamples=101):
+    """Samples of every run on the same draws of clips, and draws of the runs."""
+    clips = resamplings(len(runs[0]["hits"]), resamples, rng(seed))
+    seeds = resamplings(len(runs), resamples, rng(seed + 1))
+    samples = [score_samples(HitRate(), tables, clips) for tables in runs]
+    return clips, seeds, rates_of(samples)
+
+
+def test_a_resample_of_two_levels_is_the_mean_over_drawn_seeds_on_the_drawn_clips():
+    """Written out: seeds one by one, their clips one by one, then sorted bounds."""
+    runs = [drawn_clips(7, rng(seed)) for seed in range(3)]
+    clips, seeds, samples = two_levels(runs)
+    means = []
+    for clip_times, seed_times in zip(clips.long().tolist(), seeds.long().tolist()):
+        drawn_clip = [n for n, times in enumerate(clip_times) for _ in range(times)]
+        drawn_seed = [n for n, times in enumerate(seed_times) for _ in range(times)]
+        assert (len(drawn_clip), len(drawn_seed)) == (7, 3)
+        rates = []
+        for n in drawn_seed:
+            hits, voxels = (
+                sum(int(runs[n][name][clip]) for clip in drawn_clip) for name in ("hits", "voxels")
+            )
+            rates.append(hits / voxels)
+        means.append(sum(rates) / 3)
+    sample = seed_sample(samples, seeds)
+    torch.testing.assert_close(sample[1:], torch.tensor(means, dtype=torch.float64))
+    whole = [float(run["hits"].sum() / run["voxels"].sum()) for run in runs]
+    means.sort()
+    assert interval_of(sample, 0.9) == pytest.approx((sum(whole) / 3, means[5], means[95]))
+
+
+def test_a_single_seed_adds_nothing_to_the_clips():
+    tables = drawn_clips(9, rng(0))
+    clips, seeds, samples = two_levels([tables])
+    assert (
+        interval_of(seed_sample(samples, seeds), 0.9)
+        == (score_intervals(HitRate(), tables, clips, 0.9)["rate"])
+    )
+
+
+def test_seeds_that_differ_widen_the_interval_and_equal_ones_do_not():
+    """On equal clips nothing but the seeds can move a score."""
+    apart = [clips_of([hits] * 8, [100] * 8) for hits in (40, 50, 60)]
+    _, seeds, samples = two_levels(apart, resamples=2000)
+    assert interval_of(seed_sample(samples, seeds)) == pytest.approx((0.5, 0.4, 0.6))
+    _, seeds, samples = two_levels(apart[:1] * 3)
+    assert interval_of(seed_sample(samples, seeds)) == pytest.approx((0.4, 0.4, 0.4))
+
+
+def test_a_seed_without_a_score_is_left_out_of_the_mean():
+    runs = [clips_of([0, 0], [0, 0]), clips_of([3, 3], [4, 4]), clips_of([1, 1], [4, 4])]
+    _, seeds, samples = two_levels(runs)
+    sample = seed_sample(samples, seeds)
+    assert sample[0] == 0.5
+    only_the_first = seeds[:, 1:].sum(1) == 0
+    assert only_the_first.any()
+    assert torch.equal(sample[1:].isnan(), only_the_first)

@@ -139,3 +139,21 @@ def test_a_data_set_without_a_label_scores_nan_and_no_error(grid, random_batch):
     suite.update(preds, truth_of(unknown, velocity, CLIPS[:1] * 4))
     assert np.isnan(suite.scores()["kar_miou"])
     assert "occupancy" in suite.tables()
+
+
+def test_a_damaged_tally_is_named_in_one_line_whatever_is_broken(tally, tmp_path):
+    path = tmp_path / "mine.npz"
+    tally.write(path)
+    whole = path.read_bytes()
+    rng, said = np.random.default_rng(0), []
+    for _ in range(60):
+        damaged = bytearray(whole)
+        damaged[rng.integers(len(whole))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(damaged)
+        try:
+            Tally.read(path)
+        except UserError as error:
+            said.append(str(error))
+    assert len(said) > 40
+    assert all(line.startswith(f"{path}: cannot be read") for line in said)
+    assert not any("\n" in line for line in said)

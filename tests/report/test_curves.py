@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from src.errors import UserError
-from src.report.curves import _draw, draw_curves
+from src.report.curve_plot import Curve
+from src.report.curves import _draw, draw_curves, read_curve
 
 METRICS = """epoch,step,train/total,val/kar_miou,val/miou_occupied
 0,0,3.0,,
@@ -62,3 +63,9 @@ def test_a_missing_or_broken_file_is_named(tmp_path, metrics_csv, text):
     with pytest.raises(UserError, match=r"metrics\.csv: ") as caught:
         draw_curves(metrics_csv, tmp_path / "curves.png")
     assert "\n" not in str(caught.value)
+
+
+def test_a_column_is_read_as_a_curve(metrics_csv):
+    curve = read_curve(metrics_csv, "val/kar_miou", "skyocc", scale=100)
+    assert curve == Curve("skyocc", (1.0, 2.0), (10.0, 15.0))
+    assert read_curve(metrics_csv, "val/miou", "skyocc") == Curve("skyocc", (), ())

@@ -1,0 +1,91 @@
+"""``report.md``: a report of the ladder as one page of text and tables."""
+
+from collections.abc import Sequence
+
+from .ladder_report import LadderReport
+from .scored_runs import ScoredRun
+from .shared_settings import Values
+from .table_files import escaped, markdown_of
+
+
+def report_text(report: LadderReport, heading: str) -> str:
+    """The page: what the numbers rest on first, then the tables, then the files beside it."""
+    blocks = [
+        f"# {heading}",
+        _basis(report.runs),
+        *_list("Not a clean comparison", report.warnings),
+        *_list("Missing", report.missing),
+        *_settings(report),
+        "## Tables",
+        "Numbers are percentages and differences percentage points, in the files too. In bold: the "
+        "best mean of a column, whatever the intervals say.",
+        *(markdown_of(table).rstrip() for table in report.tables),
+        *_files(report),
+    ]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _basis(runs: Sequence[ScoredRun]) -> str:
+    """Which runs, data and code."""
+    by_experiment: dict[str, list[str]] = {}
+    for run in runs:
+        by_experiment.setdefault(run.experiment, []).append(str(run.seed))
+    facts = {
+        "Runs": [f"{name}, seed {', '.join(seeds)}" for name, seeds in by_experiment.items()],
+        "Data set": [run.tally.protocol.dataset for run in runs],
+        "Grid": [_grid(run) for run in runs],
+        "Code (`src/`)": [run.code for run in runs],
+        "Commit": [run.row["git_commit"] or "none" for run in runs],
+        "Precision": [run.row["precision"] for run in runs],
+        "Parameters": [f"{run.row['parameters']:,}" for run in runs],
+    }
+    return "\n".join(
+        f"- {name}: {'; '.join(map(escaped, dict.fromkeys(values)))}"
+        for name, values in facts.items()
+    )
+
+
+def _grid(run: ScoredRun) -> str:
+    grid = run.tally.protocol.voxel_grid
+    return f"{' x '.join(map(str, grid.shape))} voxels of {grid.voxel_m:g} m"
+
+
+def _list(heading: str, lines: Sequence[str]) -> list[str]:
+    return [f"## {heading}", _listed(lines)] if lines else []
+
+
+def _listed(lines: Sequence[str]) -> str:
+    return "\n".join(f"- {escaped(line)}" for line in lines)
+
+
+def _settings(report: LadderReport) -> list[str]:
+    """What all rungs share, the values of what they do not, and what other experiments are."""
+    blocks = ["## Settings"] if report.settings or report.others else []
+    if report.settings:
+        blocks.append(escaped(report.settings))
+    if report.differing:
+        blocks.append(_differing(report.differing))
+    return (
+        blocks + ["\n".join(f"- {escaped(line)}" for line in report.others)][: len(report.others)]
+    )
+
+
+def _differing(values: Values) -> str:
+    experiments = list(next(iter(values.values())))
+    lines = [["setting", *experiments], [":--"] * (len(experiments) + 1)]
+    lines += [
+        [key, *(", ".join(by_experiment[name]) for name in experiments)]
+        for key, by_experiment in values.items()
+    ]
+    lines[2:] = [[escaped(text) for text in line] for line in lines[2:]]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _files(report: LadderReport) -> list[str]:
+    keys = ", ".join(f"`{table.key}`" for table in report.tables)
+    return [
+        "## Files",
+        f"`tables/` holds each table as `.csv` (full precision, bounds in columns of their own), "
+        f"`.md` and `.tex` (needs `booktabs`): {keys}. `seeds.csv` has the scores of every run and "
+        "part.",
+    ]

@@ -1,0 +1,137 @@
+"""Scored runs that may stand in one table: of one protocol, the same labels and the same code."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+
+from ..errors import UserError
+from ..metrics.protocol import require_same_protocol
+from ..metrics.tally import Tally
+from .evidence import Evidence
+from .ladder import ANCHORS, LADDER, in_order
+from .scored_part import ScoredPart
+from .scored_runs import ScoredRun
+from .scores import Parts
+
+ALL_FREE = "all_free"
+MIXED = "task.mixed=true"
+TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class RunGroup:
+    """Runs of one protocol, the ladder's first. ``label`` says, in the rows of a further group of
+    a mixed report, in what it differs from the first one."""
+
+    runs: tuple[ScoredRun, ...]
+    label: str = ""
+
+    @property
+    def rungs(self) -> list[ScoredRun]:
+        return [run for run in self.runs if run.experiment in LADDER]
+
+    def tallies(self) -> dict[str, dict[int, Tally]]:
+        """Those of every experiment by seed, and of each anchor once: it has no seed."""
+        tallies: dict[str, dict[int, Tally]] = {}
+        for run in self.runs:
+            tallies.setdefault(run.experiment, {})[run.seed] = run.tally
+        for anchor in ANCHORS:
+            found = [run.anchors[anchor] for run in self.runs if anchor in run.anchors]
+            tallies |= {anchor: {0: found[0]}} if found else {}
+        return tallies
+
+    def scored_parts(self, parts: Parts) -> list[ScoredPart]:
+        """The parts of the test split that have a frame, resampled.
+
+        Raises `UserError` for a run whose tallies give other scores than its ``results.csv``.
+        """
+        tallies, dataset = self.tallies(), self.runs[0].tally.protocol.dataset
+        found = [
+            ScoredPart(name, dataset, Evidence(tallies, chosen), self.label)
+            for name, chosen in parts.items()
+            if self.runs[0].tally.rows(chosen)
+        ]
+        for run in self.runs:
+            written = 100 * run.row["miou"]
+            counted = found[0].evidence.value(run.experiment, run.seed, "miou")
+            if abs(written - counted) > 100 * TOLERANCE:
+                raise UserError(
+                    f"{run.path}: results.csv says mIoU {written:.4f} %, and the tallies "
+                    f"{counted:.4f} %; they are of two scorings, so run it again"
+                )
+        return found
+
+
+def groups_of(runs: Sequence[ScoredRun], mixed: bool) -> list[RunGroup]:
+    """The runs by what they were scored on, the group with most rungs first.
+
+    Unless ``mixed`` there is one. Raises `UserError` for runs of other protocols, clips, labels or
+    code then, and always for two runs of one experiment and seed.
+    """
+    if not mixed:
+        _require_same_code(runs)
+        _require_same_protocol(runs)
+    groups: list[list[ScoredRun]] = []
+    for run in runs:
+        alike = [group for group in groups if not _difference(group[0], run)]
+        alike[0].append(run) if alike else groups.append([run])
+    groups.sort(key=lambda group: -sum(run.experiment in LADDER for run in group))
+    if not mixed and len(groups) > 1:
+        first, second = groups[0][0], groups[1][0]
+        raise UserError(
+            f"{second.path}: was scored on {_difference(first, second)} than {first.path}; score "
+            f"both alike, or set {MIXED}"
+        )
+    return [
+        RunGroup(_sorted(group), f" ({n}: {_difference(groups[0][0], group[0])})" if n > 1 else "")
+        for n, group in enumerate(groups, start=1)
+    ]
+
+
+def _require_same_code(runs: Sequence[ScoredRun]) -> None:
+    for run in runs[1:]:
+        if run.code != runs[0].code:
+            raise UserError(
+                f"{run.path}: was trained by code {run.code}, and {runs[0].path} by "
+                f"{runs[0].code}; train both by the same, or set {MIXED}"
+            )
+
+
+def _require_same_protocol(runs: Sequence[ScoredRun]) -> None:
+    try:
+        require_same_protocol({str(run.path): run.tally.protocol for run in runs})
+    except UserError as error:
+        raise UserError(f"{error}, or set {MIXED}") from None
+
+
+def _difference(first: ScoredRun, second: ScoredRun) -> str:
+    """In what two runs were scored unlike; empty where they may stand in one table."""
+    one, other = first.tally, second.tally
+    if found := one.protocol.difference(other.protocol):
+        key, _, value = found
+        return f"{key}={value}"
+    if (one.clips, one.frames) != (other.clips, other.frames):
+        return "other clips"
+    # The counts of a prediction that is always the same are those of the labels.
+    truths = [run.anchors[ALL_FREE] for run in (first, second) if ALL_FREE in run.anchors]
+    if len(truths) == 2 and not _same(*(truth.tables["occupancy"] for truth in truths)):
+        return "other labels"
+    return ""
+
+
+def _same(one: Mapping[str, torch.Tensor], other: Mapping[str, torch.Tensor]) -> bool:
+    return all(torch.equal(one[name], other[name]) for name in one)
+
+
+def _sorted(runs: Sequence[ScoredRun]) -> tuple[ScoredRun, ...]:
+    """In the order of the tables. Raises `UserError` for two of one experiment and seed."""
+    found: dict[tuple[str, int], ScoredRun] = {}
+    for run in runs:
+        other = found.setdefault((run.experiment, run.seed), run)
+        if other is not run:
+            raise UserError(
+                f"{run.path} and {other.path}: both are {run}; name one of them in task.runs"
+            )
+    order = in_order([run.experiment for run in runs])
+    return tuple(sorted(found.values(), key=lambda run: (order.index(run.experiment), run.seed)))

@@ -1,0 +1,136 @@
+"""Run folders as a report finds them: scored, or not finished."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+from ..errors import UserError
+from ..metrics.tally import Tally
+from ..run_folder import CONFIG, METRICS, RESULTS, SESSIONS, code_of, read_config
+from .ladder import ANCHORS, value_at
+from .results import read_results
+from .scores import TALLIES
+
+SEED, ASIDE = re.compile(r"seed\d+"), re.compile(r"\.before\d+$")
+DEPTH = 3
+"""Folders between one that is named and its runs, at most: scale and experiment."""
+UNKNOWN_CODE = "unknown code"
+NEEDED = {
+    **{"name": str, "seed": int, "trainer.max_epochs": int},
+    **{"data.frames": int, "data.test_clips": list, "model.encoder.projection": str},
+}
+"""What a report reads of a run's configuration."""
+
+
+@dataclass(frozen=True)
+class ScoredRun:
+    """A finished run: its configuration, what it was scored, and the anchors scored beside it.
+
+    ``code`` is the digest of ``src/`` when it was trained, or `UNKNOWN_CODE`; ``row`` its row of
+    the whole test split in ``results.csv``.
+    """
+
+    path: Path
+    config: dict
+    code: str
+    row: pd.Series
+    tally: Tally
+    anchors: dict[str, Tally]
+
+    @property
+    def experiment(self) -> str:
+        return self.config["name"]
+
+    @property
+    def seed(self) -> int:
+        return self.config["seed"]
+
+    def __str__(self) -> str:
+        return f"{self.experiment} seed {self.seed}"
+
+
+class UnfinishedRun(NamedTuple):
+    """A run without results; ``epochs`` were begun, as far as its log says."""
+
+    path: Path
+    experiment: str
+    seed: int
+    epochs: int | None
+    of_epochs: int
+
+    def __str__(self) -> str:
+        begun = "no epoch" if self.epochs is None else f"{self.epochs} of {self.of_epochs} epochs"
+        return f"{self.experiment} seed {self.seed}: unfinished, {begun} logged"
+
+
+def run_folders(places: Sequence[Path], out: Path) -> list[Path]:
+    """The run folders that are named, or lie below the named folders, each once.
+
+    What lies below ``out``, hidden folders and runs that were moved aside are passed over. Raises
+    `UserError` for a place that holds none.
+    """
+    found: dict[Path, Path] = {}
+    for place in places:
+        if not place.is_dir():
+            raise UserError(f"{place}: no such folder; train first, or name runs in task.runs")
+        below = list(_below(place, out.resolve(), DEPTH))
+        if not below:
+            raise UserError(f"{place}: holds no run folder; train first, or name runs in task.runs")
+        found |= {path.resolve(): path for path in below}
+    return list(found.values())
+
+
+def _below(folder: Path, out: Path, depth: int) -> Iterator[Path]:
+    if (folder / CONFIG).is_file() or SEED.fullmatch(folder.name):
+        yield folder
+    elif depth:
+        for child in sorted(folder.iterdir()):
+            passed = child.name.startswith(".") or ASIDE.search(child.name)
+            if child.is_dir() and not passed and child.resolve() != out:
+                yield from _below(child, out, depth - 1)
+
+
+def read_run(path: Path) -> ScoredRun | UnfinishedRun:
+    """What a run folder holds. Raises `UserError` that names the file which cannot be read."""
+    so = "so this is no run's folder; move it away, or name the others in task.runs"
+    config = read_config(path / CONFIG, so)
+    for key, kind in NEEDED.items():
+        if not isinstance(value_at(config, key), kind):
+            raise UserError(f"{path / CONFIG}: has no {key}, {so}")
+    name, seed = config["name"], config["seed"]
+    if not (path / RESULTS).is_file():
+        epochs = config["trainer"]["max_epochs"]
+        return UnfinishedRun(path, name, seed, _epochs_logged(path), epochs)
+    table = read_results(path / RESULTS)
+    own = table[(table["experiment"] == name) & (table["split"] == "test")]
+    if own.empty:
+        raise UserError(
+            f"{path / RESULTS}: has no test scores of {name}, only of "
+            f"{', '.join(table['experiment'].unique()) or 'nothing'}; run it again"
+        )
+    tallies = path / TALLIES
+    anchors = [anchor for anchor in ANCHORS if (tallies / f"{anchor}.npz").is_file()]
+    return ScoredRun(
+        path,
+        config,
+        code_of(path) or UNKNOWN_CODE,
+        own.iloc[0],
+        Tally.read(tallies / f"{name}.npz"),
+        {anchor: Tally.read(tallies / f"{anchor}.npz") for anchor in anchors},
+    )
+
+
+def _epochs_logged(path: Path) -> int | None:
+    """How many epochs a run has begun; ``None`` where no log can be read."""
+    # The logs of sessions are joined when training ends, or is interrupted in good order.
+    last = 0
+    for log in (path / METRICS, *path.glob(f"{SESSIONS}/*/{METRICS}")):
+        try:
+            last = max(last, int(pd.read_csv(log)["epoch"].max()) + 1)
+        except (OSError, ValueError, KeyError):
+            continue
+    return last or None

@@ -1,0 +1,157 @@
+"""Which settings the runs of a report share, and which not: read from their configurations."""
+
+import json
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+from ..run_folder import differences, shaping
+from .ladder import FACTORS, LADDER, factors_of, in_order, value_at
+from .scored_runs import UNKNOWN_CODE, ScoredRun
+
+SEED = "seed"
+SHARED = {
+    "{} epochs": "trainer.max_epochs",
+    "AdamW at {}": "optimizer.lr",
+    "weight decay {}": "optimizer.weight_decay",
+    "warm-up over {} of the steps and a cosine to zero": "optimizer.warmup",
+    "batches of {}": "data.batch_size",
+    "devices: {}": "trainer.devices",
+    "accumulated batches: {}": "trainer.accumulate_grad_batches",
+    "{} data order": "data.order",
+    "mirror {}": "data.mirror",
+    "{} frames a prediction": "data.frames",
+}
+"""What is told of the settings that all runs share, and their keys."""
+LONGEST = 60
+"""Letters of a value in the table of differences."""
+
+Values = dict[str, dict[str, list[str]]]
+
+
+def differing(runs: Sequence[ScoredRun]) -> Values:
+    """Every key in which any two runs differ, with its values in each experiment."""
+    configs = [shaping(run.config) for run in runs]
+    keys = {key for pair in combinations(configs, 2) for key, _, _ in differences(*pair)}
+    found: Values = {}
+    for key in sorted(keys, key=_place):
+        by_experiment = found.setdefault(key, {})
+        for run, config in zip(runs, configs):
+            values = by_experiment.setdefault(run.experiment, [])
+            values += [text] if (text := _text(value_at(config, key))) not in values else []
+    return found
+
+
+def statement(runs: Sequence[ScoredRun]) -> str:
+    """What the runs of the ladder share, and the list of what they do not."""
+    keys = list(differing(runs))
+    told = [
+        text.format(_text(value_at(runs[0].config, key)))
+        for text, key in SHARED.items()
+        if key not in keys
+    ]
+    precisions = {run.row["precision"] for run in runs}
+    told += [f"precision {precision}" for precision in precisions if len(precisions) == 1]
+    if len(runs) == 1:
+        return f"The ladder has one run, with {', '.join(told)}."
+    but = f" but: {', '.join(keys)}" if keys else ""
+    said = f"All {len(runs)} runs of the ladder share every setting{but}. "
+    said += f"Shared: {', '.join(told)}."
+    if not any(key.startswith("data.") for key in keys):
+        said += " Runs of one seed see the same frames in the same order, mirrored alike."
+    if not surprises(runs):
+        said += (
+            " No rung has a setting of its own beside its factors, so none was tuned alone; of "
+            "trials that left no run here, nothing is known."
+        )
+    return said
+
+
+def surprises(runs: Sequence[ScoredRun]) -> list[str]:
+    """What makes the runs of the ladder more, or less, than a comparison of its three factors."""
+    found = []
+    for key, by_experiment in differing(runs).items():
+        if key not in (*FACTORS, SEED):
+            found.append(f"the rungs differ in {key}: {_by_experiment(by_experiment)}")
+        elif key != SEED and any(len(values) > 1 for values in by_experiment.values()):
+            found.append(f"seeds of one rung differ in {key}: {_by_experiment(by_experiment)}")
+    for run in runs:
+        has, shall = factors_of(run.config), LADDER[run.experiment].factors
+        if has != shall:
+            wrong = [key for key, a, b in zip(FACTORS, has, shall) if a != b]
+            found.append(f"{run}: {', '.join(wrong)} is not what the rung's name says")
+    precisions = _grouped((run.row["precision"], run) for run in runs)
+    if len(precisions) > 1:
+        found.append(f"they were computed in different precision: {_lists(precisions)}")
+    return found
+
+
+def other_experiments(runs: Sequence[ScoredRun]) -> list[str]:
+    """Each experiment that is no rung: the rung that it is nearest to, and where it differs."""
+    configs = {run.experiment: shaping(run.config) for run in reversed(runs)}
+    rungs = [name for name in LADDER if name in configs]
+    lines = []
+    for name in in_order([name for name in configs if name not in LADDER]):
+        found = {
+            rung: [d for d in differences(configs[rung], configs[name]) if d[0] != SEED]
+            for rung in rungs
+        }
+        if found:
+            nearest = min(found, key=lambda rung: len(found[rung]))
+            but = "; ".join(f"{k} = {_text(new)} ({_text(old)})" for k, old, new in found[nearest])
+            lines.append(f"{name} is {nearest} but for {but or 'its name'}")
+    return lines
+
+
+def code_lines(runs: Sequence[ScoredRun]) -> list[str]:
+    """Which code trained the runs, where it is not one and known."""
+    codes = _grouped((run.code, run) for run in runs)
+    if len(codes) > 1:
+        return [f"the runs were trained by different code: {_lists(codes)}"]
+    if UNKNOWN_CODE in codes:
+        commits = _grouped((run.row["git_commit"] or "no commit", run) for run in runs)
+        return [
+            "unknown code: the run folders do not record what src was when they were trained; "
+            f"they name the commits {', '.join(commits)}"
+        ]
+    return []
+
+
+def marks_of(runs: Sequence[ScoredRun]) -> dict[str, tuple[str, ...]]:
+    """Check marks of the three factors of every rung, from the configurations of its runs."""
+    by_experiment: dict[str, set] = {}
+    for run in runs:
+        by_experiment.setdefault(run.experiment, set()).add(factors_of(run.config))
+    return {
+        name: tuple("/".join("✗✓"[has] for has in sorted(set(kinds))) for kinds in zip(*factors))
+        for name, factors in by_experiment.items()
+    }
+
+
+def _place(key: str) -> tuple[int, bool, str]:
+    """Where a key stands in a list: the factors first, the seed last."""
+    return FACTORS.index(key) if key in FACTORS else len(FACTORS), key == SEED, key
+
+
+def _grouped(pairs) -> dict[str, list[str]]:
+    grouped: dict[str, list[str]] = {}
+    for key, run in pairs:
+        grouped.setdefault(key, []).append(str(run))
+    return grouped
+
+
+def _lists(grouped: Mapping[str, Sequence[str]]) -> str:
+    return "; ".join(f"{key} ({', '.join(runs)})" for key, runs in grouped.items())
+
+
+def _by_experiment(values: Mapping[str, Sequence[str]]) -> str:
+    return "; ".join(f"{name} {' or '.join(texts)}" for name, texts in values.items())
+
+
+def _text(value: object) -> str:
+    """A value as one reads it: what is built from a class, as its call."""
+    if isinstance(value, Mapping) and "_target_" in value:
+        arguments = {key: one for key, one in value.items() if not key.startswith("_")}
+        listed = ", ".join(f"{key}={_text(one)}" for key, one in arguments.items())
+        value = f"{value['_target_'].rpartition('.')[2]}({listed})"
+    text = value if isinstance(value, str) else json.dumps(value)
+    return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"

@@ -1,0 +1,94 @@
+"""Which runs may stand in one table."""
+
+import dataclasses
+
+import pandas as pd
+import pytest
+
+from src.errors import UserError
+from src.report.run_group import groups_of
+from src.report.scored_runs import read_run
+from src.tasks.scoring import parts_of
+from tests.report.ladder_runs import UNSEEN, ladder_of, protocol, write_run
+
+
+def names(group):
+    return [str(run) for run in group.runs]
+
+
+def test_runs_are_sorted_as_the_tables_are(tmp_path):
+    for name, seed in (("skyocc", 0), ("baseline", 1), ("aspp", 0), ("baseline", 0)):
+        write_run(tmp_path, name, seed)
+    (group,) = groups_of(ladder_of(tmp_path), mixed=False)
+    assert names(group) == ["baseline seed 0", "baseline seed 1", "skyocc seed 0", "aspp seed 0"]
+    assert [str(run) for run in group.rungs] == names(group)[:3]
+    assert list(group.tallies()) == ["baseline", "skyocc", "aspp", "all_free", "voxel_prior"]
+    assert list(group.tallies()["baseline"]) == [0, 1]
+
+
+def test_parts_are_those_of_the_split(tmp_path):
+    write_run(tmp_path)
+    (group,) = groups_of(ladder_of(tmp_path), mixed=False)
+    parts = group.scored_parts(parts_of(UNSEEN))
+    assert [(part.name, part.evidence.clips, part.evidence.frames) for part in parts] == [
+        *(("test", 5, 7), ("test_unseen_clips", 1, 3), ("test_seen_clips", 4, 4)),
+    ]
+    assert [part.name for part in group.scored_parts(parts_of([]))] == ["test", "test_seen_clips"]
+
+
+OTHERS = {
+    "protocol": ({"of": protocol(horizon_s=4.0)}, r"metric\.horizon_s=4\.0, and .* with 5\.0"),
+    "data set": ({"of": protocol("tiny-4567")}, r"dataset=tiny-4567, and .* with tiny-0123"),
+    "code": ({"code": "0ther"}, r"was trained by code 0ther, and .* by c0de; train both"),
+    "unknown code": ({"code": None}, r"was trained by code unknown code, and .* by c0de"),
+    "labels": ({"labels": 1}, r"was scored on other labels than .*baseline/seed0; score both"),
+}
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_runs_that_are_not_alike_are_refused_unless_mixed(tmp_path, other):
+    changes, said = OTHERS[other]
+    write_run(tmp_path, "baseline", 0)
+    folder = write_run(tmp_path, "skyocc", 0, **changes)
+    runs = ladder_of(tmp_path)
+    with pytest.raises(UserError, match=f"{said}.*or set task.mixed=true$") as caught:
+        groups_of(runs, mixed=False)
+    assert str(caught.value).startswith(str(folder))
+    assert "\n" not in str(caught.value)
+    assert sum(len(group.runs) for group in groups_of(runs, mixed=True)) == 2
+
+
+def test_other_clips_are_refused(tmp_path):
+    one, other = (read_run(write_run(tmp_path, name)) for name in ("baseline", "skyocc"))
+    renamed = dataclasses.replace(other.tally, clips=["x/clip00", *other.tally.clips[1:]])
+    other = dataclasses.replace(other, tally=renamed)
+    with pytest.raises(UserError, match="was scored on other clips than"):
+        groups_of([one, other], mixed=False)
+
+
+def test_a_mixed_report_keeps_other_protocols_apart_and_the_ladder_first(tmp_path):
+    write_run(tmp_path, "attitude", 0, of=protocol("tiny-4567"))
+    for name in ("baseline", "weights", "skyocc"):
+        write_run(tmp_path, name, 0, code=f"of {name}")
+    first, second = groups_of(ladder_of(tmp_path), mixed=True)
+    assert names(first) == ["baseline seed 0", "weights seed 0", "skyocc seed 0"]
+    assert first.label == ""
+    assert names(second) == ["attitude seed 0"]
+    assert second.label == " (2: dataset=tiny-4567)"
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_two_runs_of_one_seed_are_refused(tmp_path, mixed):
+    runs = [read_run(write_run(tmp_path / place)) for place in ("a", "b")]
+    with pytest.raises(UserError, match=r"b/skyocc/seed0 and .*both are skyocc seed 0; name one"):
+        groups_of(runs, mixed)
+
+
+def test_tallies_of_another_scoring_than_the_results_are_refused(tmp_path):
+    folder = write_run(tmp_path)
+    table = pd.read_csv(folder / "results.csv")
+    table.loc[table["experiment"] == "skyocc", "miou"] += 0.01
+    table.to_csv(folder / "results.csv", index=False)
+    (group,) = groups_of([read_run(folder)], mixed=False)
+    with pytest.raises(UserError, match=r"skyocc/seed0: results\.csv says mIoU .* and the tallies"):
+        group.scored_parts(parts_of(UNSEEN))

@@ -1,0 +1,138 @@
+"""What the runs of a report share, and what they do not."""
+
+import pytest
+from omegaconf import OmegaConf
+
+from src.report.ladder import FACTORS, LADDER, factors_of
+from src.report.scored_runs import read_run
+from src.report.shared_settings import (
+    code_lines,
+    differing,
+    marks_of,
+    other_experiments,
+    statement,
+    surprises,
+)
+from tests.report.ladder_runs import write_run
+from tests.synthetic import compose_config
+
+
+@pytest.fixture
+def run(tmp_path):
+    """``run(experiment, seed, ...)``: a scored run with these changes."""
+    return lambda *words, **changes: read_run(write_run(tmp_path, *words, **changes))
+
+
+@pytest.mark.parametrize("experiment", LADDER)
+def test_the_factors_are_read_from_what_an_experiment_composes(experiment):
+    cfg = compose_config("scale=tiny", f"+experiment={experiment}")
+    config = OmegaConf.to_container(cfg, resolve=True)
+    assert factors_of(config) == LADDER[experiment].factors
+    assert config["name"] == experiment
+
+
+def test_a_clean_ladder_shares_all_but_its_factors_and_the_seed(run):
+    runs = [run(name, seed) for name in LADDER for seed in (0, 1)]
+    assert list(differing(runs)) == [*FACTORS, "seed"]
+    assert surprises(runs) == []
+    said = statement(runs)
+    assert said.startswith(
+        "All 8 runs of the ladder share every setting but: model.encoder.projection, "
+        "loss.class_weights, loss.lovasz_weight, seed. Shared: 8 epochs, AdamW at 0.002, weight "
+        "decay 0.01, warm-up over 0.05 of the steps and a cosine to zero, batches of 8, devices: "
+        "1, accumulated batches: 1, shuffled data order, mirror true, 4 frames a prediction, "
+        "precision 32-true."
+    )
+    assert "Runs of one seed see the same frames in the same order, mirrored alike." in said
+    assert "none was tuned alone" in said
+
+
+def test_the_values_of_what_differs_are_told_by_rung(run):
+    runs = [run(name, seed) for name in ("baseline", "skyocc") for seed in (0, 1)]
+    assert differing(runs) == {
+        "model.encoder.projection": {"baseline": ["level"], "skyocc": ["attitude"]},
+        "loss.class_weights": {"baseline": ["null"], "skyocc": ["safety_weights(max_ratio=4.0)"]},
+        "loss.lovasz_weight": {"baseline": ["0.0"], "skyocc": ["1.0"]},
+        "seed": {"baseline": ["0", "1"], "skyocc": ["0", "1"]},
+    }
+
+
+def test_a_setting_beside_the_factors_is_no_clean_comparison(run):
+    runs = [run("baseline", 0), run("skyocc", 0, optimizer__lr=0.01, trainer__max_epochs=9)]
+    first, second = surprises(runs)
+    assert first == "the rungs differ in optimizer.lr: baseline 0.002; skyocc 0.01"
+    assert second == "the rungs differ in trainer.max_epochs: baseline 8; skyocc 9"
+    said = statement(runs)
+    assert "optimizer.lr, seed" not in said
+    assert "optimizer.lr, trainer.max_epochs." in said
+    assert "AdamW" not in said
+    assert "8 epochs" not in said
+    assert "tuned" not in said
+    assert "same order" in said
+
+
+def test_another_order_of_the_data_is_not_called_the_same(run):
+    runs = [run("baseline", 0), run("skyocc", 0, data__order="streams")]
+    assert "same order" not in statement(runs)
+
+
+def test_a_difference_that_only_two_later_rungs_show_is_found(run):
+    """The first one has no weights at all, so it differs from both in the whole key."""
+    more = {"_target_": "src.models.losses.safety_weights", "_partial_": True, "max_ratio": 8.0}
+    runs = [run("baseline"), run("weights"), run("skyocc", loss__class_weights=more)]
+    assert surprises(runs) == [
+        "the rungs differ in loss.class_weights.max_ratio: baseline null; weights 4.0; skyocc 8.0"
+    ]
+
+
+def test_a_rung_that_is_not_what_its_name_says_is_told(run):
+    runs = [run("baseline"), run("skyocc", 0, model__encoder__projection="level")]
+    assert surprises(runs) == [
+        "skyocc seed 0: model.encoder.projection is not what the rung's name says"
+    ]
+    assert marks_of(runs)["skyocc"] == ("✗", "✓", "✓")
+
+
+def test_seeds_of_a_rung_that_differ_in_a_factor_are_told(run):
+    runs = [run("skyocc", 0), run("skyocc", 1, loss__lovasz_weight=0.5)]
+    (line,) = surprises(runs)
+    assert line == "seeds of one rung differ in loss.lovasz_weight: skyocc 1.0 or 0.5"
+    runs.append(run("skyocc", 2, loss__lovasz_weight=0.0))
+    assert marks_of(runs)["skyocc"] == ("✓", "✓", "✗/✓")
+
+
+def test_another_precision_is_told_though_the_configuration_is_the_same(run):
+    runs = [run("baseline"), run("skyocc", facts={"precision": "bf16-mixed"})]
+    (line,) = surprises(runs)
+    assert line.endswith("precision: 32-true (baseline seed 0); bf16-mixed (skyocc seed 0)")
+    assert "precision 32-true" not in statement(runs)
+
+
+def test_one_run_shares_with_none(run):
+    said = statement([run("skyocc")])
+    assert said.startswith("The ladder has one run, with 8 epochs, AdamW at 0.002, weight decay")
+    assert "tuned" not in said
+
+
+def test_other_experiments_are_told_by_the_rung_that_they_are_nearest_to(run):
+    runs = [
+        *(run("baseline", 0), run("skyocc", 0)),
+        run("streams", 1, data__order="streams"),
+        run("twin", 0),
+    ]
+    assert other_experiments(runs) == [
+        "streams is skyocc but for data.order = streams (shuffled)",
+        "twin is skyocc but for its name",
+    ]
+    assert other_experiments(runs[2:]) == []
+
+
+def test_code_is_told_where_it_is_not_one_and_known(run):
+    one, other = run("baseline", 0), run("baseline", 1, code="0ther")
+    assert code_lines([one]) == []
+    assert code_lines([one, other]) == [
+        "the runs were trained by different code: c0de (baseline seed 0); 0ther (baseline seed 1)"
+    ]
+    (line,) = code_lines([run("baseline", 2, code=None), run("baseline", 3, code=None)])
+    assert line.startswith("unknown code: ")
+    assert line.endswith("the commits abc")

@@ -1,0 +1,184 @@
+"""task=report as its user meets it: what it writes, prints, and refuses."""
+
+import re
+import shutil
+
+import pandas as pd
+import pytest
+
+from src.errors import UserError
+from src.tasks.report import report
+from tests.report.ladder_runs import protocol, write_ladder, write_run
+from tests.synthetic import compose_config
+
+KEYS = ("main", "ablation", "long_tail", "incremental", "progression", "beyond")
+OF_PARTS = ("main", "ablation", "beyond")
+
+
+@pytest.fixture(scope="module")
+def ladder(tmp_path_factory):
+    """A finished ladder of three seeds; not to be changed."""
+    return write_ladder(tmp_path_factory.mktemp("runs") / "tiny")
+
+
+@pytest.fixture
+def runs(ladder, tmp_path):
+    """The same, to be changed."""
+    return shutil.copytree(ladder, tmp_path / "runs/tiny")
+
+
+def reported(runs, *places, out=None, mixed=False):
+    """The folder of the report on a scale's runs."""
+    cfg = compose_config("task=report", "scale=tiny", f"paths.runs={runs.parent}")
+    out = out or cfg.task.out
+    report(cfg, [str(place) for place in places], out, mixed)
+    return runs.parent / "tiny/report" if out == cfg.task.out else out
+
+
+def table(out, key):
+    return pd.read_csv(out / f"tables/{key}.csv", index_col="row", float_precision="round_trip")
+
+
+# -------------------------------------------------------------------------------- what it leaves
+
+
+def test_a_ladder_leaves_every_table_in_three_forms(ladder, tmp_path, capsys):
+    out = reported(ladder, out=tmp_path / "out")
+    expected = [*KEYS]
+    for part in ("test_unseen_clips", "test_seen_clips"):
+        expected += [f"{key}_{part}" for key in OF_PARTS]
+    names = {path.name for path in (out / "tables").iterdir()}
+    assert names == {f"{key}.{ending}" for key in expected for ending in ("csv", "md", "tex")}
+    assert {path.name for path in out.iterdir()} == {"tables", "report.md", "seeds.csv"}
+    page = (out / "report.md").read_text()
+    for key in expected:
+        assert (out / f"tables/{key}.md").read_text().strip() in page
+    assert "## Missing" not in page
+    assert "Not a clean comparison" not in page
+    assert "All 12 runs of the ladder share every setting but: model.encoder.projection" in (
+        page.replace("\\_", "_")
+    )
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines()[:-1])) <= 110
+    for words in ("Main results, test", "Ablation study, test", "SkyShield", "All 12 runs"):
+        assert words in said
+    assert said.splitlines()[-1] == str(out)
+
+
+def test_seeds_are_the_rows_of_the_runs_in_percent(ladder, tmp_path):
+    out = reported(ladder, out=tmp_path / "out")
+    seeds = pd.read_csv(out / "seeds.csv", float_precision="round_trip")
+    assert len(seeds) == 4 * 3 * 3
+    for row in seeds.itertuples():
+        results = pd.read_csv(ladder / f"{row.experiment}/seed{row.seed}/results.csv")
+        mine = results[(results["experiment"] == row.experiment) & (results["split"] == row.split)]
+        for score in ("miou", "kar_miou"):
+            assert getattr(row, score) == pytest.approx(100 * mine[score].item(), abs=1e-5)
+    means = seeds[seeds["split"] == "test"].groupby("experiment")["kar_miou"].mean()
+    main = table(out, "main")
+    assert main.loc["SkyShield", "kar_miou"] == pytest.approx(means["skyocc"])
+    assert main.loc["SkyShield", "kar_miou_low"] < means["skyocc"]
+
+
+def test_the_same_runs_give_the_same_bytes(ladder, tmp_path):
+    first, second = (reported(ladder, out=tmp_path / name) for name in "ab")
+    for path in first.rglob("*.*"):
+        assert path.read_bytes() == (second / path.relative_to(first)).read_bytes()
+
+
+def test_runs_may_be_named_and_nothing_else_is_then_taken(ladder, tmp_path):
+    named = (ladder / "baseline", ladder / "skyocc/seed1")
+    out = reported(ladder, *named, out=tmp_path / "out")
+    assert list(table(out, "ablation").index) == ["Baseline", "SkyShield"]
+    assert len(pd.read_csv(out / "seeds.csv")) == 4 * 3
+
+
+def test_a_report_in_its_default_place_is_no_run_of_the_next_one(runs):
+    out = reported(runs)
+    page = (out / "report.md").read_text()
+    write_run(out, "skyocc", 7)  # whatever lies there
+    reported(runs)
+    assert (out / "report.md").read_text() == page
+
+
+# -------------------------------------------------------------------------------- what is missing
+
+
+def test_an_interrupted_sweep_says_what_is_missing_and_reports_the_rest(runs, capsys):
+    shutil.rmtree(runs / "skyocc/seed2")
+    (runs / "weights/seed1/results.csv").unlink()
+    (runs / "weights/seed1/metrics.csv").write_text("step,epoch\n9,2\n")
+    out = reported(runs)
+    missing = (out / "report.md").read_text().split("## Missing")[1].split("## ")[0]
+    assert [line for line in missing.splitlines() if line] == [
+        "- weights seed 1: unfinished, 3 of 8 epochs logged",
+        "- skyocc seed 2: no run",
+        "- rungs have different seeds: a difference is over those that both have, and so not the "
+        "difference of the means beside it",
+    ]
+    assert "weights seed 1: unfinished, 3 of 8 epochs logged" in capsys.readouterr().out
+    both = pd.read_csv(out / "seeds.csv").query("split == 'test' and seed != 1")
+    change = both.pivot(index="seed", columns="experiment", values="miou")
+    expected = (change["weights"] - change["baseline"]).mean()
+    found = table(out, "ablation").loc["+ Safety-prior class weights", "delta_miou"]
+    assert found == pytest.approx(expected)
+
+
+def test_a_missing_rung_leaves_no_row_and_an_empty_step(runs):
+    shutil.rmtree(runs / "attitude")
+    out = reported(runs)
+    assert "+ Attitude-aware projection" not in table(out, "main").index
+    steps = table(out, "incremental")
+    assert steps.loc["Safety-prior class weights"].isna().all()
+    assert steps.loc["Lovász-Softmax"].notna().all()
+    page = (out / "report.md").read_text()
+    assert all(f"- attitude seed {seed}: no run" in page for seed in (0, 1, 2))
+
+
+def test_without_any_rung_there_is_the_main_table_alone(tmp_path):
+    runs = tmp_path / "runs/tiny"
+    for seed in (0, 1):
+        write_run(runs, "streams", seed)
+    out = reported(runs)
+    assert list(table(out, "main").index) == ["streams", "All free", "Voxel prior"]
+    assert not (out / "tables/ablation.csv").exists()
+    page = (out / "report.md").read_text()
+    assert "no run of the ladder is here" in page
+    assert "ladder share" not in page
+
+
+# ---------------------------------------------------------------------------------- what it refuses
+
+
+def test_nothing_finished_is_one_line(runs):
+    for path in runs.rglob("results.csv"):
+        path.unlink()
+    with pytest.raises(UserError, match=r"tiny: holds no finished run \(attitude seed 0: unfin"):
+        reported(runs)
+    assert not (runs / "report").exists()
+
+
+def test_a_broken_run_is_one_line_and_leaves_nothing(runs):
+    path = runs / "weights/seed1/tallies/weights.npz"
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(UserError, match=r"weights\.npz: cannot be read"):
+        reported(runs)
+    assert not (runs / "report").exists()
+
+
+def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs):
+    shutil.rmtree(runs / "attitude")
+    write_run(runs, "attitude", 0, of=protocol("tiny-4567"), code="0ther")
+    with pytest.raises(UserError, match=r"attitude/seed0.* or .*; .*task\.mixed=true|task\.mixed"):
+        reported(runs)
+    out = reported(runs, mixed=True)
+    main = table(out, "main")
+    label = "+ Attitude-aware projection (2: dataset=tiny-4567)"
+    assert label in main.index
+    assert "+ Attitude-aware projection" not in main.index
+    assert f"Voxel prior{label.removeprefix('+ Attitude-aware projection')}" in main.index
+    assert table(out, "incremental").loc["Safety-prior class weights"].isna().all()
+    warned = (out / "report.md").read_text().split("## Not a clean comparison")[1].split("## ")[0]
+    assert "different code: c0de (" in warned
+    assert "0ther (attitude seed 0)" in warned
+    assert re.search(r"scored unlike the others .*attitude seed 0", warned)
