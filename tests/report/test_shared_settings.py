@@ -110,8 +110,14 @@ def test_another_precision_is_told_though_the_configuration_is_the_same(run):
 
 def test_one_run_shares_with_none(run):
     said = statement([run("skyocc")])
-    assert said.startswith("The ladder has one run, with 8 epochs, AdamW at 0.002, weight decay")
+    assert said.startswith("There is one run of the ladder, with 8 epochs, AdamW at 0.002, weight")
     assert "tuned" not in said
+
+
+def test_runs_that_are_no_rungs_are_compared_too(run):
+    said = statement([run("queue"), run("streams", data__order="streams")])
+    assert said.startswith("All 2 runs share every setting but: data.order. Shared: 8 epochs")
+    assert "rung" not in said
 
 
 def test_other_experiments_are_told_by_the_rung_that_they_are_nearest_to(run):

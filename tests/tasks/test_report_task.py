@@ -144,7 +144,7 @@ def test_without_any_rung_there_is_the_main_table_alone(tmp_path):
     assert not (out / "tables/ablation.csv").exists()
     page = (out / "report.md").read_text()
     assert "no run of the ladder is here" in page
-    assert "ladder share" not in page
+    assert "All 2 runs share every setting but: seed." in page
 
 
 # ---------------------------------------------------------------------------------- what it refuses
