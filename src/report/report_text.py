@@ -34,7 +34,7 @@ def _basis(runs: Sequence[ScoredRun]) -> str:
         "Runs": [f"{name}, seed {', '.join(seeds)}" for name, seeds in by_experiment.items()],
         "Data set": [run.tally.protocol.dataset for run in runs],
         "Grid": [_grid(run) for run in runs],
-        "Code (`src/`)": [run.code for run in runs],
+        "Code (`src/`)": [run.code.removeprefix("code ") for run in runs],
         "Commit": [run.row["git_commit"] or "none" for run in runs],
         "Precision": [run.row["precision"] for run in runs],
         "Parameters": [f"{run.row['parameters']:,}" for run in runs],

@@ -97,7 +97,7 @@ def _require_same_code(runs: Sequence[ScoredRun]) -> None:
     for run in runs[1:]:
         if run.code != runs[0].code:
             raise UserError(
-                f"{run.path}: was trained by code {run.code}, and {runs[0].path} by "
+                f"{run.path}: was trained by {run.code}, and {runs[0].path} by "
                 f"{runs[0].code}; train both by the same, or set {MIXED}"
             )
 

@@ -137,7 +137,8 @@ def test_code_is_told_where_it_is_not_one_and_known(run):
     one, other = run("baseline", 0), run("baseline", 1, code="0ther")
     assert code_lines([one]) == []
     assert code_lines([one, other]) == [
-        "the runs were trained by different code: c0de (baseline seed 0); 0ther (baseline seed 1)"
+        "the runs were trained by different code: code c0de (baseline seed 0); "
+        "code 0ther (baseline seed 1)"
     ]
     (line,) = code_lines([run("baseline", 2, code=None), run("baseline", 3, code=None)])
     assert line.startswith("unknown code: ")
