@@ -178,7 +178,7 @@ def read_config(path: Path, so: str) -> dict:
         shaping(config)
         return config
     except (OSError, ValueError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
-        reason = " ".join(str(error).split())
+        reason = " ".join(str(getattr(error, "strerror", None) or error).split())
         raise UserError(f"{path}: cannot be read ({reason}), {so}") from None
 
 

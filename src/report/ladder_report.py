@@ -1,6 +1,6 @@
 """All that a report of the ladder says, as data: its tables, its settings, and what is missing."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -53,61 +53,80 @@ class LadderReport:
 
 
 def ladder_report(
-    groups: Sequence[RunGroup], unfinished: Sequence[UnfinishedRun], parts: Parts
+    groups: Sequence[RunGroup],
+    unfinished: Sequence[UnfinishedRun],
+    parts_of: Callable[[Sequence[str]], Parts],
 ) -> LadderReport:
     """The report of finished runs, and of what is missing beside them.
 
-    ``parts`` are those of the test split. Raises `UserError` for tallies and results that do not
-    belong together.
+    ``parts_of`` gives the parts of the test split for the clips that were never trained on. Raises
+    `UserError` for tallies and results that do not belong together.
     """
-    runs, rungs = [run for group in groups for run in group.runs], groups[0].rungs
-    scored = [(group, part) for group in groups for part in group.scored_parts(parts)]
-    by_part: dict[str, list[ScoredPart]] = {}
-    for _, part in scored:
-        by_part.setdefault(part.name, []).append(part)
-    tables = [table for of_part in by_part.values() for table in _tables(of_part, rungs)]
+    runs = [run for group in groups for run in group.runs]
+    rungs = groups[0].rungs
+    scored = [(group, part) for group in groups for part in group.scored_parts(parts_of)]
+    tables = [
+        table
+        for group, part in scored
+        if group is groups[0]
+        for table in _tables(part, [p for g, p in scored if g is not group], rungs)
+    ]
     return LadderReport(
         runs=tuple(runs),
         tables=tuple(table for table in tables if table.rows and table.columns),
-        settings=statement(rungs) if rungs else "",
-        differing=differing(rungs),
+        settings=statement(rungs or groups[0].runs),
+        differing=differing(rungs or groups[0].runs),
         warnings=(*surprises(rungs), *code_lines(runs), *_mixed(groups)),
-        missing=tuple(_missing(groups[0], unfinished)),
+        missing=tuple(_missing(groups, unfinished)),
         others=tuple(other_experiments(groups[0].runs)),
         seeds=_seeds(scored),
     )
 
 
-def _tables(parts: Sequence[ScoredPart], rungs: Sequence[ScoredRun]) -> list[ReportTable]:
-    """The tables of one part. Those of the ladder are of the first group alone."""
-    first, marks = parts[0], marks_of(rungs)
-    tables = [main_table(parts), ablation_table(first, marks)]
-    # The paper has the others of the whole split alone.
-    if first.name == "test" and rungs:
+def _tables(
+    part: ScoredPart, of_others: Sequence[ScoredPart], rungs: Sequence[ScoredRun]
+) -> list[ReportTable]:
+    """The tables of one part; ``of_others`` are parts of other groups, for the tables of all."""
+    parts = [part, *(other for other in of_others if other.name == part.name)]
+    tables = [main_table(parts), ablation_table(part, marks_of(rungs))]
+    # The paper has these of the whole split alone.
+    if part.name == "test" and rungs:
         frames = rungs[0].config["data"]["frames"]
-        tables += [long_tail_table(first, frames), incremental_table(first)]
-        tables.append(progression_table(first, frames))
+        tables += [long_tail_table(part, frames), incremental_table(part)]
+        tables.append(progression_table(part, frames))
     return [*tables, beyond_table(parts)]
 
 
-def _missing(group: RunGroup, unfinished: Sequence[UnfinishedRun]) -> list[str]:
+def _missing(groups: Sequence[RunGroup], unfinished: Sequence[UnfinishedRun]) -> list[str]:
     """Runs of the ladder that a full sweep over the seeds would have, and other unfinished ones."""
-    there = {(run.experiment, run.seed) for run in group.runs}
+    there, apart = (
+        {(run.experiment, run.seed) for group in some for run in group.runs}
+        for some in (groups[:1], groups[1:])
+    )
     begun = {(run.experiment, run.seed): run for run in unfinished}
-    found = {key for key in (*there, *begun) if key[0] in LADDER}
+    of_ladder = {key for key in (*there, *begun) if key[0] in LADDER}
     lines = []
-    for key in [(name, seed) for name in LADDER for seed in sorted({seed for _, seed in found})]:
-        if key not in there:
+    for key in [(name, seed) for name in LADDER for seed in sorted({k[1] for k in of_ladder})]:
+        if key not in there | apart:
             run = begun.pop(key, None)
             lines.append(str(run) if run else f"{key[0]} seed {key[1]}: no run")
-    lines += [str(run) for key, run in begun.items() if key not in there]
-    seeds = {name: {seed for other, seed in there if other == name} for name, _ in there}
-    if len({frozenset(seeds[name]) for name in seeds if name in LADDER}) > 1:
-        lines.append(
-            "rungs have different seeds: a difference is over those that both have, and so not "
-            "the difference of the means beside it"
-        )
-    return lines if found else ["no run of the ladder is here, so no table of its rungs", *lines]
+    lines += [str(run) for key, run in begun.items() if key not in there | apart]
+    if not any(name in LADDER for name, _ in there):
+        return ["no finished run of the ladder is here, so no table of its rungs", *lines]
+    return lines + _uneven(groups[0])
+
+
+def _uneven(group: RunGroup) -> list[str]:
+    """What rungs of different seeds mean for their differences."""
+    seeds = {
+        name: tuple(run.seed for run in group.runs if run.experiment == name) for name in LADDER
+    }
+    if len({of_rung for of_rung in seeds.values() if of_rung}) < 2:
+        return []
+    return [
+        "rungs have different seeds: a difference is over those that both have, and so not the "
+        "difference of the means beside it"
+    ]
 
 
 def _mixed(groups: Sequence[RunGroup]) -> list[str]:

@@ -68,7 +68,7 @@ def _row(table: ReportTable, row: int) -> str:
     values, below = [], []
     for n, (entry, column) in enumerate(zip(entries, table.columns)):
         values.append(_value(entry, column, row in table.best_rows(n)))
-        interval = bounds(entry, column, decimals=1) if isinstance(entry, Cell) else ""
+        interval = bounds(entry, column) if isinstance(entry, Cell) else ""
         below.append(_minus(rf"{{\tiny {interval}}}") if interval else "")
     lines = [" & ".join([escaped(name), *values]) + r" \\"]
     if any(below):

@@ -34,7 +34,7 @@ def _basis(runs: Sequence[ScoredRun]) -> str:
         "Runs": [f"{name}, seed {', '.join(seeds)}" for name, seeds in by_experiment.items()],
         "Data set": [run.tally.protocol.dataset for run in runs],
         "Grid": [_grid(run) for run in runs],
-        "Code (`src/`)": [run.code for run in runs],
+        "Code (`src/`)": [run.code.removeprefix("code ") for run in runs],
         "Commit": [run.row["git_commit"] or "none" for run in runs],
         "Precision": [run.row["precision"] for run in runs],
         "Parameters": [f"{run.row['parameters']:,}" for run in runs],
@@ -60,24 +60,18 @@ def _listed(lines: Sequence[str]) -> str:
 
 def _settings(report: LadderReport) -> list[str]:
     """What all rungs share, the values of what they do not, and what other experiments are."""
-    blocks = ["## Settings"] if report.settings or report.others else []
-    if report.settings:
-        blocks.append(escaped(report.settings))
-    if report.differing:
-        blocks.append(_differing(report.differing))
-    return (
-        blocks + ["\n".join(f"- {escaped(line)}" for line in report.others)][: len(report.others)]
-    )
+    blocks = ["## Settings", escaped(report.settings)]
+    blocks += [_differing(report.differing)] if report.differing else []
+    return blocks + ([_listed(report.others)] if report.others else [])
 
 
 def _differing(values: Values) -> str:
     experiments = list(next(iter(values.values())))
-    lines = [["setting", *experiments], [":--"] * (len(experiments) + 1)]
-    lines += [
-        [key, *(", ".join(by_experiment[name]) for name in experiments)]
-        for key, by_experiment in values.items()
+    head, *rows = [
+        ["setting", *experiments],
+        *([key, *(", ".join(of[name]) for name in experiments)] for key, of in values.items()),
     ]
-    lines[2:] = [[escaped(text) for text in line] for line in lines[2:]]
+    lines = [map(escaped, head), [":--"] * len(head), *(map(escaped, row) for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 

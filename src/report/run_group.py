@@ -1,6 +1,6 @@
 """Scored runs that may stand in one table: of one protocol, the same labels and the same code."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -41,16 +41,18 @@ class RunGroup:
             tallies |= {anchor: {0: found[0]}} if found else {}
         return tallies
 
-    def scored_parts(self, parts: Parts) -> list[ScoredPart]:
+    def scored_parts(self, parts_of: Callable[[Sequence[str]], Parts]) -> list[ScoredPart]:
         """The parts of the test split that have a frame, resampled.
 
-        Raises `UserError` for a run whose tallies give other scores than its ``results.csv``.
+        ``parts_of`` gives them for the clips that were never trained on. Raises `UserError` for a
+        run whose tallies give other scores than its ``results.csv``.
         """
-        tallies, dataset = self.tallies(), self.runs[0].tally.protocol.dataset
+        first, tallies = self.runs[0], self.tallies()
+        parts = parts_of(first.config["data"]["test_clips"])
         found = [
-            ScoredPart(name, dataset, Evidence(tallies, chosen), self.label)
+            ScoredPart(name, first.tally.protocol.dataset, Evidence(tallies, chosen), self.label)
             for name, chosen in parts.items()
-            if self.runs[0].tally.rows(chosen)
+            if first.tally.rows(chosen)
         ]
         for run in self.runs:
             written = 100 * run.row["miou"]
@@ -74,8 +76,10 @@ def groups_of(runs: Sequence[ScoredRun], mixed: bool) -> list[RunGroup]:
         _require_same_protocol(runs)
     groups: list[list[ScoredRun]] = []
     for run in runs:
-        alike = [group for group in groups if not _difference(group[0], run)]
-        alike[0].append(run) if alike else groups.append([run])
+        group = next((group for group in groups if not _difference(group[0], run)), None)
+        if group is None:
+            groups.append(group := [])
+        group.append(run)
     groups.sort(key=lambda group: -sum(run.experiment in LADDER for run in group))
     if not mixed and len(groups) > 1:
         first, second = groups[0][0], groups[1][0]
@@ -93,7 +97,7 @@ def _require_same_code(runs: Sequence[ScoredRun]) -> None:
     for run in runs[1:]:
         if run.code != runs[0].code:
             raise UserError(
-                f"{run.path}: was trained by code {run.code}, and {runs[0].path} by "
+                f"{run.path}: was trained by {run.code}, and {runs[0].path} by "
                 f"{runs[0].code}; train both by the same, or set {MIXED}"
             )
 

@@ -30,8 +30,8 @@ NEEDED = {
 class ScoredRun:
     """A finished run: its configuration, what it was scored, and the anchors scored beside it.
 
-    ``code`` is the digest of ``src/`` when it was trained, or `UNKNOWN_CODE`; ``row`` its row of
-    the whole test split in ``results.csv``.
+    ``code`` names the digest of ``src/`` when it was trained, or is `UNKNOWN_CODE`; ``row`` is its
+    row of the whole test split in ``results.csv``.
     """
 
     path: Path
@@ -117,7 +117,7 @@ def read_run(path: Path) -> ScoredRun | UnfinishedRun:
     return ScoredRun(
         path,
         config,
-        code_of(path) or UNKNOWN_CODE,
+        f"code {digest}" if (digest := code_of(path)) else UNKNOWN_CODE,
         own.iloc[0],
         Tally.read(tallies / f"{name}.npz"),
         {anchor: Tally.read(tallies / f"{anchor}.npz") for anchor in anchors},

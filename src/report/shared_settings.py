@@ -1,7 +1,7 @@
 """Which settings the runs of a report share, and which not: read from their configurations."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 
 from ..run_folder import differences, shaping
@@ -42,7 +42,8 @@ def differing(runs: Sequence[ScoredRun]) -> Values:
 
 
 def statement(runs: Sequence[ScoredRun]) -> str:
-    """What the runs of the ladder share, and the list of what they do not."""
+    """What runs share, and the list of what they do not; of the ladder's, or of any others."""
+    of_ladder = all(run.experiment in LADDER for run in runs)
     keys = list(differing(runs))
     told = [
         text.format(_text(value_at(runs[0].config, key)))
@@ -52,13 +53,13 @@ def statement(runs: Sequence[ScoredRun]) -> str:
     precisions = {run.row["precision"] for run in runs}
     told += [f"precision {precision}" for precision in precisions if len(precisions) == 1]
     if len(runs) == 1:
-        return f"The ladder has one run, with {', '.join(told)}."
+        return f"There is one run{' of the ladder' * of_ladder}, with {', '.join(told)}."
     but = f" but: {', '.join(keys)}" if keys else ""
-    said = f"All {len(runs)} runs of the ladder share every setting{but}. "
+    said = f"All {len(runs)} runs{' of the ladder' * of_ladder} share every setting{but}. "
     said += f"Shared: {', '.join(told)}."
-    if not any(key.startswith("data.") for key in keys):
+    if len({run.code for run in runs}) == 1 and not any(key.startswith("data.") for key in keys):
         said += " Runs of one seed see the same frames in the same order, mirrored alike."
-    if not surprises(runs):
+    if of_ladder and not surprises(runs):
         said += (
             " No rung has a setting of its own beside its factors, so none was tuned alone; of "
             "trials that left no run here, nothing is known."
@@ -67,7 +68,7 @@ def statement(runs: Sequence[ScoredRun]) -> str:
 
 
 def surprises(runs: Sequence[ScoredRun]) -> list[str]:
-    """What makes the runs of the ladder more, or less, than a comparison of its three factors."""
+    """What makes runs of the ladder more, or less, than a comparison of its three factors."""
     found = []
     for key, by_experiment in differing(runs).items():
         if key not in (*FACTORS, SEED):
@@ -132,7 +133,7 @@ def _place(key: str) -> tuple[int, bool, str]:
     return FACTORS.index(key) if key in FACTORS else len(FACTORS), key == SEED, key
 
 
-def _grouped(pairs) -> dict[str, list[str]]:
+def _grouped(pairs: Iterable[tuple[str, ScoredRun]]) -> dict[str, list[str]]:
     grouped: dict[str, list[str]] = {}
     for key, run in pairs:
         grouped.setdefault(key, []).append(str(run))

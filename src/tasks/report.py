@@ -38,8 +38,7 @@ def report(cfg: DictConfig, runs: list[str], out: str, mixed: bool) -> None:
             f"{'; '.join(map(str, unfinished))}); give the command that trains them again"
         )
     groups = groups_of(finished, mixed)
-    parts = parts_of(groups[0].runs[0].config["data"]["test_clips"])
-    made = ladder_report(groups, unfinished, parts)
+    made = ladder_report(groups, unfinished, parts_of)
     _write(made, folder, f"Report of {groups[0].runs[0].tally.protocol.dataset}")
     _print(made, folder)
 
@@ -60,6 +59,5 @@ def _print(made: LadderReport, folder: Path) -> None:
     for lines, style in ((made.warnings, "bold red"), (made.missing, "yellow"), (made.others, "")):
         for line in lines:
             console.print(line, style=style, markup=False, highlight=False)
-    if made.settings:
-        console.print(made.settings, markup=False, highlight=False)
+    console.print(made.settings, markup=False, highlight=False)
     console.print(str(folder), highlight=False, soft_wrap=True)

@@ -9,7 +9,7 @@ from src.errors import UserError
 from src.report.run_group import groups_of
 from src.report.scored_runs import read_run
 from src.tasks.scoring import parts_of
-from tests.report.ladder_runs import UNSEEN, ladder_of, protocol, write_run
+from tests.report.ladder_runs import ladder_of, protocol, write_run
 
 
 def names(group):
@@ -28,19 +28,20 @@ def test_runs_are_sorted_as_the_tables_are(tmp_path):
 
 def test_parts_are_those_of_the_split(tmp_path):
     write_run(tmp_path)
-    (group,) = groups_of(ladder_of(tmp_path), mixed=False)
-    parts = group.scored_parts(parts_of(UNSEEN))
+    write_run(tmp_path, "none_unseen", data__test_clips=[], of=protocol("tiny-4567"))
+    other, group = groups_of(ladder_of(tmp_path)[::-1], mixed=True)[::-1]
+    parts = group.scored_parts(parts_of)
     assert [(part.name, part.evidence.clips, part.evidence.frames) for part in parts] == [
         *(("test", 5, 7), ("test_unseen_clips", 1, 3), ("test_seen_clips", 4, 4)),
     ]
-    assert [part.name for part in group.scored_parts(parts_of([]))] == ["test", "test_seen_clips"]
+    assert [part.name for part in other.scored_parts(parts_of)] == ["test", "test_seen_clips"]
 
 
 OTHERS = {
     "protocol": ({"of": protocol(horizon_s=4.0)}, r"metric\.horizon_s=4\.0, and .* with 5\.0"),
     "data set": ({"of": protocol("tiny-4567")}, r"dataset=tiny-4567, and .* with tiny-0123"),
-    "code": ({"code": "0ther"}, r"was trained by code 0ther, and .* by c0de; train both"),
-    "unknown code": ({"code": None}, r"was trained by code unknown code, and .* by c0de"),
+    "code": ({"code": "0ther"}, r"was trained by code 0ther, and .* by code c0de; train both"),
+    "unknown code": ({"code": None}, r"was trained by unknown code, and .* by code c0de"),
     "labels": ({"labels": 1}, r"was scored on other labels than .*baseline/seed0; score both"),
 }
 
@@ -91,4 +92,4 @@ def test_tallies_of_another_scoring_than_the_results_are_refused(tmp_path):
     table.to_csv(folder / "results.csv", index=False)
     (group,) = groups_of([read_run(folder)], mixed=False)
     with pytest.raises(UserError, match=r"skyocc/seed0: results\.csv says mIoU .* and the tallies"):
-        group.scored_parts(parts_of(UNSEEN))
+        group.scored_parts(parts_of)

@@ -64,7 +64,12 @@ def test_places_without_a_run_are_refused(tmp_path):
 def test_a_finished_run_is_read_with_its_anchors(tmp_path):
     run = read_run(write_run(tmp_path, "skyocc", 2))
     assert isinstance(run, ScoredRun)
-    assert (run.experiment, run.seed, run.code, str(run)) == ("skyocc", 2, "c0de", "skyocc seed 2")
+    assert (run.experiment, run.seed, run.code, str(run)) == (
+        "skyocc",
+        2,
+        "code c0de",
+        "skyocc seed 2",
+    )
     assert list(run.anchors) == ["all_free", "voxel_prior"]
     assert run.tally.name == "skyocc"
     assert run.row["split"] == "test"

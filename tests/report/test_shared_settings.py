@@ -110,8 +110,14 @@ def test_another_precision_is_told_though_the_configuration_is_the_same(run):
 
 def test_one_run_shares_with_none(run):
     said = statement([run("skyocc")])
-    assert said.startswith("The ladder has one run, with 8 epochs, AdamW at 0.002, weight decay")
+    assert said.startswith("There is one run of the ladder, with 8 epochs, AdamW at 0.002, weight")
     assert "tuned" not in said
+
+
+def test_runs_that_are_no_rungs_are_compared_too(run):
+    said = statement([run("queue"), run("streams", data__order="streams")])
+    assert said.startswith("All 2 runs share every setting but: data.order. Shared: 8 epochs")
+    assert "rung" not in said
 
 
 def test_other_experiments_are_told_by_the_rung_that_they_are_nearest_to(run):
@@ -131,7 +137,8 @@ def test_code_is_told_where_it_is_not_one_and_known(run):
     one, other = run("baseline", 0), run("baseline", 1, code="0ther")
     assert code_lines([one]) == []
     assert code_lines([one, other]) == [
-        "the runs were trained by different code: c0de (baseline seed 0); 0ther (baseline seed 1)"
+        "the runs were trained by different code: code c0de (baseline seed 0); "
+        "code 0ther (baseline seed 1)"
     ]
     (line,) = code_lines([run("baseline", 2, code=None), run("baseline", 3, code=None)])
     assert line.startswith("unknown code: ")

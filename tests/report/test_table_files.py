@@ -140,7 +140,7 @@ def test_latex_marks_the_best_and_sets_signs_and_intervals():
     nasty = next(n for n, line in enumerate(lines) if line.startswith("a\\textbar"))
     assert r"\textbf{25.09}" in lines[nasty]
     assert "$-$1.50" in lines[nasty]
-    assert r"{\tiny [20.0, 30.0]} & {\tiny [$-$3.0, 0.0]}" in lines[nasty + 1]
+    assert r"{\tiny [20.00, 30.00]} & {\tiny [$-$3.00, 0.00]}" in lines[nasty + 1]
     gain = next(n for n, line in enumerate(lines) if line.startswith("Gain"))
     assert lines[gain - 1] == "\\midrule"
     assert "+99.00" in lines[gain]

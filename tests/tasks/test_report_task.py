@@ -143,8 +143,8 @@ def test_without_any_rung_there_is_the_main_table_alone(tmp_path):
     assert list(table(out, "main").index) == ["streams", "All free", "Voxel prior"]
     assert not (out / "tables/ablation.csv").exists()
     page = (out / "report.md").read_text()
-    assert "no run of the ladder is here" in page
-    assert "ladder share" not in page
+    assert "no finished run of the ladder is here" in page
+    assert "All 2 runs share every setting but: seed." in page
 
 
 # ---------------------------------------------------------------------------------- what it refuses
@@ -168,7 +168,8 @@ def test_a_broken_run_is_one_line_and_leaves_nothing(runs):
 
 def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs):
     shutil.rmtree(runs / "attitude")
-    write_run(runs, "attitude", 0, of=protocol("tiny-4567"), code="0ther")
+    unlike = {"of": protocol("tiny-4567"), "code": "0ther", "data__test_clips": []}
+    write_run(runs, "attitude", 0, **unlike)
     with pytest.raises(UserError, match=r"attitude/seed0.* or .*; .*task\.mixed=true|task\.mixed"):
         reported(runs)
     out = reported(runs, mixed=True)
@@ -179,6 +180,6 @@ def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs):
     assert f"Voxel prior{label.removeprefix('+ Attitude-aware projection')}" in main.index
     assert table(out, "incremental").loc["Safety-prior class weights"].isna().all()
     warned = (out / "report.md").read_text().split("## Not a clean comparison")[1].split("## ")[0]
-    assert "different code: c0de (" in warned
-    assert "0ther (attitude seed 0)" in warned
+    assert "different code: code c0de (" in warned
+    assert "code 0ther (attitude seed 0)" in warned
     assert re.search(r"scored unlike the others .*attitude seed 0", warned)
