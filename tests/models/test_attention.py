@@ -183,5 +183,5 @@ def test_padding_changes_nothing(room):
 
 
 def test_heads_must_divide_the_width():
-    with pytest.raises(UserError, match="num_heads"):
+    with pytest.raises(UserError, match=r"size\.heads: 4 does not divide size\.dim, 10"):
         DeformableCrossAttention(10, HEIGHTS, 4, 1)

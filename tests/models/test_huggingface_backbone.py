@@ -153,7 +153,7 @@ def test_stages_at_other_strides_are_refused(config):
 
 def test_without_transformers_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "transformers", None)
-    with pytest.raises(UserError, match=r"pip install 'skyshield\[encoders\]'"):
+    with pytest.raises(UserError, match=r"pip install -e '\.\[encoders\]'"):
         at_random(CONVNEXT)
 
 
