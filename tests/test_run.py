@@ -418,6 +418,7 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
         (["task=score", "predictions=nowhere", "dataset=nowhere"], "nowhere"),
         (["task=predict"], "ckpt_path: task=predict needs a checkpoint"),
         (["task=compare"], "task.runs: name two or more"),
+        (["task=report"], "/runs/small: no such folder; train first, or name runs in task.runs"),
     ],
 )
 def test_a_mistake_in_a_command_is_one_line_and_makes_nothing(words, said, tmp_path, refusal):

@@ -28,6 +28,9 @@ BEYOND = {
 }
 """Scores that the paper does not have, and which end of them is the better one."""
 
+KEYS = ("main", "ablation", "long_tail", "incremental", "progression", "beyond")
+"""Of the tables of the whole test split; those of its parts have the part's name after it."""
+
 DELTA = "delta_"
 """Begins the keys of columns of differences."""
 

@@ -10,6 +10,7 @@ from .latex import latex_of
 from .report_table import Cell, Column, ReportTable, bounds, number
 
 BOUNDS = ("low", "high")
+ENDINGS = (".csv", ".md", ".tex")
 
 
 def write_files(table: ReportTable, folder: Path) -> list[Path]:
@@ -17,9 +18,9 @@ def write_files(table: ReportTable, folder: Path) -> list[Path]:
 
     Raises `UserError` where one cannot be written.
     """
-    texts = {"csv": csv_of(table), "md": markdown_of(table), "tex": latex_of(table)}
-    paths = [folder / f"{table.key}.{ending}" for ending in texts]
-    for path, text in zip(paths, texts.values()):
+    texts = (csv_of(table), markdown_of(table), latex_of(table))
+    paths = [folder / f"{table.key}{ending}" for ending in ENDINGS]
+    for path, text in zip(paths, texts):
         with replacing(path) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
     return paths

@@ -1,5 +1,6 @@
 """task=report: the paper's tables from the run folders of a ladder, with intervals."""
 
+from itertools import product
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -8,11 +9,12 @@ from rich.console import Console
 from ..atomic import replacing
 from ..errors import UserError
 from ..report.ladder_report import LadderReport, ladder_report
+from ..report.ladder_tables import KEYS
 from ..report.report_text import report_text
 from ..report.run_group import groups_of
 from ..report.scored_runs import ScoredRun, UnfinishedRun, read_run, run_folders
 from ..report.scores import write_table
-from ..report.table_files import write_files
+from ..report.table_files import ENDINGS, write_files
 from ..report.table_print import print_table
 from .scoring import parts_of
 
@@ -44,8 +46,12 @@ def report(cfg: DictConfig, runs: list[str], out: str, mixed: bool) -> None:
 
 
 def _write(made: LadderReport, folder: Path, heading: str) -> None:
-    for table in made.tables:
-        write_files(table, folder / TABLES)
+    written = {path for table in made.tables for path in write_files(table, folder / TABLES)}
+    # A table of an earlier report would be taken for one of this one.
+    for key, part in product(KEYS, parts_of([])):
+        stem = key if part == "test" else f"{key}_{part}"
+        for path in {folder / TABLES / f"{stem}{ending}" for ending in ENDINGS} - written:
+            path.unlink(missing_ok=True)
     write_table(made.seeds, folder / SEEDS)
     with replacing(folder / PAGE) as temporary:
         temporary.write_text(report_text(made, heading), encoding="utf-8", newline="\n")

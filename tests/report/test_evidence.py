@@ -125,6 +125,7 @@ def test_differences_are_over_the_seeds_that_both_have(tallies):
     found = uneven.difference("skyocc", "baseline", "miou")
     pair = Evidence({name: {0: tallies[name][0]} for name in RUNS})
     assert found == pair.difference("skyocc", "baseline", "miou")
+    assert uneven.difference("baseline", "skyocc", "miou").value == pytest.approx(-found.value)
     means = uneven.cell("skyocc", "miou").value - uneven.cell("baseline", "miou").value
     assert abs(found.value - means) > 0.1
 

@@ -135,6 +135,17 @@ def test_a_missing_rung_leaves_no_row_and_an_empty_step(runs):
     assert all(f"- attitude seed {seed}: no run" in page for seed in (0, 1, 2))
 
 
+def test_tables_of_an_earlier_report_do_not_stay(runs):
+    out = reported(runs)
+    (out / "tables/mine.tex").write_text("")
+    for name in ("attitude", "weights", "skyocc"):
+        shutil.rmtree(runs / name)
+    reported(runs)
+    names = {path.stem for path in (out / "tables").iterdir()}
+    assert "incremental" not in names
+    assert {"main", "ablation", "mine"} <= names
+
+
 def test_without_any_rung_there_is_the_main_table_alone(tmp_path):
     runs = tmp_path / "runs/tiny"
     for seed in (0, 1):
