@@ -12,7 +12,7 @@ from src.report.curve_plot import Curve, CurvePlot
 from src.report.page import SCRIPTS, STYLES, WEB, write_page
 from src.report.picture import Picture
 from src.report.report_table import Cell, Column, ReportTable
-from tests.report.test_scene import SMALL, scene_of
+from tests.report.test_page_scene import SMALL, scene_of
 
 TABLE = ReportTable("ladder", "Ladder", "In percent.", (Column("a", "a"),), (("x", (Cell(1.0),)),))
 PLOT = CurvePlot("Loss", "", (Curve("a", (1, 2), (2.0, 1.0)),))
