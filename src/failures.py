@@ -25,6 +25,7 @@ DISK = {
     errno.ENOTDIR: f"not a folder; {ELSEWHERE}",
     errno.EEXIST: f"a file is in the way; move it, or {ELSEWHERE}",
 }
+INTERRUPTED = "interrupted; the same command goes on from what is finished"
 SMALLER = (
     "lower data.batch_size and raise trainer.accumulate_grad_batches by the same factor, which "
     "keeps the samples of an optimisation step, or set model.checkpointing=true"
@@ -47,7 +48,11 @@ def told_in_one_line() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        _leave("interrupted; the same command goes on from what is finished", status=130)
+        _leave(INTERRUPTED, status=130)
+    except SystemExit as stop:
+        if not isinstance(stop.__context__, KeyboardInterrupt):
+            raise
+        _leave(INTERRUPTED, status=130)  # Lightning's way of ending a training on Ctrl-C
     except Exception as error:
         message = one_line(error)
         if message is None:
