@@ -24,7 +24,7 @@ class ThoroughSweeper(BasicSweeper):
 
     def sweep(self, arguments: list[str]) -> Any:
         """Raises `UserError` before anything is made, or after everything was tried."""
-        from src.sweep import require_sound_jobs, summarise
+        from src.sweep import launcher_failure, require_sound_jobs, summarise
 
         loader = self.hydra_context.config_loader
         words = [*self._parse_config(), *arguments]
@@ -33,7 +33,10 @@ class ThoroughSweeper(BasicSweeper):
         jobs = [job for batch in batches for job in batch]
         require_sound_jobs([loader.load_sweep_config(self.config, job) for job in jobs])
         returns: list[JobReturn] = []
-        for batch in batches:
-            returns += self.launcher.launch(batch, initial_job_idx=len(returns))
+        try:
+            for batch in batches:
+                returns += self.launcher.launch(batch, initial_job_idx=len(returns))
+        except Exception as error:
+            raise launcher_failure(error) from error
         summarise(jobs, [job.return_value for job in returns])
         return returns

@@ -78,6 +78,14 @@ def _as_if_alone(words: Sequence[str]) -> Iterator[None]:
         os.environ.update(before[1])
 
 
+def launcher_failure(error: Exception) -> UserError:
+    """What to say where a launcher itself fails, as when a process of its own has been killed."""
+    reason = one_line(error) or next(iter(f"{type(error).__name__}: {error}".splitlines()))
+    return UserError(
+        f"hydra/launcher: {reason}; what is finished is kept: the same command goes on from it"
+    )
+
+
 def summarise(jobs: Sequence[Sequence[str]], outcomes: Sequence[Outcome]) -> None:
     """Prints a line for each job. Raises `UserError` where one has failed."""
     for label, outcome in zip(labels_of(jobs), outcomes):

@@ -1,6 +1,7 @@
 """Tasks of a moment, for what is around a task: ``task._target_=tests.stub_tasks.remember``."""
 
 import os
+import signal
 import sys
 import time
 from pathlib import Path
@@ -51,3 +52,7 @@ def sleep(cfg):
     remember(cfg)
     print("asleep", flush=True)
     time.sleep(120)
+
+
+def be_killed(cfg):
+    os.kill(os.getpid(), signal.SIGKILL)

@@ -119,6 +119,7 @@ def test_jobs_are_named_by_what_tells_them_apart():
         (["trainer.max_epochs=3,lots"], "trainer.max_epochs: 'lots' is not an integer"),
         (["sim.image.width=96,100"], "sim.image.width: 100 is not a multiple of 32"),
         (["trainer.precision=auto,fp16"], "trainer.precision: 'fp16'; there are auto"),
+        (["seed=0,1", "hydra/launcher=gnome"], "pip install -e '.[launchers]' or '.[ray]'"),
     ],
 )
 def test_a_mistake_in_any_job_is_told_before_the_first_one_starts(
