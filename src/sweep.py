@@ -68,14 +68,15 @@ def _as_if_alone(words: Sequence[str]) -> Iterator[None]:
     whole sweep; and what it writes into the environment of the first run would make the second one
     wait for processes that nobody starts.
     """
-    before = sys.argv[1:], dict(os.environ)
+    argv, environment = sys.argv[1:], dict(os.environ)
     sys.argv[1:] = words
     try:
         yield
     finally:
-        sys.argv[1:] = before[0]
-        os.environ.clear()
-        os.environ.update(before[1])
+        sys.argv[1:] = argv
+        for name in os.environ.keys() - environment.keys():
+            del os.environ[name]
+        os.environ.update(environment)
 
 
 def launcher_failure(error: Exception) -> UserError:

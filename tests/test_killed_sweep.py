@@ -42,6 +42,17 @@ def start(folder, *words):
     )
 
 
+def said_by(process):
+    """All that a sweep prints, once it has ended well."""
+    try:
+        said = process.communicate(timeout=1200)[0]
+    except BaseException:
+        os.killpg(process.pid, signal.SIGKILL)
+        raise
+    assert process.returncode == 0, said
+    return said
+
+
 def what_came_out(folder):
     """Scores and curves of every rung; how long it took is left out."""
     runs = [folder / f"runs/tiny/{rung}/seed0" for rung in RUNGS]
@@ -72,9 +83,7 @@ def undisturbed(tmp_path_factory):
         assert process.poll() is None
         time.sleep(0.1)
     begun_s = time.monotonic() - start_s
-    said = process.communicate(timeout=1200)[0]
-    assert process.returncode == 0, said
-    assert outcomes(said) == ["finished", "finished"]
+    assert outcomes(said_by(process)) == ["finished", "finished"]
     return folder, begun_s, time.monotonic() - start_s
 
 
@@ -89,10 +98,7 @@ def test_killed_at_three_random_moments_it_ends_as_if_undisturbed(undisturbed, t
         assert process.poll() is None
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
-    process = start(tmp_path)
-    said = process.communicate(timeout=1200)[0]
-    assert process.returncode == 0, said
-    assert set(outcomes(said)) != {"finished"}
+    assert set(outcomes(said_by(start(tmp_path)))) != {"finished"}
     require_same(tmp_path, folder)
     assert not list(tmp_path.rglob("*.before*"))
     assert not list(tmp_path.rglob("*.tmp"))
@@ -102,9 +108,7 @@ def test_killed_at_three_random_moments_it_ends_as_if_undisturbed(undisturbed, t
 def test_two_jobs_at_once_come_out_as_one_after_the_other(undisturbed, tmp_path):
     """Both need the data set, and one of them makes it."""
     launcher = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "data.workers=1")
-    process = start(tmp_path, *launcher)
-    said = process.communicate(timeout=1200)[0]
-    assert process.returncode == 0, said
+    said = said_by(start(tmp_path, *launcher))
     assert outcomes(said) == ["finished", "finished"]
     assert "another process is making this data set" in " ".join(said.split())
     require_same(tmp_path, undisturbed[0])
