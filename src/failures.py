@@ -25,6 +25,8 @@ DISK = {
     errno.ENOTDIR: f"not a folder; {ELSEWHERE}",
     errno.EEXIST: f"a file is in the way; move it, or {ELSEWHERE}",
 }
+INTERRUPTED = "interrupted; the same command goes on from what is finished"
+MORE = {"hydra/launcher": "; pip install -e '.[launchers]' or '.[ray]' brings more"}
 SMALLER = (
     "lower data.batch_size and raise trainer.accumulate_grad_batches by the same factor, which "
     "keeps the samples of an optimisation step, or set model.checkpointing=true"
@@ -47,7 +49,11 @@ def told_in_one_line() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        _leave("interrupted; the same command goes on from what is finished", status=130)
+        _leave(INTERRUPTED, status=130)
+    except SystemExit as stop:
+        if not isinstance(stop.__context__, KeyboardInterrupt):
+            raise
+        _leave(INTERRUPTED, status=130)  # Lightning's way of ending a training on Ctrl-C
     except Exception as error:
         message = one_line(error)
         if message is None:
@@ -111,7 +117,8 @@ def closest(word: str, known: Iterable[str]) -> str:
 def _no_such_option(error: MissingConfigException) -> str:
     group, _, name = error.missing_cfg_file.rpartition("/")
     options = error.options or []
-    return f"{group}: there is no {name!r}{closest(name, options)} there are {', '.join(options)}"
+    known = ", ".join(options) + MORE.get(group, "")
+    return f"{group}: there is no {name!r}{closest(name, options)} there are {known}"
 
 
 def _no_such_key(error: ConfigAttributeError | ConfigKeyError) -> str:

@@ -2,7 +2,9 @@
 
 import json
 import os
+import shutil
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pandas as pd
@@ -10,6 +12,7 @@ import yaml
 
 from .atomic import replacing
 from .errors import UserError
+from .locks import locked, telling
 from .provenance import code_version, source_digest
 
 CONFIG = "config.yaml"
@@ -73,27 +76,45 @@ class RunFolder:
         """Whether the results of this very configuration and code are there."""
         return self.results.is_file() and self._recorded_version() == self.version
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keeps others out of the folder: a second process of the same run waits for its turn.
+
+        On a file system that has no locks nobody waits.
+        """
+        on_wait = telling(f"{self.path}: another process is at work on this run")
+        # Beside the folder, which may be moved aside.
+        lock = self.path.with_name(f".{self.path.name}.lock")
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as held:
+            with suppress(UserError):
+                held.enter_context(locked(lock, on_wait))
+            yield
+
     def open(self, afresh: bool) -> Path | None:
         """Makes the folder ready and returns the checkpoint to go on from, if there is one.
 
         What another configuration or other code left here is moved aside, never overwritten; so is
-        everything when the run shall start afresh.
+        everything when the run shall start afresh. A run that was killed before its first
+        checkpoint has lost nothing: it begins again where it is, with the precision that it chose.
         """
-        if checkpoint := self.to_resume(afresh):
-            return checkpoint
-        if self.path.exists():
+        checkpoint = self.to_resume(afresh)
+        if checkpoint or self._has_no_checkpoint(afresh):
+            self._remove_leftovers()
+        elif self.path.exists():
             os.rename(self.path, self._free_name())
-        self.path.mkdir(parents=True)
-        self._write(CONFIG, yaml.safe_dump(self.config, sort_keys=False))
-        self._write(VERSION, self.version + "\n")
-        self._write(CODE, source_digest() + "\n")
-        return None
+        if checkpoint is None:
+            shutil.rmtree(self.path / SESSIONS, ignore_errors=True)
+            self._write(CONFIG, yaml.safe_dump(self.config, sort_keys=False))
+            self._write(VERSION, self.version + "\n")
+            self._write(CODE, source_digest() + "\n")
+        return checkpoint
 
     def to_resume(self, afresh: bool) -> Path | None:
         """The checkpoint of this very configuration and code that a run goes on from, if there is
         one and it shall."""
-        same = not afresh and self._recorded_version() == self.version
-        return self.last_checkpoint if same and self.last_checkpoint.is_file() else None
+        is_there = self._is_same(afresh) and self.last_checkpoint.is_file()
+        return self.last_checkpoint if is_there else None
 
     def write_json(self, name: str, data: dict) -> None:
         """Writes a small file of facts about the run."""
@@ -122,6 +143,17 @@ class RunFolder:
             log = folder / METRICS
             if log.is_file() and log.stat().st_size and len(table := pd.read_csv(log)):
                 yield table
+
+    def _is_same(self, afresh: bool) -> bool:
+        return not afresh and self._recorded_version() == self.version
+
+    def _has_no_checkpoint(self, afresh: bool) -> bool:
+        return self._is_same(afresh) and not any(self.last_checkpoint.parent.glob("*.ckpt"))
+
+    def _remove_leftovers(self) -> None:
+        """Files that a process was writing when it was killed."""
+        for path in self.path.rglob(".*.tmp"):
+            path.unlink()
 
     def _recorded_version(self) -> str:
         return _recorded(self.path / VERSION)

@@ -3,6 +3,7 @@
 import errno
 import os
 import signal
+import sys
 
 import numpy as np
 import pytest
@@ -37,6 +38,28 @@ def test_ctrl_c_is_one_line_too(capsys):
     assert status == 130
     assert line.startswith("error: interrupted")
     assert line.count("\n") == 1
+
+
+def test_ctrl_c_in_a_training_is_the_same_line(capsys):
+    """Lightning catches it there and exits with status 1."""
+
+    def trainer_fit():
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            sys.exit(1)
+
+    with pytest.raises(SystemExit) as info, told_in_one_line():
+        trainer_fit()
+    assert info.value.code == 130
+    assert capsys.readouterr().err.startswith("error: interrupted")
+
+
+def test_an_exit_for_another_reason_stays_what_it_is(capsys):
+    with pytest.raises(SystemExit) as info, told_in_one_line():
+        sys.exit(3)
+    assert info.value.code == 3
+    assert capsys.readouterr().err == ""
 
 
 def test_a_bug_keeps_its_traceback():

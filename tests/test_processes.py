@@ -76,3 +76,12 @@ def test_a_training_of_two_processes_is_scored_as_one_would_score_it(folder):
     pd.testing.assert_frame_equal(trained.drop(columns=timed), alone.drop(columns=timed))
     metrics = pd.read_csv(run / "metrics.csv")
     assert metrics["val/kar_miou"].notna().sum() == 2
+
+
+@pytest.mark.slow
+def test_a_sweep_of_such_trainings_does_one_after_the_other(folder):
+    """Each starts a second process for its own words, not for those of the whole sweep."""
+    words = ("-m", "+experiment=baseline", "seed=0,1", *mini_overrides(folder), *TWO)
+    said = python("run.py", *words, "data.batch_size=4", "trainer.max_epochs=1")
+    assert said.splitlines()[-2:] == ["seed=0: finished", "seed=1: finished"]
+    assert said.count("frames to train") == 2

@@ -6,6 +6,7 @@ import re
 import runpy
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pandas as pd
@@ -174,7 +175,7 @@ def test_the_same_command_again_shows_the_finished_run(finished, capsys, monkeyp
     folder, words = finished
     stop_at(monkeypatch, 0, 0)
     before = (folder / "results.csv").stat().st_mtime_ns
-    fit(compose_config(*words))
+    assert fit(compose_config(*words)) == "already finished, skipped"
     shown = capsys.readouterr().out
     assert "already finished" in shown
     assert "voxel_prior" in shown
@@ -210,13 +211,55 @@ def test_a_half_done_run_goes_on_as_if_undisturbed(finished, here, monkeypatch, 
             fit(compose_config(*here))
     folder = folder_of(here)
     assert not (folder / "results.csv").exists()
-    fit(compose_config(*here))
+    assert fit(compose_config(*here)) == "finished, went on from epoch 1 of 2"
     undisturbed = weights(finished[0] / "checkpoints/last.ckpt")
     resumed = weights(folder / "checkpoints/last.ckpt")
     assert all(torch.equal(resumed[name], value) for name, value in undisturbed.items())
     pd.testing.assert_frame_equal(
         pd.read_csv(folder / "metrics.csv"), pd.read_csv(finished[0] / "metrics.csv")
     )
+
+
+def test_a_run_killed_before_its_results_repeats_no_training(finished, here, monkeypatch):
+    def killed(*_):
+        raise Stop
+
+    with monkeypatch.context() as patched:
+        patched.setattr("src.tasks.fit.evaluate", killed)
+        with pytest.raises(Stop):
+            fit(compose_config(*here))
+    stop_at(monkeypatch, 1, 0)
+    assert fit(compose_config(*here)) == "finished, went on from epoch 2 of 2"
+    folder = folder_of(here)
+    again, before = (read_results(path / "results.csv") for path in (folder, finished[0]))
+    columns = [name for name in again if name != "seconds"]
+    pd.testing.assert_frame_equal(again[columns], before[columns])
+    pd.testing.assert_frame_equal(
+        pd.read_csv(folder / "metrics.csv"), pd.read_csv(finished[0] / "metrics.csv")
+    )
+
+
+def test_a_run_killed_while_a_checkpoint_is_written_goes_on_from_the_one_before(
+    finished, here, monkeypatch
+):
+    """The system's folder for temporary files, often another disk, has no part in it."""
+    save = torch.save
+
+    def half(checkpoint, path):
+        if "last" in path.name and checkpoint["epoch"] == 1:
+            path.write_bytes(b"half of it")
+            raise Stop
+        save(checkpoint, path)
+
+    monkeypatch.setattr(tempfile, "tempdir", "nowhere")
+    with monkeypatch.context() as patched:
+        patched.setattr(torch, "save", half)
+        with pytest.raises(Stop):
+            fit(compose_config(*here))
+    assert fit(compose_config(*here)) == "finished, went on from epoch 1 of 2"
+    undisturbed = weights(finished[0] / "checkpoints/last.ckpt")
+    resumed = weights(folder_of(here) / "checkpoints/last.ckpt")
+    assert all(torch.equal(resumed[name], value) for name, value in undisturbed.items())
 
 
 def test_last_goes_on_and_another_configuration_is_refused(here, monkeypatch):

@@ -1,5 +1,8 @@
 """What is in a run's folder, and whether a run may go on there."""
 
+import threading
+import time
+
 import pandas as pd
 import pytest
 import yaml
@@ -52,6 +55,66 @@ def test_a_new_run_begins_at_the_beginning_and_records_its_configuration(tmp_pat
 def test_a_half_done_run_goes_on(tmp_path):
     folder = half_done(tmp_path / "seed0")
     assert folder_of(tmp_path / "seed0").open(afresh=False) == folder.last_checkpoint
+
+
+def test_a_run_killed_before_its_first_checkpoint_begins_again_where_it_is(tmp_path):
+    """Nothing is lost, so nothing is moved aside; what it computes with was settled."""
+    folder = folder_of(tmp_path / "seed0")
+    folder.open(afresh=False)
+    folder.write_json("precision.json", {"precision": "bf16-mixed"})
+    session(folder, 0, {"step": [0, 1], "train/total": [9.0, 8.0]})
+    (folder.path / ".class_weights.json.17.tmp").write_text("half of it")
+    again = folder_of(tmp_path / "seed0", threads=2)
+    assert again.open(afresh=False) is None
+    assert [path.name for path in tmp_path.iterdir()] == ["seed0"]
+    names = {path.name for path in folder.path.iterdir()}
+    assert names == {"config.yaml", ".version", ".code", "precision.json"}
+    assert yaml.safe_load((folder.path / "config.yaml").read_text())["threads"] == 2
+
+
+def test_a_best_checkpoint_without_a_last_one_is_moved_aside(tmp_path):
+    """As its user was told to do: delete the broken last one to start anew."""
+    folder = half_done(tmp_path / "seed0")
+    folder.last_checkpoint.rename(folder.best_checkpoint)
+    assert folder_of(tmp_path / "seed0").open(afresh=False) is None
+    assert (tmp_path / "seed0.before1/checkpoints/best.ckpt").is_file()
+
+
+def test_what_a_killed_process_was_writing_is_removed_when_the_run_goes_on(tmp_path):
+    folder = half_done(tmp_path / "seed0")
+    leftover = folder.last_checkpoint.with_name(".last.ckpt.17.tmp")
+    leftover.write_text("half of it")
+    assert folder.open(afresh=False) == folder.last_checkpoint
+    assert not leftover.exists()
+
+
+def test_a_second_process_of_a_run_waits_and_says_so(tmp_path, capsys):
+    path = tmp_path / "seed0"
+    order = []
+
+    def second():
+        with folder_of(path).alone():
+            order.append("second")
+
+    with folder_of(path).alone():
+        thread = threading.Thread(target=second)
+        thread.start()
+        deadline = time.monotonic() + 30
+        while not (said := capsys.readouterr().out):
+            assert time.monotonic() < deadline
+        assert said == f"{path}: another process is at work on this run; waiting for it\n"
+        order.append("first")
+    thread.join(timeout=30)
+    assert order == ["first", "second"]
+
+
+def test_where_there_are_no_locks_nobody_waits(tmp_path, monkeypatch):
+    def flock(*_):
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", flock)
+    with folder_of(tmp_path / "seed0").alone(), folder_of(tmp_path / "seed0").alone():
+        pass
 
 
 def test_another_configuration_moves_the_old_run_aside(tmp_path):

@@ -20,7 +20,7 @@ from ..data.rates import frames_per_clip
 from ..data.shards import forget_shards, join_shards
 from ..data.split import Split, make_split
 from ..errors import UserError
-from ..locks import locked, locked_if_free
+from ..locks import locked, locked_if_free, telling
 from ..report.card import CARD, FIGURES, write_card
 
 
@@ -105,7 +105,7 @@ def _finishing(lock: Path, shards: int) -> Iterator[bool]:
         with locked_if_free(lock) as alone:
             yield alone
     else:
-        with locked(lock, on_wait=lambda: None):
+        with locked(lock, telling(f"{lock.parent}: another process is finishing this data set")):
             yield True
 
 

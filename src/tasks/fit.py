@@ -12,9 +12,11 @@ from rich.console import Console
 from ..data.datamodule import SkyShieldData
 from ..errors import UserError
 from ..models.module import OccupancyModule
+from ..models.prior import VoxelPrior
 from ..ontology import CLASSES
 from ..report.results import print_results, read_results
 from ..run_folder import RunFolder, require_same_config
+from .checkpoint import epochs_done
 from .dataset import data_of, ready_dataset
 from .evaluate import evaluate
 from .model import load_weights, module_of, prior_of, require_buildable
@@ -22,35 +24,61 @@ from .precision import FP32, Choice, settled_precision
 from .processes import is_first_process
 from .progress import EpochLines
 
+SKIPPED = "already finished, skipped"
 
-def fit(cfg: DictConfig) -> None:
-    """Trains the configured model and leaves its run folder complete.
+
+def fit(cfg: DictConfig) -> str:
+    """Trains the configured model and leaves its run folder complete; returns how that went.
 
     A finished run of the same configuration and code is shown again, a half-done one goes on from
     its last checkpoint, and anything else in its place is moved aside.
     """
     folder = RunFolder(Path(cfg.paths.run), OmegaConf.to_container(cfg, resolve=True))
-    if folder.is_finished() and not cfg.overwrite and cfg.ckpt_path is None:
-        line = f"{folder.path}: already finished; overwrite=true trains it again"
-        Console().print(line, highlight=False, soft_wrap=True)
-        print_results(read_results(folder.results))
-        return
+    if _shown_again(cfg, folder):
+        return SKIPPED
     named = None if cfg.ckpt_path is None else _checkpoint_to_resume(cfg, folder)
     require_buildable(cfg)
     data = data_of(cfg, ready_dataset(cfg))
     prior = prior_of(cfg, data)
     module = module_of(cfg, data, prior)
+    if not is_first_process():
+        return _train(cfg, folder, data, prior, module, named)
+    with folder.alone():
+        # A process that was waited for may have finished the run.
+        skipped = _shown_again(cfg, folder)
+        return SKIPPED if skipped else _train(cfg, folder, data, prior, module, named)
+
+
+def _shown_again(cfg: DictConfig, folder: RunFolder) -> bool:
+    """Whether there is nothing to do; prints what was done before."""
+    if not folder.is_finished() or cfg.overwrite or cfg.ckpt_path is not None:
+        return False
+    line = f"{folder.path}: already finished; overwrite=true trains it again"
+    Console().print(line, highlight=False, soft_wrap=True)
+    print_results(read_results(folder.results))
+    return True
+
+
+def _train(
+    cfg: DictConfig,
+    folder: RunFolder,
+    data: SkyShieldData,
+    prior: VoxelPrior,
+    module: OccupancyModule,
+    named: Path | None,
+) -> str:
     first = is_first_process()
     prepare = folder.open if first else folder.to_resume
     checkpoint = named or prepare(afresh=cfg.overwrite)
     if checkpoint:
         load_weights(module, checkpoint)  # a broken one is refused here, in one line
+    begins = f"epoch {epochs_done(checkpoint)} of {cfg.trainer.max_epochs}" if checkpoint else ""
     # How many processes and which device, only a trainer knows.
     choice = settled_precision(cfg, folder, module, data, trainer_of(cfg, FP32))
     trainer = trainer_of(cfg, choice.precision)
     if first:
         _write_class_weights(folder, module)
-        _announce(cfg, trainer, module, data, checkpoint, choice)
+        _announce(cfg, trainer, module, data, begins, choice)
     try:
         trainer.fit(module, datamodule=data, ckpt_path=checkpoint, weights_only=True)
     finally:
@@ -58,6 +86,7 @@ def fit(cfg: DictConfig) -> None:
             folder.merge_metrics()
     load_weights(module, folder.best_checkpoint)
     evaluate(cfg, folder, trainer, module, data, prior)
+    return f"finished, went on from {begins}" if begins else "finished"
 
 
 def trainer_of(cfg: DictConfig, precision: str) -> lightning.Trainer:
@@ -99,14 +128,14 @@ def _announce(
     trainer: lightning.Trainer,
     module: OccupancyModule,
     data: SkyShieldData,
-    checkpoint: Path | None,
+    begins: str,
     choice: Choice,
 ) -> None:
     """What is about to be trained and how, in three lines."""
     parameters = sum(p.numel() for p in module.network.parameters())
     frames = " / ".join(str(len(samples)) for samples in data.split.values())
     device = trainer.strategy.root_device
-    how = f"goes on from {checkpoint}" if checkpoint else f"{cfg.trainer.max_epochs} epochs"
+    how = f"goes on from {begins}" if begins else f"{cfg.trainer.max_epochs} epochs"
     for line in (
         f"{cfg.name}, scale {cfg.scale_name}, seed {cfg.seed}: {parameters / 1e6:.2f} M parameters "
         f"on {device}, {how}",

@@ -1,6 +1,9 @@
 """task=generate in shards: each makes its share, and the last one finishes the data set."""
 
 import json
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -107,3 +110,28 @@ def test_the_record_is_plain_json(config):
     cfg = config(*shard(0, 2))
     make(cfg)
     assert json.loads(record_of(root_of(cfg).parent, "tiny").read_text())["shards"] == 2
+
+
+def test_of_two_jobs_that_need_the_same_data_one_makes_them_and_the_other_waits(
+    config, monkeypatch, capsys
+):
+    cfg, begun, may_end, made = config(), threading.Event(), threading.Event(), []
+
+    def slowly(plans, sim, root):
+        made.append(len(plans))
+        begun.set()
+        assert may_end.wait(timeout=30)
+        write_clips(plans, sim, root)
+
+    monkeypatch.setattr("src.sim.generate._make_all", slowly)
+    with ThreadPoolExecutor(2) as jobs:
+        first = jobs.submit(ready_dataset, cfg)
+        assert begun.wait(timeout=30)
+        second = jobs.submit(ready_dataset, cfg)
+        said, deadline = "", time.monotonic() + 30
+        while "waiting for it" not in said and time.monotonic() < deadline:
+            said += flat(capsys)
+        may_end.set()
+        assert first.result() == second.result() == root_of(cfg)
+    assert "another process is making this data set; waiting for it" in said
+    assert made == [4, 0]

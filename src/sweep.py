@@ -1,0 +1,106 @@
+"""A sweep: its jobs checked before the first one starts, each of them done, and a summary."""
+
+import os
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from hydra.core.hydra_config import HydraConfig
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+from rich.console import Console
+
+from .errors import UserError
+from .failures import one_line, quiet_libraries
+from .settings import TRAINING, require_sound
+
+FINISHED = "finished"
+
+
+class Outcome(NamedTuple):
+    """How a job ended, in a few words."""
+
+    words: str
+    failed: bool = False
+
+
+def require_sound_jobs(jobs: Sequence[DictConfig]) -> None:
+    """Raises `UserError` for a mistake in any job, and where two of them would train in one folder.
+
+    Each is the composed configuration of a job, Hydra's own part included.
+    """
+    words = [list(cfg.hydra.overrides.task) for cfg in jobs]
+    trained: dict[str, str] = {}
+    for cfg, mine, label in zip(jobs, words, labels_of(words)):
+        require_sound(cfg, mine)
+        if cfg.task._target_ == TRAINING and trained.setdefault(cfg.paths.run, label) != label:
+            raise UserError(
+                f"paths.run: {trained[cfg.paths.run]!r} and {label!r} would both train in "
+                f"{cfg.paths.run}; let name tell them apart, as 'name=lr${{optimizer.lr}}' does"
+            )
+
+
+def do_job(cfg: DictConfig) -> Outcome:
+    """Does the task of one job, in whatever process its launcher has chosen.
+
+    A failure is told at once, as `told_in_one_line` would, but ends this job alone.
+    """
+    quiet_libraries()
+    try:
+        with _as_if_alone(list(HydraConfig.get().overrides.task)):
+            return Outcome(instantiate(cfg.task)(cfg) or FINISHED)
+    except Exception as error:
+        message = one_line(error)
+        if message is None:
+            traceback.print_exc()
+            message = " ".join(f"{type(error).__name__}: {error}".split())
+        print(f"error: {message}", file=sys.stderr, flush=True)
+        return Outcome(f"failed: {message}", failed=True)
+
+
+@contextmanager
+def _as_if_alone(words: Sequence[str]) -> Iterator[None]:
+    """Shows the job its own command line, and undoes what it leaves in the environment.
+
+    Lightning starts the other processes of a run with the words of this one, which would be the
+    whole sweep; and what it writes into the environment of the first run would make the second one
+    wait for processes that nobody starts.
+    """
+    argv, environment = sys.argv[1:], dict(os.environ)
+    sys.argv[1:] = words
+    try:
+        yield
+    finally:
+        sys.argv[1:] = argv
+        for name in os.environ.keys() - environment.keys():
+            del os.environ[name]
+        os.environ.update(environment)
+
+
+def launcher_failure(error: Exception) -> UserError:
+    """What to say where a launcher itself fails, as when a process of its own has been killed."""
+    reason = one_line(error) or next(iter(f"{type(error).__name__}: {error}".splitlines()))
+    return UserError(
+        f"hydra/launcher: {reason}; what is finished is kept: the same command goes on from it"
+    )
+
+
+def summarise(jobs: Sequence[Sequence[str]], outcomes: Sequence[Outcome]) -> None:
+    """Prints a line for each job. Raises `UserError` where one has failed."""
+    for label, outcome in zip(labels_of(jobs), outcomes):
+        Console().print(f"{label}: {outcome.words}", highlight=False, soft_wrap=True, markup=False)
+    failed = sum(outcome.failed for outcome in outcomes)
+    if failed:
+        raise UserError(
+            f"{failed} of {len(jobs)} jobs failed, for the reasons above; the same command tries "
+            "them again, and skips what is finished"
+        )
+
+
+def labels_of(jobs: Sequence[Sequence[str]]) -> list[str]:
+    """The words that tell the jobs apart, or all where none does."""
+    shared = set(jobs[0]).intersection(*jobs) if len(jobs) > 1 else set()
+    labels = [[word for word in job if word not in shared] or job for job in jobs]
+    return [" ".join(word.removeprefix("+") for word in words) for words in labels]

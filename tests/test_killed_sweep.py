@@ -1,0 +1,110 @@
+"""The same scores and curves, to the last bit: whatever kills a sweep, and whatever it runs on."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from src.report.results import read_results
+from tests.synthetic import MINI
+
+ROOT = Path(__file__).parent.parent
+RUNGS = ("baseline", "skyocc")
+PROGRAM = """
+import runpy
+from src.tasks import evaluate
+evaluate.SHOWN_FRAMES = 1
+if __name__ == "__main__":
+    runpy.run_path("run.py", run_name="__main__")
+"""
+"""``run.py`` with a smaller figure."""
+
+
+def start(folder, *words):
+    """The sweep in a process group of its own; it makes its own data."""
+    places = f"paths.data={folder}/data", f"paths.runs={folder}/runs"
+    sweep = "-m", f"+experiment={','.join(RUNGS)}", "trainer.accelerator=cpu"
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *sweep, *MINI, *places, *words],
+        cwd=ROOT,
+        env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def said_by(process):
+    """All that a sweep prints, once it has ended well."""
+    try:
+        said = process.communicate(timeout=1200)[0]
+    except BaseException:
+        os.killpg(process.pid, signal.SIGKILL)
+        raise
+    assert process.returncode == 0, said
+    return said
+
+
+def what_came_out(folder):
+    """Scores and curves of every rung; how long it took is left out."""
+    runs = [folder / f"runs/tiny/{rung}/seed0" for rung in RUNGS]
+    results = [read_results(run / "results.csv").drop(columns="seconds") for run in runs]
+    tables = [pd.read_csv(run / name) for run in runs for name in ("scores.csv", "metrics.csv")]
+    return [*results, *tables]
+
+
+def require_same(left, right):
+    for mine, theirs in zip(what_came_out(left), what_came_out(right), strict=True):
+        pd.testing.assert_frame_equal(mine, theirs, check_exact=True)
+
+
+def outcomes(said):
+    """The closing line of every job."""
+    return [
+        line.partition(": ")[2] for line in said.splitlines() if re.match("experiment=.*: ", line)
+    ]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The folder of a whole sweep, and how long it took."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    start_s = time.monotonic()
+    assert outcomes(said_by(start(folder))) == ["finished", "finished"]
+    return folder, time.monotonic() - start_s
+
+
+@pytest.mark.slow
+def test_killed_at_three_random_moments_it_ends_as_if_undisturbed(undisturbed, tmp_path):
+    folder, whole_s = undisturbed
+    killed = 0
+    for moment_s in np.random.default_rng(0).uniform(0, whole_s, 3):
+        process = start(tmp_path)
+        time.sleep(moment_s)
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            killed += 1
+        process.communicate()
+    assert killed >= 2
+    said_by(start(tmp_path))
+    require_same(tmp_path, folder)
+    assert not list(tmp_path.rglob("*.before*"))
+    assert not list(tmp_path.rglob("*.tmp"))
+
+
+@pytest.mark.slow
+def test_two_jobs_at_once_come_out_as_one_after_the_other(undisturbed, tmp_path):
+    """Both need the data set, and one of them makes it."""
+    launcher = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "data.workers=1")
+    said = said_by(start(tmp_path, *launcher))
+    assert outcomes(said) == ["finished", "finished"]
+    assert "another process is making this data set" in " ".join(said.split())
+    require_same(tmp_path, undisturbed[0])

@@ -1,0 +1,210 @@
+"""A sweep as its user meets it: all jobs checked, all of them done, and told in the end."""
+
+import logging
+import os
+import re
+import runpy
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from hydra.core.global_hydra import GlobalHydra
+
+from src.sweep import labels_of
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture
+def sweep(monkeypatch, capsys, tmp_path):
+    """Runs ``run.py -m`` in this process; returns its status, its lines and those of its errors."""
+
+    def swept(*words):
+        GlobalHydra.instance().clear()
+        monkeypatch.setattr(sys, "argv", ["run.py", "-m", *words, f"paths.runs={tmp_path}/runs"])
+        status = 0
+        try:
+            runpy.run_path(str(ROOT / "run.py"), run_name="__main__")
+        except SystemExit as stop:
+            status = stop.code
+        said = capsys.readouterr()
+        return status, said.out.splitlines(), said.err.splitlines()
+
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    yield swept
+    GlobalHydra.instance().clear()
+    logging.disable(logging.NOTSET)
+
+
+@pytest.fixture
+def done(tmp_path):
+    """Names of the jobs that a stub was called for."""
+    return lambda: sorted(path.name for path in tmp_path.glob("runs/*") if path.is_file())
+
+
+def stub(name):
+    return f"task._target_=tests.stub_tasks.{name}"
+
+
+# -------------------------------------------------------------------------------- all jobs are done
+
+
+def test_each_job_is_done_and_told_in_a_line(sweep, done):
+    status, said, errors = sweep(stub("remember"), "+experiment=baseline,skyocc", "seed=0,1")
+    assert (status, errors) == (0, [])
+    assert done() == ["baseline0", "baseline1", "skyocc0", "skyocc1"]
+    assert said == [
+        *("experiment=baseline seed=0: finished", "experiment=baseline seed=1: finished"),
+        *("experiment=skyocc seed=0: finished", "experiment=skyocc seed=1: finished"),
+    ]
+
+
+def test_a_failing_job_does_not_stop_the_others(sweep, done):
+    status, said, errors = sweep(stub("fail_between_others"), "seed=0,1,2,3")
+    assert status == 2
+    assert done() == ["custom0", "custom3"]
+    assert said == [
+        "seed=0: finished",
+        "seed=1: failed: data.zip: broken; delete it",
+        "seed=2: failed: ZeroDivisionError: division by zero",
+        "seed=3: finished",
+    ]
+    assert errors[0] == "error: data.zip: broken; delete it"
+    assert "    return 1 / 0" in errors  # a bug keeps its traceback
+    assert errors[-1].startswith("error: 2 of 4 jobs failed, for the reasons above; the same")
+
+
+def test_a_task_says_how_it_went(sweep):
+    _, said, _ = sweep(stub("resume"), "seed=0,1")
+    assert said[0] == "seed=0: finished, went on from epoch 1 of 2"
+
+
+def test_a_job_sees_its_own_words_and_nothing_of_the_one_before(sweep, done, tmp_path):
+    status, _, errors = sweep(stub("be_one_of_many"), "seed=0,1")
+    assert (status, errors) == (0, [])
+    for seed in (0, 1):
+        words = (tmp_path / f"runs/custom{seed}").read_text()
+        assert words == f"{stub('be_one_of_many')} seed={seed} paths.runs={tmp_path}/runs"
+    assert "LOCAL_RANK" not in os.environ
+
+
+def test_ctrl_c_ends_the_sweep_with_a_line(sweep, done):
+    status, said, errors = sweep(stub("be_interrupted"), "seed=0,1,2")
+    assert status == 130
+    assert done() == ["custom0"]
+    assert said == []
+    assert errors == ["error: interrupted; the same command goes on from what is finished"]
+
+
+def test_jobs_are_named_by_what_tells_them_apart():
+    assert labels_of([["+experiment=a", "seed=0", "x=1"], ["+experiment=a", "seed=1", "x=1"]]) == [
+        *("seed=0", "seed=1")
+    ]
+    assert labels_of([["+experiment=a", "x=1"]]) == ["experiment=a x=1"]
+
+
+# ------------------------------------------------------------------------------- checked beforehand
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["+experiment=skyocc,baselin"], "did you mean 'baseline'?"),
+        (["seed=0,1,-1"], "seed: -1 is too small"),
+        (["seed=0,1", "trainer.max_epoch=3"], "trainer.max_epoch: no such key; did you mean"),
+        (["seed=0,1", "+epochs=3"], "epochs: nothing reads this key"),
+        (["trainer.max_epochs=3,lots"], "trainer.max_epochs: 'lots' is not an integer"),
+        (["sim.image.width=96,100"], "sim.image.width: 100 is not a multiple of 32"),
+        (["trainer.precision=auto,fp16"], "trainer.precision: 'fp16'; there are auto"),
+        (["seed=0,1", "hydra/launcher=gnome"], "pip install -e '.[launchers]' or '.[ray]'"),
+    ],
+)
+def test_a_mistake_in_any_job_is_told_before_the_first_one_starts(
+    words, line, sweep, done, tmp_path
+):
+    status, said, errors = sweep(stub("remember"), *words)
+    assert (status, said, len(errors)) == (2, [], 1)
+    assert line in errors[0]
+    assert not list(tmp_path.iterdir())
+
+
+def test_two_jobs_that_would_train_in_one_folder_are_refused(sweep, tmp_path):
+    status, _, (line,) = sweep("+experiment=skyocc", "optimizer.lr=1e-3,1e-4")
+    assert status == 2
+    assert re.search(r"'optimizer\.lr=0\.001' and 'optimizer\.lr=0\.0001' would both train", line)
+    assert not list(tmp_path.iterdir())
+
+
+# ----------------------------------------------------------------------------------- in processes
+
+
+def start(*words):
+    """``run.py -m`` as the leader of a session, where Ctrl-C means what it means in a terminal."""
+
+    def as_in_a_terminal():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    return subprocess.Popen(
+        [sys.executable, "run.py", "-m", *words],
+        cwd=ROOT,
+        env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        preexec_fn=as_in_a_terminal,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_under_a_launcher_of_processes_the_summary_is_the_same(launcher, done, tmp_path):
+    process = start(
+        *(stub("fail_between_others"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"),
+        f"hydra/launcher={launcher}",
+    )
+    said = process.communicate(timeout=300)[0].splitlines()
+    assert process.returncode == 2
+    assert done() == ["custom0", "custom3"]
+    assert [line for line in said if line.startswith("seed=")] == [
+        "seed=0: finished",
+        "seed=1: failed: data.zip: broken; delete it",
+        "seed=2: failed: ZeroDivisionError: division by zero",
+        "seed=3: finished",
+    ]
+    assert said[-1].startswith("error: 2 of 4 jobs failed")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launcher", ["basic", "joblib"])
+def test_ctrl_c_ends_it_at_once_and_leaves_nothing_running(launcher, done, tmp_path):
+    words = [stub("sleep"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"]
+    process = start(
+        *words, f"hydra/launcher={launcher}", *["hydra.launcher.n_jobs=2"][: launcher == "joblib"]
+    )
+    assert process.stdout.readline() == "asleep\n"
+    os.killpg(process.pid, signal.SIGINT)
+    said = process.communicate(timeout=60)[0]
+    assert process.returncode == 130
+    assert said.splitlines()[-1] == (
+        "error: interrupted; the same command goes on from what is finished"
+    )
+    assert len(done()) < 4
+    time.sleep(1)
+    assert not running_in(process.pid)
+
+
+def running_in(session):
+    """Command lines of the processes of a session that have not ended."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            state, _, _, its_session = (path / "stat").read_text().rsplit(")", 1)[1].split()[:4]
+            if int(its_session) == session and state != "Z":
+                found.append((path / "cmdline").read_text())
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+    return found
