@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 from src.report.results import read_results
+from tests.sessions import spent_s
 from tests.synthetic import MINI
 
 ROOT = Path(__file__).parent.parent
@@ -53,6 +54,15 @@ def said_by(process):
     return said
 
 
+def kill_after(moment_s, process):
+    """Kills a sweep and all its processes when they have spent that many processor seconds."""
+    while process.poll() is None and spent_s(process.pid) < moment_s:
+        time.sleep(0.02)
+    assert process.poll() is None
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+
+
 def what_came_out(folder):
     """Scores and curves of every rung; how long it took is left out."""
     runs = [folder / f"runs/tiny/{rung}/seed0" for rung in RUNGS]
@@ -75,25 +85,20 @@ def outcomes(said):
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
-    """The folder of a whole sweep, and how long it took."""
+    """The folder of a whole sweep, and the processor seconds that it took."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    start_s = time.monotonic()
+    before = os.times()
     assert outcomes(said_by(start(folder))) == ["finished", "finished"]
-    return folder, time.monotonic() - start_s
+    after = os.times()
+    return folder, sum(after[2:4]) - sum(before[2:4])
 
 
 @pytest.mark.slow
 def test_killed_at_three_random_moments_it_ends_as_if_undisturbed(undisturbed, tmp_path):
     folder, whole_s = undisturbed
-    killed = 0
+    # A moment for each start; their sum is less than the whole, so that none comes to the end.
     for moment_s in np.random.default_rng(0).uniform(0, whole_s, 3):
-        process = start(tmp_path)
-        time.sleep(moment_s)
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-            killed += 1
-        process.communicate()
-    assert killed >= 2
+        kill_after(moment_s, start(tmp_path))
     said_by(start(tmp_path))
     require_same(tmp_path, folder)
     assert not list(tmp_path.rglob("*.before*"))

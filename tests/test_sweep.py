@@ -14,6 +14,7 @@ import pytest
 from hydra.core.global_hydra import GlobalHydra
 
 from src.sweep import labels_of
+from tests.sessions import running_in
 
 ROOT = Path(__file__).parent.parent
 
@@ -179,12 +180,18 @@ def test_under_a_launcher_of_processes_the_summary_is_the_same(launcher, done, t
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("launcher", ["basic", "joblib"])
+def test_a_launcher_that_loses_a_job_is_told_in_a_line(tmp_path):
+    words = [stub("be_killed"), "seed=0,1", f"paths.runs={tmp_path}/runs"]
+    said = start(*words, "hydra/launcher=joblib").communicate(timeout=300)[0]
+    told = r"^error: hydra/launcher: TerminatedWorkerError: .*the same command goes on"
+    assert re.search(told, said, re.MULTILINE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launcher", [["basic"], ["joblib", "hydra.launcher.n_jobs=2"]])
 def test_ctrl_c_ends_it_at_once_and_leaves_nothing_running(launcher, done, tmp_path):
     words = [stub("sleep"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"]
-    process = start(
-        *words, f"hydra/launcher={launcher}", *["hydra.launcher.n_jobs=2"][: launcher == "joblib"]
-    )
+    process = start(*words, f"hydra/launcher={launcher[0]}", *launcher[1:])
     assert process.stdout.readline() == "asleep\n"
     os.killpg(process.pid, signal.SIGINT)
     said = process.communicate(timeout=60)[0]
@@ -195,16 +202,3 @@ def test_ctrl_c_ends_it_at_once_and_leaves_nothing_running(launcher, done, tmp_p
     assert len(done()) < 4
     time.sleep(1)
     assert not running_in(process.pid)
-
-
-def running_in(session):
-    """Command lines of the processes of a session that have not ended."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*"):
-        try:
-            state, _, _, its_session = (path / "stat").read_text().rsplit(")", 1)[1].split()[:4]
-            if int(its_session) == session and state != "Z":
-                found.append((path / "cmdline").read_text())
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-    return found
