@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator, Sequence
+from multiprocessing import get_all_start_methods
 from pathlib import Path
 from typing import Any
 
@@ -132,4 +133,7 @@ class SkyShieldData(LightningDataModule):
             batch_sampler=batches,
             num_workers=self.workers,
             persistent_workers=self.workers > 0,
+            # The platform's own: in a job of joblib's launcher the default is joblib's, which can
+            # start no loader's workers.
+            multiprocessing_context=get_all_start_methods()[0] if self.workers else None,
         )
