@@ -12,10 +12,9 @@ from PIL import Image
 
 from ..geometry import in_image, project
 from ..ontology import FREE, SKY, UNKNOWN
-from ..report.check_sheet import PALETTE
 from ..report.top import render_top
 from ..report.view import Frustum
-from ..report.voxels import render_voxels, view_of
+from ..report.voxels import PALETTE, render_voxels, view_of
 from ..sim.annotation import View, elect, is_supported, vote_actors, vote_camera
 from ..sim.clip_maker import ClipMaker, ClipPlan, Observation
 from ..sim.sensors import scan

@@ -19,6 +19,8 @@ SHOWN = {"miou_occupied": "mIoU occupied", "kar_miou": "KAR-mIoU", "iou/thin_str
 SCORE = "kar_miou"
 COLORS = ("#2962ff", "#d1495b", "#00898a", "#8a5a00", "#6a3fb5", "#5a606a")
 SIZE_INCHES, DPI = (11.0, 3.8), 130
+TILT = "tilt |roll| + |pitch| (°)"
+FAULTS = ("noise of roll and pitch (°)", "delay of the attitude (s)")
 
 
 def print_attitude(table: pd.DataFrame, console: Console | None = None) -> None:
@@ -43,36 +45,51 @@ def _cell(row: pd.Series) -> str:
     return f"{100 * row['value']:.1f} \\[{100 * row['low']:.1f}, {100 * row['high']:.1f}]"
 
 
-def draw_attitude(tables: Mapping[str, pd.DataFrame], path: str | Path) -> None:
-    """Write a PNG of KAR-mIoU by tilt, by noise and by delay, a line for each run's table.
+def draw_attitude(
+    tables: Mapping[str, pd.DataFrame],
+    path: str | Path,
+    gains: Mapping[str, pd.DataFrame] | None = None,
+) -> None:
+    """Write a PNG of KAR-mIoU by tilt, by noise and by delay, a line for each run's table; with
+    ``gains``, tables of differences in the same form, these by tilt as well.
 
-    Bars are the intervals over clips. Raises `UserError` for a path that cannot be written.
+    A table has a row a condition: ``condition``, its facts, ``frames``, and ``value``, ``low`` and
+    ``high`` in [0, 1]. Bars are the intervals. Raises `UserError` for a path that cannot be
+    written.
     """
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
-    panels = figure.subplots(1, 3, sharey=True, width_ratios=(1.4, 1, 1))
-    for color, (run, table) in zip(COLORS, tables.items()):
-        rows = table[table["score"] == SCORE]
+    grid = figure.add_gridspec(1, 3 + bool(gains), width_ratios=[1.4, *[1.4] * bool(gains), 1, 1])
+    first = figure.add_subplot(grid[0])
+    others = [figure.add_subplot(grid[-2 + n], sharey=first) for n in range(2)]
+    for color, (run, rows) in zip(COLORS, tables.items()):
+        _draw_tilt(first, rows, run, color)
         whole = rows[rows["condition"] == "true"]
-        binned = rows[(rows["tilt_low_deg"] > 0) | np.isfinite(rows["tilt_high_deg"])]
-        _line(panels[0], range(len(binned)), binned, run, color)
-        panels[0].set_xticks(range(len(binned)), [_bin_name(row) for _, row in binned.iterrows()])
-        for axes, key in zip(panels[1:], ("noise_deg", "delay_s")):
+        for axes, key in zip(others, ("noise_deg", "delay_s")):
             faulty = pd.concat([whole, rows[rows[key] > 0].sort_values(key)])
             _line(axes, faulty[key], faulty, run, color)
             axes.set_xticks(faulty[key])
-    names = (
-        "tilt |roll| + |pitch| (°)",
-        "noise of roll and pitch (°)",
-        "delay of the attitude (s)",
-    )
-    for axes, name in zip(panels, names):
+    if gains:
+        axes = figure.add_subplot(grid[1])
+        axes.axhline(0, color=MUTED, linewidth=0.8)
+        # Each in the colour of its run.
+        for name, rows in gains.items():
+            _draw_tilt(axes, rows, name, COLORS[list(tables).index(name)])
+        _finish(axes, TILT)
+        axes.set_ylabel("gain over the baseline (points)", color=INK)
+    for axes, name in zip((first, *others), (TILT, *FAULTS)):
         _finish(axes, name)
-    panels[0].set_ylabel("KAR-mIoU (%)", color=INK)
-    panels[0].set_ylim(bottom=0)
+    first.set_ylabel("KAR-mIoU (%)", color=INK)
+    first.set_ylim(bottom=0)
     if len(tables) > 1:
-        panels[0].legend(frameon=False)
+        first.legend(frameon=False)
     with replacing(path) as temporary:
         FigureCanvasAgg(figure).print_png(temporary)
+
+
+def _draw_tilt(axes: Axes, rows: pd.DataFrame, name: str, color: str) -> None:
+    binned = rows[(rows["tilt_low_deg"] > 0) | np.isfinite(rows["tilt_high_deg"])]
+    _line(axes, range(len(binned)), binned, name, color)
+    axes.set_xticks(range(len(binned)), [_bin_name(row) for _, row in binned.iterrows()])
 
 
 def _line(axes: Axes, places, rows: pd.DataFrame, name: str, color: str) -> None:

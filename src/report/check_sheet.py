@@ -3,25 +3,19 @@
 from pathlib import Path
 
 import numpy as np
-import torch
 from jaxtyping import UInt8
 
 from ..data.clip import Clip
-from ..geometry import camera_from_occ, inverse, pixel_centres, unproject
-from ..ontology import CLASSES, COLORS, FREE
+from ..geometry import camera_from_occ
 from .canvas import MUTED, Canvas, resized, write_jpeg
+from .labels_in_image import labels_in_image
 from .qualitative import add_legend
-from .raycast import VOXEL, cast
-from .voxels import SUN
+from .view import Frustum
 
 FRAMES = 6
 COLUMNS = 2
 CELL_WIDTH_PIX, GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 420, 8, 30, 56, 56
-COLOR_SHARE, EDGE_SHARE = 0.6, 0.35
-"""How much of a pixel is its voxel's colour, and how much darker the voxel's edges are."""
-
 JPEG_QUALITY = 88
-PALETTE = np.array([COLORS[name] for name in CLASSES], dtype=np.float32)
 
 
 def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading: str) -> None:
@@ -38,27 +32,11 @@ def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading:
 
 
 def overlaid(clip: Clip, frame: int) -> UInt8[np.ndarray, "h w 3"]:
-    """A frame's image, every pixel tinted by the first occupied voxel on its ray, edges darker.
-
-    The ray is the one through the pixel's centre, by the chain that the model projects with.
-    """
-    meta, image = clip.meta, clip.image(frame)
+    """A frame's image under its labels, by the chain that the model projects with."""
+    meta = clip.meta
     chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
-    occ_from_camera = inverse(chain)
-    pix = pixel_centres(meta.width, meta.height).reshape(-1, 2)
-    rays = unproject(pix, torch.ones(len(pix), dtype=torch.float64), meta.pix_from_camera)
-    rays_occ = (rays @ occ_from_camera[:3, :3].T).contiguous().numpy()
-    origin = (occ_from_camera[:3, 3].numpy() - meta.grid.lower_m) / meta.grid.voxel_m
-    labels = clip.semantics(frame)
-    hits = cast(labels < FREE, origin, rays_occ, SUN, -np.inf)
-    met = hits.kind == VOXEL
-    color = PALETTE[labels[tuple(hits.voxel[met].T)]]
-    # An edge is a pixel wide, however far away it is.
-    pixel = hits.distance[met] / float(meta.pix_from_camera[0, 0])
-    color = color * (1 - EDGE_SHARE * (hits.edge[met] < pixel))[:, None]
-    tinted = image.reshape(-1, 3).astype(np.float32)
-    tinted[met] += COLOR_SHARE * (color - tinted[met])
-    return np.rint(tinted).astype(np.uint8).reshape(image.shape)
+    camera = Frustum(chain, meta.pix_from_camera, (meta.width, meta.height))
+    return labels_in_image(clip.image(frame), clip.semantics(frame), meta.grid, camera)
 
 
 def _picked(root: Path, clip_ids: list[str]) -> list[tuple[int, int]]:

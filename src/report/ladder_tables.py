@@ -28,7 +28,10 @@ BEYOND = {
 }
 """Scores that the paper does not have, and which end of them is the better one."""
 
-KEYS = ("main", "ablation", "long_tail", "incremental", "progression", "beyond")
+KEYS = (
+    *("main", "ablation", "long_tail", "incremental", "progression", "beyond"),
+    *("attitude_tilt", "attitude_faults"),
+)
 """Of the tables of the whole test split; those of its parts have the part's name after it."""
 
 DELTA = "delta_"

@@ -102,9 +102,10 @@ def draw_uav(pen: Pen, grid: VoxelGrid, floor_m: float, width_pix: int) -> None:
     pen.disc(origin, 0.2 * span_m, UAV_COLOR)
 
 
-def draw_frustum(pen: Pen, grid: VoxelGrid, frustum: Frustum, width_pix: int) -> None:
-    """The pyramid between the camera and its image, as tilted as the UAV is."""
-    corners = frustum.corners(FRUSTUM_SHARE * (grid.upper_m[0] - grid.lower_m[0]))
+def draw_frustum(pen: Pen, grid: VoxelGrid, frustum: Frustum, share: float, width_pix: int) -> None:
+    """The pyramid between the camera and its image, as tilted as the UAV is, and as deep as a share
+    of the grid's length."""
+    corners = frustum.corners(share * (grid.upper_m[0] - grid.lower_m[0]))
     apex = frustum.corners(0.0)[0]
     for corner in corners:
         pen.line(apex, corner, FRUSTUM_COLOR, width_pix)

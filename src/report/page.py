@@ -29,6 +29,9 @@ SCRIPTS = (
 )
 """In the order in which they need each other."""
 
+LONG = 80
+"""Letters of a fact that is no longer a mere value."""
+
 
 def write_page(
     path: str | Path,
@@ -94,7 +97,12 @@ def _grid(kind: str, parts: Iterable[str]) -> str:
 
 
 def _facts_html(facts: Sequence[tuple[str, str]]) -> str:
-    rows = (f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in facts)
+    """Short values side by side; a sentence takes a row."""
+    kinds = ("value", "sentence")
+    rows = (
+        f'<div class="{kinds[len(v) > LONG]}"><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>'
+        for n, v in facts
+    )
     content = "".join(rows)
     return content and f'<dl class="facts">{content}</dl>'
 

@@ -1,8 +1,8 @@
-"""The paper's qualitative figure: RGB, ground truth and prediction, in 3-D and from above."""
+"""The paper's qualitative figure: RGB, ground truth and predictions, in 3-D and from above."""
 
 import io
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -13,36 +13,18 @@ from PIL import Image
 
 from ..atomic import replacing
 from ..errors import UserError
-from ..geometry import VoxelGrid
-from ..ontology import CLASSES, COLORS, UNKNOWN
+from ..ontology import CLASSES, COLORS
 from .canvas import MUTED, Canvas
+from .scene import Scene
 from .top import render_top
-from .view import Frustum
 from .voxels import ground_level, render_voxels, view_of
 
 ROW_PIX, GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 440, 18, 46, 112, 104
-COLUMNS = ("RGB", "Ground truth", "Prediction", "Ground truth, top", "Prediction, top")
 IMAGE_ASPECT, VOXEL_ASPECT, TOP_ASPECT = 1.2, 1.25, 0.93
 MAX_BYTES = 1_500_000
-CAPTION = (
-    "Seen from behind and above the UAV, and from above with its heading up. Free space shows from "
-    "above only; space without a label is hidden in ground truth and prediction alike."
-)
-
-
-@dataclass(frozen=True)
-class Example:
-    """One row of the sheet: what the camera saw, the labels, and what the model made of it.
-
-    ``title`` says which frame it is, such as ``"downtown-03 frame 41 · roll +12° pitch −5°"``.
-    ``frustum``, if given, is drawn into the 3-D pictures.
-    """
-
-    image: UInt8[np.ndarray, "h w 3"]
-    truth: UInt8[np.ndarray, "X Y Z"]
-    prediction: UInt8[np.ndarray, "X Y Z"]
-    title: str
-    frustum: Frustum | None = None
+BEHIND = "Seen from behind and above the UAV"
+ABOVE = ", and from above with its heading up. Free space shows from above only;"
+HIDDEN = " space without a label is hidden in ground truth and prediction alike."
 
 
 def pick_frames(tilt_rad: Float[np.ndarray, "n"], count: int) -> list[int]:
@@ -61,36 +43,39 @@ def pick_frames(tilt_rad: Float[np.ndarray, "n"], count: int) -> list[int]:
 
 
 def qualitative_sheet(
-    examples: Sequence[Example], grid: VoxelGrid, path: str | Path, heading: str
+    scenes: Sequence[Scene], path: str | Path, heading: str, tops: bool = True
 ) -> None:
-    """Write the sheet as a PNG of at most 1.5 MB, one row an example.
+    """Write the sheet as a PNG of at most 1.5 MB, one row a scene.
 
-    Columns: RGB, ground truth and prediction in 3-D, ground truth and prediction from above. The
-    prediction is hidden where the truth is unknown, so that both show the same space. Raises
-    `UserError` for no examples, labels that do not have the grid's shape, and a path that cannot be
-    written.
+    Columns: RGB, ground truth and each prediction in 3-D and, with ``tops``, all of them again from
+    above. A prediction is hidden where the truth is unknown, so that all show the same space.
+    Raises `UserError` for no scenes, scenes whose predictions have other names, and a path that
+    cannot be written.
     """
-    if not examples:
+    if not scenes:
         raise UserError(f"{path}: no frames to draw; the split is empty")
-    sheet = _compose([_pictures(example, grid) for example in examples], examples, heading)
+    names = [name for name, _ in scenes[0].volumes()]
+    if any([name for name, _ in scene.volumes()] != names for scene in scenes):
+        raise UserError(f"{path}: its rows show predictions of different models; draw two sheets")
+    columns = ["RGB", *names, *(f"{name}, top" for name in names if tops)]
+    rows = [list(_pictures(scene, tops)) for scene in scenes]
+    caption = f"{BEHIND}{ABOVE if tops else ';'}{HIDDEN}"
+    sheet = _compose(rows, columns, [scene.title for scene in scenes], heading, caption)
     with replacing(path) as temporary:
         temporary.write_bytes(_encode(sheet))
 
 
-def _pictures(example: Example, grid: VoxelGrid) -> list[UInt8[np.ndarray, "h w 3"]]:
+def _pictures(scene: Scene, tops: bool) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
     """The pictures of a row, all of one height."""
-    known = np.where(example.truth == UNKNOWN, np.uint8(UNKNOWN), example.prediction)
+    known, grid = scene.known().values(), scene.grid
     size, top_size = ((round(ROW_PIX * a), ROW_PIX) for a in (VOXEL_ASPECT, TOP_ASPECT))
-    view = view_of([example.truth, known], grid, size)
-    floor_m = ground_level(example.truth, grid)
-    return [
-        _fit(example.image),
-        *(
-            render_voxels(labels, grid, size, view, example.frustum, floor_m)
-            for labels in (example.truth, known)
-        ),
-        *(render_top(labels, grid, top_size) for labels in (example.truth, known)),
-    ]
+    view = view_of(list(known), grid, size)
+    floor_m = ground_level(scene.truth, grid)
+    yield _fit(scene.image)
+    for labels in known:
+        yield render_voxels(labels, grid, size, view, scene.frustum, floor_m)
+    for labels in known if tops else ():
+        yield render_top(labels, grid, top_size)
 
 
 def _fit(image: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
@@ -107,23 +92,27 @@ def _fit(image: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
 
 
 def _compose(
-    rows: list[list[UInt8[np.ndarray, "h w 3"]]], examples: Sequence[Example], heading: str
+    rows: Sequence[Sequence[UInt8[np.ndarray, "h w 3"]]],
+    columns: Sequence[str],
+    titles: Sequence[str],
+    heading: str,
+    caption: str,
 ) -> Image.Image:
-    widths = [max(row[n].shape[1] for row in rows) for n in range(len(COLUMNS))]
-    left = [GAP_PIX + sum(widths[:n]) + n * GAP_PIX for n in range(len(COLUMNS))]
-    width = left[-1] + widths[-1] + GAP_PIX
+    widths = [max(row[n].shape[1] for row in rows) for n in range(len(columns))]
+    # Where each column begins, and at last where the page ends.
+    *left, width = accumulate((w + GAP_PIX for w in widths), initial=GAP_PIX)
     height = HEADER_PIX + len(rows) * (ROW_PIX + TITLE_PIX) + FOOTER_PIX
     page = Canvas(width, height)
     page.text(GAP_PIX, 30, heading, size=21, weight="bold")
-    for n, name in enumerate(COLUMNS):
-        page.text(left[n] + widths[n] / 2, 88, name, size=18, ha="center")
-    for n, (row, example) in enumerate(zip(rows, examples)):
+    for name, u, w in zip(columns, left, widths):
+        page.text(u + w / 2, 88, name, size=18, ha="center")
+    for n, (row, title) in enumerate(zip(rows, titles)):
         top = HEADER_PIX + n * (ROW_PIX + TITLE_PIX)
-        page.text(GAP_PIX, top + TITLE_PIX / 2, example.title, size=15, color=MUTED)
+        page.text(GAP_PIX, top + TITLE_PIX / 2, title, size=15, color=MUTED)
         for picture, u in zip(row, left):
             page.picture(picture, u, top + TITLE_PIX)
     add_legend(page.figure, 66 / height)
-    page.text(width / 2, height - 22, CAPTION, size=14, ha="center", color=MUTED)
+    page.text(width / 2, height - 22, caption, size=14, ha="center", color=MUTED)
     return page.drawn()
 
 

@@ -1,6 +1,6 @@
 """``report.md``: a report of the ladder as one page of text and tables."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from .ladder_report import LadderReport
 from .scored_runs import ScoredRun
@@ -8,11 +8,14 @@ from .shared_settings import Values
 from .table_files import escaped, markdown_of
 
 
-def report_text(report: LadderReport, heading: str) -> str:
-    """The page: what the numbers rest on first, then the tables, then the files beside it."""
+def report_text(report: LadderReport, heading: str, figures: Mapping[str, str]) -> str:
+    """The page: what the numbers rest on first, then the tables, then the files beside it.
+
+    ``figures`` maps the places of pictures, beside the page, to what they show.
+    """
     blocks = [
         f"# {heading}",
-        _basis(report.runs),
+        "\n".join(f"- {name}: {escaped(value)}" for name, value in facts_of(report.runs).items()),
         *_list("Not a clean comparison", report.warnings),
         *_list("Missing", report.missing),
         *_settings(report),
@@ -20,13 +23,18 @@ def report_text(report: LadderReport, heading: str) -> str:
         "Numbers are percentages and differences percentage points, in the files too. In bold: the "
         "best mean of a column, whatever the intervals say.",
         *(markdown_of(table).rstrip() for table in report.tables),
+        *(["## Figures"] if figures else []),
+        *(
+            f"![{escaped(caption)}]({place})\n\n{escaped(caption)}"
+            for place, caption in figures.items()
+        ),
         *_files(report),
     ]
     return "\n\n".join(blocks) + "\n"
 
 
-def _basis(runs: Sequence[ScoredRun]) -> str:
-    """Which runs, data and code."""
+def facts_of(runs: Sequence[ScoredRun]) -> dict[str, str]:
+    """Which runs, data and code the numbers rest on."""
     by_experiment: dict[str, list[str]] = {}
     for run in runs:
         by_experiment.setdefault(run.experiment, []).append(str(run.seed))
@@ -39,10 +47,7 @@ def _basis(runs: Sequence[ScoredRun]) -> str:
         "Precision": [run.row["precision"] for run in runs],
         "Parameters": [f"{run.row['parameters']:,}" for run in runs],
     }
-    return "\n".join(
-        f"- {name}: {'; '.join(map(escaped, dict.fromkeys(values)))}"
-        for name, values in facts.items()
-    )
+    return {name: "; ".join(dict.fromkeys(values)) for name, values in facts.items()}
 
 
 def _grid(run: ScoredRun) -> str:
@@ -79,7 +84,8 @@ def _files(report: LadderReport) -> list[str]:
     keys = ", ".join(f"`{table.key}`" for table in report.tables)
     return [
         "## Files",
-        f"`tables/` holds each table as `.csv` (full precision, bounds in columns of their own), "
-        f"`.md` and `.tex` (needs `booktabs`): {keys}. `seeds.csv` has the scores of every run and "
-        "part.",
+        "`report.html` is this page to look at, with sortable tables, learning curves and, where "
+        "the data set and checkpoints were there, scenes in 3-D. `tables/` holds each table as "
+        "`.csv` (full precision, bounds in columns of their own), `.md` and `.tex` (needs "
+        f"`booktabs`): {keys}. `seeds.csv` has the scores of every run and part.",
     ]

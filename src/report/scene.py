@@ -49,6 +49,11 @@ class Scene:
         yield TRUTH, self.truth
         yield from self.predictions.items()
 
+    def known(self) -> dict[str, UInt8[np.ndarray, "X Y Z"]]:
+        """The same, with predictions hidden where the truth is unknown: all show the same space."""
+        unknown = self.truth == UNKNOWN
+        return {name: np.where(unknown, np.uint8(UNKNOWN), v) for name, v in self.volumes()}
+
     def encoded(self) -> dict:
         """What the viewer reads, as JSON. Lengths in metres, in the occ frame.
 
@@ -81,14 +86,9 @@ class Scene:
         return [[round(float(value), 4) for value in point] for point in points]
 
     def stills(self) -> Iterator[Picture]:
-        """A picture of each view for where there is no viewer, seen from behind and above the UAV.
-
-        Predictions are hidden where the truth is unknown, as in the qualitative sheet.
-        """
-        known = {
-            name: np.where(self.truth == UNKNOWN, np.uint8(UNKNOWN), labels)
-            for name, labels in self.volumes()
-        }
+        """A picture of each view for where there is no viewer, seen from behind and above the UAV,
+        of what is `known`."""
+        known = self.known()
         view = view_of(list(known.values()), self.grid, STILL_PIX)
         floor_m = ground_level(self.truth, self.grid)
         for name, labels in known.items():

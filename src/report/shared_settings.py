@@ -11,6 +11,7 @@ from .scored_runs import UNKNOWN_CODE, ScoredRun
 SEED = "seed"
 SHARED = {
     "{} epochs": "trainer.max_epochs",
+    "each of {} of the frames": "trainer.limit_train_batches",
     "AdamW at {}": "optimizer.lr",
     "weight decay {}": "optimizer.weight_decay",
     "warm-up over {} of the steps and a cosine to zero": "optimizer.warmup",
@@ -21,7 +22,7 @@ SHARED = {
     "mirror {}": "data.mirror",
     "{} frames a prediction": "data.frames",
 }
-"""What is told of the settings that all runs share, and their keys."""
+"""What is told of the settings that all runs share and have, and their keys."""
 LONGEST = 60
 """Letters of a value in the table of differences."""
 
@@ -48,7 +49,7 @@ def statement(runs: Sequence[ScoredRun]) -> str:
     told = [
         text.format(_text(value_at(runs[0].config, key)))
         for text, key in SHARED.items()
-        if key not in keys
+        if key not in keys and value_at(runs[0].config, key) is not None
     ]
     precisions = {run.row["precision"] for run in runs}
     told += [f"precision {precision}" for precision in precisions if len(precisions) == 1]

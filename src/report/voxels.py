@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 from ..errors import UserError
 from ..geometry import VoxelGrid, pixel_centres, unproject
 from ..ontology import CLASSES, COLORS, FREE
-from .overlay import Pen, draw_floor, draw_frustum, draw_uav
+from .overlay import FRUSTUM_SHARE, Pen, draw_floor, draw_frustum, draw_uav
 from .raycast import FLOOR, VOXEL, Hits, cast
 from .view import Frustum, View
 
@@ -60,14 +60,16 @@ def render_voxels(
     view: View | None = None,
     frustum: Frustum | None = None,
     floor_m: float | None = None,
+    frustum_share: float = FRUSTUM_SHARE,
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Picture, width x height ``size_pix``, of the occupied voxels in their class colours.
 
     Free and unknown voxels are not drawn. Under them lies the footprint of the grid with a line
     every 10 m, at ``floor_m`` (by default under the lowest occupied voxel; give two pictures the
     same one to compare them). The UAV is drawn at the origin with its plumb line and, if given, its
-    camera's ``frustum``. Left in the picture is the UAV's left, +y. The default view is `view_of`
-    these labels alone. Raises `UserError` where the labels do not have the grid's shape.
+    camera's ``frustum``, as deep as a share of the grid's length. Left in the picture is the UAV's
+    left, +y. The default view is `view_of` these labels alone. Raises `UserError` where the labels
+    do not have the grid's shape.
     """
     check_labels(labels, grid)
     view = view or view_of([labels], grid, size_pix)
@@ -81,7 +83,7 @@ def render_voxels(
     pen = Pen(ImageDraw.Draw(image), depth_m, view, tolerance_m=0.3 * grid.voxel_m)
     draw_floor(pen, grid, floor_m, line_pix)
     if frustum is not None:
-        draw_frustum(pen, grid, frustum, line_pix + 1)
+        draw_frustum(pen, grid, frustum, frustum_share, line_pix + 1)
     draw_uav(pen, grid, floor_m, line_pix + 1)
     return np.asarray(image.reduce(SUPERSAMPLING))
 

@@ -16,7 +16,7 @@ from ..data.attitude import MeasuredAttitude
 from ..data.datamodule import SkyShieldData
 from ..data.dataset import history_stride
 from ..metrics.tally import Tally
-from ..report.attitude import draw_attitude, print_attitude
+from ..report.attitude import SCORE, draw_attitude, print_attitude
 from ..report.scores import TALLIES, score_table, write_table
 from .condition import Condition, ConditionCount, conditions_of
 from .fit import trainer_of
@@ -49,7 +49,7 @@ def attitude(
     for tally in tallies:
         tally.write(folder / TALLIES / f"{tally.name}.npz")
     table = _described(tallies, conditions)
-    draw_attitude({cfg.name: table}, folder / "attitude.png")
+    draw_attitude({cfg.name: table[table["score"] == SCORE]}, folder / "attitude.png")
     write_table(table, folder / TABLE)
     print_attitude(table)
     Console().print(f"{folder}", highlight=False, soft_wrap=True)

@@ -2,7 +2,6 @@
 
 import sys
 import time
-from collections.abc import Iterable
 from pathlib import Path
 
 import lightning
@@ -13,23 +12,21 @@ from omegaconf import DictConfig
 from rich.console import Console
 from rich.progress import track
 from torch import Tensor
-from torch.utils.data import default_collate
 
 from ..data.datamodule import SkyShieldData
 from ..data.truth import truth_at
-from ..geometry import camera_from_occ
 from ..metrics.suite import ScoreSuite
 from ..models.module import OccupancyModule
 from ..models.prior import VoxelPrior
 from ..ontology import FREE
 from ..provenance import git_commit
 from ..report.curves import draw_curves
-from ..report.qualitative import Example, pick_frames, qualitative_sheet
+from ..report.qualitative import pick_frames, qualitative_sheet
 from ..report.results import print_results, read_results, write_results
 from ..report.scores import result_rows, write_scores
-from ..report.view import Frustum
 from ..run_folder import RunFolder
 from .processes import is_first_process, part_company
+from .scenes import scene_of
 from .scoring import parts_of, protocol_of, suite_of, tally_of
 
 SHOWN_FRAMES = 5
@@ -98,37 +95,18 @@ def anchor_scores(
     return suite
 
 
-@torch.no_grad()
 def draw_sheet(module: OccupancyModule, data: SkyShieldData, path: Path, heading: str) -> None:
     """The qualitative sheet of a few test frames, chosen by `pick_frames`."""
     dataset = data.dataset("test")
     tilt_rad = np.array([_tilt_rad(data, *sample) for sample in dataset.samples])
-    chosen = pick_frames(tilt_rad, SHOWN_FRAMES)
     module.eval()
-    qualitative_sheet(
-        list(_examples(module, (dataset[index] for index in chosen))), data.grid, path, heading
-    )
+    scenes = [
+        scene_of(dataset[index], data.grid, {"Prediction": module})
+        for index in pick_frames(tilt_rad, SHOWN_FRAMES)
+    ]
+    qualitative_sheet(scenes, path, heading)
 
 
 def _tilt_rad(data: SkyShieldData, clip: str, frame: int) -> float:
     row = data.clips[clip].frames.loc[frame]
     return abs(row["roll_rad"]) + abs(row["pitch_rad"])
-
-
-def _examples(module: OccupancyModule, samples: Iterable[dict]) -> Iterable[Example]:
-    for sample in samples:
-        batch = module.transfer_batch_to_device(default_collate([sample]), module.device, 0)
-        roll_deg, pitch_deg = torch.rad2deg(sample["attitude_rad"]).tolist()
-        height, width = sample["image"].shape[-2:]
-        yield Example(
-            image=sample["image"][-1].permute(1, 2, 0).numpy(),
-            truth=sample["semantics"].numpy(),
-            prediction=module(batch).argmax(dim=1)[0].to(torch.uint8).cpu().numpy(),
-            title=f"{sample['clip']} frame {sample['frame']} · roll {roll_deg:+.0f}° "
-            f"pitch {pitch_deg:+.0f}°",
-            frustum=Frustum(
-                camera_from_occ(sample["occ_from_body"][-1], sample["body_from_camera"]),
-                sample["pix_from_camera"][-1],
-                (width, height),
-            ),
-        )

@@ -1,5 +1,7 @@
-"""task=report: the paper's tables from the run folders of a ladder, with intervals."""
+"""task=report: the paper's tables and pictures from the run folders of a ladder."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -8,26 +10,36 @@ from rich.console import Console
 
 from ..atomic import replacing
 from ..errors import UserError
+from ..report.attitude import SCORE, draw_attitude
+from ..report.attitude_evidence import AttitudeEvidence
+from ..report.attitude_tables import attitude_tables
+from ..report.ladder import FIRST, in_order, row_name
 from ..report.ladder_report import LadderReport, ladder_report
 from ..report.ladder_tables import KEYS
+from ..report.report_page import write_report_page
 from ..report.report_text import report_text
 from ..report.run_group import groups_of
+from ..report.scene import Scene
 from ..report.scored_runs import ScoredRun, UnfinishedRun, read_run, run_folders
 from ..report.scores import write_table
 from ..report.table_files import ENDINGS, write_files
 from ..report.table_print import print_table
 from .scoring import parts_of
+from .showcase import COMPARISON, TILT, showcase
 
 WIDTH = 110
-PAGE, SEEDS, TABLES = "report.md", "seeds.csv", "tables"
+TEXT, PAGE, SEEDS, TABLES, FIGURES = "report.md", "report.html", "seeds.csv", "tables", "figures"
+ATTITUDE = "attitude.png"
 PRINTED = ("main", "ablation")
 
 
-def report(cfg: DictConfig, runs: list[str], out: str, mixed: bool) -> None:
-    """Writes ``report.md``, ``seeds.csv`` and ``tables/`` to ``out``, and prints the main tables.
+def report(cfg: DictConfig, runs: list[str], out: str, mixed: bool, scenes: int) -> None:
+    """Writes the tables, figures and pages of `_write` to ``out``, and prints the main tables.
 
-    Without ``runs`` it takes all of the scale. Raises `UserError` where no run is finished, a run
-    cannot be read, or runs may not be put beside each other and ``mixed`` does not allow it.
+    Without ``runs`` it takes all of the scale. Of so many ``scenes`` it shows what the lowest and
+    the highest rung predict, where the data set and their checkpoints are there. Raises `UserError`
+    where no run is finished, a run cannot be read, or runs may not be put beside each other and
+    ``mixed`` does not allow it.
     """
     folder = Path(out)
     places = [Path(place) for place in runs] or [Path(cfg.paths.runs) / cfg.scale_name]
@@ -41,20 +53,48 @@ def report(cfg: DictConfig, runs: list[str], out: str, mixed: bool) -> None:
         )
     groups = groups_of(finished, mixed)
     made = ladder_report(groups, unfinished, parts_of)
-    _write(made, folder, f"Report of {groups[0].runs[0].tally.protocol.dataset}")
+    attitude = AttitudeEvidence(groups[0].runs)
+    shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes)
+    tables = (*made.tables, *attitude_tables(attitude))
+    made = replace(made, tables=tables, missing=(*made.missing, *shown.missing))
+    figures = shown.figures | _attitude_figure(attitude, folder / FIGURES)
+    _write(made, figures, shown.scenes, folder)
     _print(made, folder)
 
 
-def _write(made: LadderReport, folder: Path, heading: str) -> None:
+def _attitude_figure(found: AttitudeEvidence, folder: Path) -> dict[Path, str]:
+    """The picture of what attitude does, and what it shows; none where nothing was scored."""
+    names = in_order(found.experiments)
+    if not names:
+        return {}
+    tables = {row_name(name): found.table(SCORE, name) for name in names}
+    above = [name for name in names if FIRST in names and name != FIRST]
+    gains = {row_name(name): found.table(SCORE, name, FIRST) for name in above}
+    draw_attitude(tables, folder / ATTITUDE, gains)
+    return {
+        folder / ATTITUDE: "KAR-mIoU by tilt and what it gains over the baseline, and under a "
+        "wrongly measured attitude; bars are intervals over clips and seeds."
+    }
+
+
+def _write(
+    made: LadderReport, figures: Mapping[Path, str], scenes: Sequence[Scene], folder: Path
+) -> None:
+    """``report.md``, ``report.html``, ``seeds.csv`` and ``tables/``; the figures are there."""
+    heading = f"Report of {made.runs[0].tally.protocol.dataset}"
     written = {path for table in made.tables for path in write_files(table, folder / TABLES)}
-    # A table of an earlier report would be taken for one of this one.
+    # What is of an earlier report would be taken for a part of this one.
+    for name in {COMPARISON, TILT, ATTITUDE} - {path.name for path in figures}:
+        (folder / FIGURES / name).unlink(missing_ok=True)
     for key, part in product(KEYS, parts_of([])):
         stem = key if part == "test" else f"{key}_{part}"
         for path in {folder / TABLES / f"{stem}{ending}" for ending in ENDINGS} - written:
             path.unlink(missing_ok=True)
     write_table(made.seeds, folder / SEEDS)
-    with replacing(folder / PAGE) as temporary:
-        temporary.write_text(report_text(made, heading), encoding="utf-8", newline="\n")
+    beside = {f"{FIGURES}/{path.name}": caption for path, caption in figures.items()}
+    with replacing(folder / TEXT) as temporary:
+        temporary.write_text(report_text(made, heading, beside), encoding="utf-8", newline="\n")
+    write_report_page(made, heading, figures, scenes, folder / PAGE)
 
 
 def _print(made: LadderReport, folder: Path) -> None:

@@ -9,19 +9,21 @@ from PIL import Image
 
 from src.errors import UserError
 from src.geometry import VoxelGrid
-from src.ontology import CAR, UNKNOWN
-from src.report.qualitative import MAX_BYTES, Example, _encode, pick_frames, qualitative_sheet
+from src.ontology import CAR, FREE, UNKNOWN
+from src.report.qualitative import MAX_BYTES, _encode, pick_frames, qualitative_sheet
+from src.report.scene import Scene
 from tests.report.street import street, tilted_frustum
 
 GRID = VoxelGrid(shape=(25, 25, 15))
 
 
-@pytest.fixture(name="example")
-def _example():
+@pytest.fixture(name="scene")
+def _scene():
     frustum = tilted_frustum(0.2, 0.1)
     image = np.random.default_rng(0).integers(0, 256, (64, 96, 3), dtype=np.uint8)
     truth = street(GRID, frustum)
-    return Example(image, truth, street(GRID), "downtown-03 frame 41 · roll +12°", frustum)
+    title = "downtown-03 frame 41 · roll +12°"
+    return Scene(title, GRID, image, truth, {"Prediction": street(GRID)}, frustum)
 
 
 def test_frames_are_the_most_tilted_and_evenly_spaced_others():
@@ -44,27 +46,33 @@ def test_picked_frames_exist_and_are_distinct(n_frames, count):
     assert frames == sorted(frames)
 
 
-def test_the_prediction_is_hidden_where_nothing_is_supervised(tmp_path, example):
-    everywhere = np.where(example.truth == UNKNOWN, np.uint8(CAR), example.prediction)
-    differs = np.where(example.truth == UNKNOWN, example.prediction, np.uint8(CAR))
+def predicting(scene, **predictions):
+    return dataclasses.replace(scene, predictions=predictions)
+
+
+def drawn(path, *args, **kwargs):
+    """Pixels of a sheet."""
+    qualitative_sheet(*args[:1], path, "SkyOcc", *args[1:], **kwargs)
+    with Image.open(path) as sheet:
+        return np.asarray(sheet)
+
+
+def test_the_prediction_is_hidden_where_nothing_is_supervised(tmp_path, scene):
+    same, unknown = scene.predictions["Prediction"], scene.truth == UNKNOWN
+    junk, other = np.where(unknown, CAR, same), np.where(unknown, same, CAR)
     sheets = {}
-    for name, prediction in {
-        "same": example.prediction,
-        "junk": everywhere,
-        "other": differs,
-    }.items():
-        row = dataclasses.replace(example, prediction=prediction)
-        qualitative_sheet([row], GRID, tmp_path / name, "SkyOcc")
-        sheets[name] = (tmp_path / name).read_bytes()
-    assert sheets["same"] == sheets["junk"]
-    assert sheets["same"] != sheets["other"]
+    for name, labels in {"same": same, "junk": junk, "other": other}.items():
+        row = predicting(scene, Prediction=labels.astype(np.uint8))
+        sheets[name] = drawn(tmp_path / "sheet.png", [row])
+    assert (sheets["same"] == sheets["junk"]).all()
+    assert (sheets["same"] != sheets["other"]).any()
 
 
-def test_the_sheet_is_a_png_with_a_row_an_example_and_no_temporary_file_stays(tmp_path, example):
+def test_the_sheet_is_a_png_with_a_row_a_scene_and_no_temporary_file_stays(tmp_path, scene):
     heights = []
     for count in (1, 2):
         path = tmp_path / "figures" / f"{count}.png"
-        qualitative_sheet([example] * count, GRID, path, "SkyOcc")
+        qualitative_sheet([scene] * count, path, "SkyOcc")
         with Image.open(path) as sheet:
             assert sheet.format == "PNG"
             heights.append(sheet.height)
@@ -72,19 +80,36 @@ def test_the_sheet_is_a_png_with_a_row_an_example_and_no_temporary_file_stays(tm
     assert {entry.name for entry in (tmp_path / "figures").iterdir()} == {"1.png", "2.png"}
 
 
-def test_ground_truth_and_prediction_stand_side_by_side(tmp_path, example):
-    path = tmp_path / "sheet.png"
-    qualitative_sheet(
-        [dataclasses.replace(example, prediction=example.truth)], GRID, path, "SkyOcc"
-    )
-    with Image.open(path) as sheet:
-        pixels = np.asarray(sheet)
-    body = pixels[170:590]
-    width, gap, image_width = 550, 18, 528
-    truth = body[:, 2 * gap + image_width :][:, :width]
-    prediction = body[:, 3 * gap + image_width + width :][:, :width]
+WIDTH, GAP, IMAGE_WIDTH = 550, 18, 528
+
+
+def view_in(body, n):
+    """The n-th picture in 3-D of a sheet's first row."""
+    left = IMAGE_WIDTH + n * WIDTH + (n + 2) * GAP
+    return body[:, left : left + WIDTH]
+
+
+def test_ground_truth_and_prediction_stand_side_by_side(tmp_path, scene):
+    pixels = drawn(tmp_path / "sheet.png", [predicting(scene, Prediction=scene.truth)])
+    truth, prediction = (view_in(pixels[170:590], n) for n in range(2))
     assert (truth == prediction).all()
     assert np.ptp(truth, axis=-1).max() > 60, "coloured voxels"
+
+
+def test_models_stand_side_by_side_in_their_order_without_a_view_from_above(tmp_path, scene):
+    empty = np.full_like(scene.truth, FREE)
+    rows = [predicting(scene, baseline=empty, skyocc=scene.truth)]
+    pixels = drawn(tmp_path / "sheet.png", rows, tops=False)
+    truth, baseline, skyocc = (view_in(pixels[170:590], n) for n in range(3))
+    assert (truth == skyocc).all()
+    assert (truth != baseline).any()
+    assert pixels.shape[1] == IMAGE_WIDTH + 3 * WIDTH + 5 * GAP
+
+
+def test_rows_of_different_models_are_refused(tmp_path, scene):
+    other = predicting(scene, baseline=scene.truth)
+    with pytest.raises(UserError, match=r"sheet\.png: its rows show predictions of different mod"):
+        qualitative_sheet([scene, other], tmp_path / "sheet.png", "SkyOcc")
 
 
 def test_a_heavy_sheet_is_made_smaller():
@@ -95,9 +120,9 @@ def test_a_heavy_sheet_is_made_smaller():
         assert 0.7 < sheet.width / sheet.height < 0.8
 
 
-def test_no_frames_or_no_room_to_write_is_one_line(tmp_path, example):
+def test_no_frames_or_no_room_to_write_is_one_line(tmp_path, scene):
     with pytest.raises(UserError, match=r"sheet\.png: no frames"):
-        qualitative_sheet([], GRID, tmp_path / "sheet.png", "SkyOcc")
+        qualitative_sheet([], tmp_path / "sheet.png", "SkyOcc")
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="cannot be written"):
-        qualitative_sheet([example], GRID, tmp_path / "file" / "sheet.png", "SkyOcc")
+        qualitative_sheet([scene], tmp_path / "file" / "sheet.png", "SkyOcc")

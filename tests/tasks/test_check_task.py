@@ -12,7 +12,8 @@ from src.geometry import VoxelGrid
 from src.ontology import COLORS
 from src.report import animation
 from src.report.card import CARD, CARD_SUMS
-from src.report.check_sheet import COLOR_SHARE, EDGE_SHARE, overlaid
+from src.report.check_sheet import overlaid
+from src.report.labels_in_image import COLOR_SHARE, EDGE_SHARE
 from src.tasks.check import check
 from src.tasks.dataset import make_dataset, root_of, spec_of
 from tests.synthetic import BOXES, GROUND_RGB, SKY_RGB, config_of, write_clip

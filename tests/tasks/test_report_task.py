@@ -8,6 +8,7 @@ import pytest
 
 from src.errors import UserError
 from src.tasks.report import report
+from tests.report.attitude_runs import write_attitude
 from tests.report.ladder_runs import protocol, write_ladder, write_run
 from tests.synthetic import compose_config
 
@@ -27,11 +28,11 @@ def runs(ladder, tmp_path):
     return shutil.copytree(ladder, tmp_path / "runs/tiny")
 
 
-def reported(runs, *places, out=None, mixed=False):
-    """The folder of the report on a scale's runs."""
+def reported(runs, *places, out=None, mixed=False, scenes=0):
+    """The folder of the report on a scale's runs, whose networks do not exist."""
     cfg = compose_config("task=report", "scale=tiny", f"paths.runs={runs.parent}")
     out = out or cfg.task.out
-    report(cfg, [str(place) for place in places], out, mixed)
+    report(cfg, [str(place) for place in places], out, mixed, scenes)
     return runs.parent / "tiny/report" if out == cfg.task.out else out
 
 
@@ -49,7 +50,8 @@ def test_a_ladder_leaves_every_table_in_three_forms(ladder, tmp_path, capsys):
         expected += [f"{key}_{part}" for key in OF_PARTS]
     names = {path.name for path in (out / "tables").iterdir()}
     assert names == {f"{key}.{ending}" for key in expected for ending in ("csv", "md", "tex")}
-    assert {path.name for path in out.iterdir()} == {"tables", "report.md", "seeds.csv"}
+    pages = {"report.md", "report.html"}
+    assert {path.name for path in out.iterdir()} == {"tables", "seeds.csv", *pages}
     page = (out / "report.md").read_text()
     for key in expected:
         assert (out / f"tables/{key}.md").read_text().strip() in page
@@ -101,7 +103,39 @@ def test_a_report_in_its_default_place_is_no_run_of_the_next_one(runs):
     assert (out / "report.md").read_text() == page
 
 
+def test_the_page_has_the_tables_and_the_curves_of_the_runs_that_have_a_log(runs):
+    for seed in (0, 1):
+        log = "step,epoch,train/total,val/miou,val/kar_miou\n9,0,2.5,,\n9,0,,0.125,0.25\n"
+        (runs / f"skyocc/seed{seed}/metrics.csv").write_text(log)
+    page = (reported(runs) / "report.html").read_text()
+    for words in ("Main results, test", "Learning curves", "KAR-mIoU on validation", "25.0 %"):
+        assert words in page
+    assert "All 12 runs of the ladder share every setting" in page
+
+
+def test_scores_by_tilt_are_reported_where_they_are(runs):
+    write_attitude(runs / "baseline/seed0")
+    write_attitude(runs / "attitude/seed0", gain=0.4)
+    out = reported(runs)
+    gains = table(out, "attitude_tilt").loc["Gain of attitude"]
+    assert gains["tilt_0_5deg"] == 0
+    assert gains["tilt_5_infdeg"] > 5
+    assert (out / "figures/attitude.png").stat().st_size > 1000
+    assert "(figures/attitude.png)" in (out / "report.md").read_text()
+    assert "data:image/png" in (out / "report.html").read_text()
+    shutil.rmtree(runs / "baseline/seed0/attitude")
+    shutil.rmtree(runs / "attitude/seed0/attitude")
+    reported(runs)
+    assert not list(out.glob("*/attitude*"))
+
+
 # -------------------------------------------------------------------------------- what is missing
+
+
+def test_without_data_set_or_checkpoints_it_says_so_and_has_no_scenes(runs):
+    out = reported(runs, scenes=2)
+    for page in (out / "report.md", out / "report.html"):
+        assert "no pictures and no scenes: " in page.read_text().replace("\\_", "_")
 
 
 def test_an_interrupted_sweep_says_what_is_missing_and_reports_the_rest(runs, capsys):

@@ -1,0 +1,87 @@
+"""What task=attitude scored of several runs, put together: by tilt, and under a wrong attitude."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from ..errors import UserError
+from ..metrics.tally import Tally
+from .evidence import Evidence
+from .report_table import Cell
+from .scored_runs import ScoredRun
+from .scores import TALLIES
+
+ATTITUDE, TABLE = "attitude", "attitude.csv"
+FACTS = ["tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s"]
+"""What tells the conditions apart; the columns of ``attitude.csv`` that are no scores."""
+
+
+class AttitudeEvidence:
+    """Scores of experiments under every condition that task=attitude has scored them under.
+
+    ``conditions`` has a row for each, by its name, with `FACTS`.
+    """
+
+    def __init__(self, runs: Sequence[ScoredRun]) -> None:
+        """Raises `UserError` for scores that cannot be read."""
+        scored = [run for run in runs if (run.path / ATTITUDE / TABLE).is_file()]
+        tables = [_conditions(run.path / ATTITUDE / TABLE) for run in scored]
+        conditions = pd.concat(tables) if tables else pd.DataFrame(columns=FACTS)
+        self.conditions = conditions[~conditions.index.duplicated()]
+        self.evidence = {name: self._evidence(name, scored) for name in self.conditions.index}
+        self.experiments = list(dict.fromkeys(run.experiment for run in scored))
+
+    def _evidence(self, condition: str, runs: Sequence[ScoredRun]) -> Evidence:
+        tallies: dict[str, dict[int, Tally]] = {}
+        for run in runs:
+            path = run.path / ATTITUDE / TALLIES / f"{condition}.npz"
+            if path.is_file():
+                tallies.setdefault(run.experiment, {})[run.seed] = Tally.read(path)
+        return Evidence(tallies)
+
+    def names(self, which: str) -> list[str]:
+        """The conditions of the bins of ``tilt``, or of faults by ``noise_deg`` or ``delay_s``, in
+        their order; faults begin with the true attitude."""
+        if which == "tilt":
+            binned = (self.conditions["tilt_low_deg"] > 0) | (
+                self.conditions["tilt_high_deg"] < float("inf")
+            )
+            return list(self.conditions[binned].sort_values("tilt_low_deg").index)
+        faulty = self.conditions[self.conditions[which] > 0].sort_values(which)
+        return [*(name for name in ("true",) if name in self.evidence), *faulty.index]
+
+    def seeds(self, experiment: str) -> list[int]:
+        """Of an experiment, under any condition."""
+        return sorted({s for each in self.evidence.values() for s in each.seeds(experiment)})
+
+    def cell(self, condition: str, experiment: str, score: str) -> Cell | None:
+        return self.evidence[condition].cell(experiment, score)
+
+    def gain(self, condition: str, experiment: str, reference: str, score: str) -> Cell | None:
+        """Paired, over the seeds that both have."""
+        return self.evidence[condition].difference(experiment, reference, score)
+
+    def table(self, score: str, experiment: str, reference: str | None = None) -> pd.DataFrame:
+        """A row for each condition with `FACTS`, ``frames``, and ``value``, ``low`` and ``high`` of
+        a score or, with a ``reference``, of its gain; as shares of 1, as in ``attitude.csv``."""
+        rows = []
+        for name, facts in self.conditions.iterrows():
+            if reference is None:
+                cell = self.cell(name, experiment, score)
+            else:
+                cell = self.gain(name, experiment, reference, score)
+            if cell is not None:
+                found = {end: getattr(cell, end) / 100 for end in ("value", "low", "high")}
+                frames = self.evidence[name].frames
+                rows.append({"condition": name, **facts, "frames": frames, **found})
+        return pd.DataFrame(rows)
+
+
+def _conditions(path: Path) -> pd.DataFrame:
+    try:
+        table = pd.read_csv(path)
+        return table.drop_duplicates("condition").set_index("condition")[FACTS]
+    except (OSError, ValueError, KeyError) as error:
+        reason = " ".join(str(error).split())
+        raise UserError(f"{path}: cannot be read ({reason}); run task=attitude again") from None

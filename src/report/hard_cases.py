@@ -1,0 +1,40 @@
+"""Which test frames a comparison of models shows: the hardest, by rules that see no prediction."""
+
+from typing import NamedTuple
+
+import pandas as pd
+
+RULES = {
+    "most tilted": "tilt_rad",
+    "most thin structure in view": "thin_structure",
+    "most VRU in view": "vru",
+    "most car in view": "car",
+    "most large vehicle in view": "large_vehicle",
+    "most vegetation in view": "vegetation",
+}
+"""What makes a frame hard, and the column that says how hard: |roll| + |pitch|, or how many voxels
+of a class the camera sees."""
+
+
+class HardCase(NamedTuple):
+    """A frame, and the rule that chose it."""
+
+    reason: str
+    clip: str
+    frame: int
+
+
+def hard_cases(frames: pd.DataFrame, count: int) -> list[HardCase]:
+    """The hardest frame by each of the first ``count`` of `RULES`, each from another clip.
+
+    ``frames`` has a row for each frame, with its ``clip``, its number ``frame`` and the columns of
+    the rules. Of equally hard frames it is the first. A rule that no frame of the clips left
+    fulfils, as where nothing of the class is in sight, chooses none.
+    """
+    chosen: list[HardCase] = []
+    for reason, column in list(RULES.items())[:count]:
+        left = frames[~frames["clip"].isin([case.clip for case in chosen]) & (frames[column] > 0)]
+        if len(left):
+            hardest = left.loc[left[column].idxmax()]
+            chosen.append(HardCase(reason, str(hardest["clip"]), int(hardest["frame"])))
+    return chosen

@@ -1,0 +1,42 @@
+"""Labels laid over the image that they belong to, through a camera."""
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+
+from ..geometry import VoxelGrid, inverse, pixel_centres, unproject
+from ..ontology import FREE
+from .raycast import VOXEL, cast
+from .view import Frustum
+from .voxels import PALETTE, SUN
+
+COLOR_SHARE, EDGE_SHARE = 0.6, 0.35
+"""How much of a pixel is its voxel's colour, and how much darker the voxel's edges are."""
+
+
+def labels_in_image(
+    image: UInt8[np.ndarray, "h w 3"],
+    labels: UInt8[np.ndarray, "X Y Z"],
+    grid: VoxelGrid,
+    camera: Frustum,
+) -> UInt8[np.ndarray, "h w 3"]:
+    """The image, every pixel tinted by the first occupied voxel on its ray, edges darker.
+
+    The ray is the one through the pixel's centre. With another ``camera`` than the one that took
+    the image, colours stand beside their objects.
+    """
+    occ_from_camera = inverse(camera.camera_from_occ.double())
+    pix_from_camera = camera.pix_from_camera.double()
+    pix = pixel_centres(*camera.size_pix).reshape(-1, 2)
+    rays = unproject(pix, torch.ones(len(pix), dtype=torch.float64), pix_from_camera)
+    rays_occ = (rays @ occ_from_camera[:3, :3].T).contiguous().numpy()
+    origin = (occ_from_camera[:3, 3].numpy() - grid.lower_m) / grid.voxel_m
+    hits = cast(labels < FREE, origin, rays_occ, SUN, -np.inf)
+    met = hits.kind == VOXEL
+    color = PALETTE[labels[tuple(hits.voxel[met].T)]]
+    # An edge is a pixel wide, however far away it is.
+    pixel = hits.distance[met] / float(pix_from_camera[0, 0])
+    color = color * (1 - EDGE_SHARE * (hits.edge[met] < pixel))[:, None]
+    tinted = image.reshape(-1, 3).astype(np.float32)
+    tinted[met] += COLOR_SHARE * (color - tinted[met])
+    return np.rint(tinted).astype(np.uint8).reshape(image.shape)

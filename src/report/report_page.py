@@ -1,0 +1,67 @@
+"""``report.html``: a report of the ladder as a page to look at."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ..run_folder import METRICS
+from .curve_plot import CurvePlot
+from .curves import TRAIN_LOSS, read_curve
+from .ladder import row_name
+from .ladder_report import LadderReport
+from .page import write_page
+from .picture import Picture
+from .report_text import facts_of
+from .scene import Scene
+from .scored_runs import ScoredRun
+
+PLOTS = {
+    "val/kar_miou": ("KAR-mIoU on validation", "%"),
+    "val/miou": ("mIoU on validation", "%"),
+    TRAIN_LOSS: ("Training loss, each rung its own", ""),
+}
+"""Columns of ``metrics.csv``, and the titles and units of their plots."""
+
+
+def write_report_page(
+    report: LadderReport,
+    heading: str,
+    figures: Mapping[Path, str],
+    scenes: Sequence[Scene],
+    path: Path,
+) -> None:
+    """The page. ``figures`` maps pictures on disk to what they show.
+
+    Raises `UserError` for a picture or a log that cannot be read, and where the page cannot be
+    written.
+    """
+    facts = {
+        name.replace("`", ""): value
+        for name, value in (facts_of(report.runs) | {"Settings": report.settings}).items()
+    }
+    write_page(
+        path,
+        heading,
+        list(facts.items()),
+        report.tables,
+        _plots(report.runs),
+        [Picture(picture.read_bytes(), caption) for picture, caption in figures.items()],
+        scenes,
+        [*report.warnings, *report.missing],
+    )
+
+
+def _plots(runs: Sequence[ScoredRun]) -> list[CurvePlot]:
+    """The learning curves of the runs that have a log."""
+    logs = [(run, log) for run in runs if (log := run.path / METRICS).is_file()]
+    return [
+        CurvePlot(
+            title,
+            unit,
+            tuple(
+                read_curve(log, column, row_name(run.experiment), 100 if unit == "%" else 1)
+                for run, log in logs
+            ),
+        )
+        for column, (title, unit) in PLOTS.items()
+        if logs
+    ]

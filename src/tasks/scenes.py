@@ -1,0 +1,52 @@
+"""Frames of the data set as scenes: what the camera saw, the labels, what models make of it."""
+
+from collections.abc import Callable, Mapping
+
+import torch
+from torch import Tensor
+from torch.utils.data import default_collate
+
+from ..data.batch import Batch
+from ..geometry import VoxelGrid, camera_from_occ
+from ..report.scene import Scene
+from ..report.view import Frustum
+
+Network = Callable[[Batch], Tensor]
+"""A module with a ``device``, which gives the logits of a batch that is there."""
+
+
+@torch.no_grad()
+def scene_of(
+    sample: Batch, grid: VoxelGrid, networks: Mapping[str, Network], remark: str = ""
+) -> Scene:
+    """A sample of an `OccupancyDataset`, with the labels that each network predicts.
+
+    The networks are in evaluation mode. ``remark`` follows the frame's name in the title.
+    """
+    batch = default_collate([sample])
+    roll_deg, pitch_deg = torch.rad2deg(sample["attitude_rad"]).tolist()
+    title = f"{sample['clip']} frame {sample['frame']} · roll {roll_deg:+.0f}° "
+    title += f"pitch {pitch_deg:+.0f}°{remark and ' · ' + remark}"
+    return Scene(
+        title=title,
+        grid=grid,
+        image=sample["image"][-1].permute(1, 2, 0).numpy(),
+        truth=sample["semantics"].numpy(),
+        predictions={name: _labels(network, batch) for name, network in networks.items()},
+        frustum=camera_of(sample, sample["occ_from_body"][-1]),
+    )
+
+
+def camera_of(sample: Batch, occ_from_body: Tensor) -> Frustum:
+    """The camera of a sample's current frame on a UAV with some attitude."""
+    height, width = sample["image"].shape[-2:]
+    chain = camera_from_occ(occ_from_body, sample["body_from_camera"])
+    return Frustum(chain, sample["pix_from_camera"][-1], (width, height))
+
+
+def _labels(network: Network, batch: Batch):
+    on_device = {
+        key: value.to(network.device) if isinstance(value, Tensor) else value
+        for key, value in batch.items()
+    }
+    return network(on_device).argmax(dim=1)[0].to(torch.uint8).cpu().numpy()

@@ -1,0 +1,112 @@
+"""What a report shows beside its numbers: hard frames, and what rungs of the ladder see there."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from omegaconf import DictConfig
+from rich.progress import track
+
+from ..data.datamodule import SkyShieldData
+from ..errors import UserError
+from ..models.network import SkyOcc
+from ..ontology import CLASSES
+from ..report.hard_cases import HardCase, hard_cases
+from ..report.ladder import LADDER, row_name
+from ..report.qualitative import qualitative_sheet
+from ..report.scene import Scene
+from ..report.scored_runs import ScoredRun
+from ..report.tilt_figure import draw_tilt
+from .model import network_of_run
+from .scenes import camera_of, scene_of
+
+COMPARISON, TILT = "comparison.png", "tilt.png"
+
+
+@dataclass(frozen=True)
+class Showcase:
+    """``figures`` maps pictures to what they show, ``missing`` says what could not be drawn."""
+
+    scenes: tuple[Scene, ...] = ()
+    figures: dict[Path, str] = field(default_factory=dict)
+    missing: tuple[str, ...] = ()
+
+
+def showcase(cfg: DictConfig, runs: Sequence[ScoredRun], folder: Path, count: int) -> Showcase:
+    """Up to ``count`` frames, by `hard_cases`, and the figures of them, drawn into ``folder``.
+
+    Needs the data set and the runs' best checkpoints; without them it only says so.
+    """
+    shown = ends_of(runs)
+    if not count or not shown:
+        return Showcase()
+    root = Path(cfg.paths.dataset or Path(cfg.paths.data) / shown[0].tally.protocol.dataset)
+    try:
+        networks = {row_name(run.experiment): network_of_run(run.path) for run in shown}
+        data = SkyShieldData(root, seed=0, **{**shown[0].config["data"], "workers": 0})
+        return _drawn(data, networks, folder, count, shown[0].seed)
+    except UserError as error:
+        return Showcase(missing=(f"no pictures and no scenes: {error}",))
+
+
+def ends_of(runs: Sequence[ScoredRun]) -> list[ScoredRun]:
+    """The lowest and the highest rung, of the lowest seed that most of the rungs have."""
+    rungs = [run for run in runs if run.experiment in LADDER]
+    seeds = sorted({run.seed for run in rungs})
+    if not seeds:
+        return []
+    seed = max(seeds, key=lambda seed: sum(run.seed == seed for run in rungs))
+    of_seed = {run.experiment: run for run in rungs if run.seed == seed}
+    there = [of_seed[name] for name in LADDER if name in of_seed]
+    return there if len(there) < 2 else [there[0], there[-1]]
+
+
+def _drawn(
+    data: SkyShieldData, networks: dict[str, SkyOcc], folder: Path, count: int, seed: int
+) -> Showcase:
+    cases = hard_cases(_facts(data), count)
+    dataset = data.dataset("test")
+    places = [dataset.samples.index((case.clip, case.frame)) for case in cases]
+    scenes = [
+        scene_of(dataset[place], data.grid, networks, case.reason)
+        for place, case in zip(places, cases)
+    ]
+    heading = f"{data.root.name}, seed {seed}: the hardest test frames by rule"
+    qualitative_sheet(scenes, folder / COMPARISON, heading, tops=False)
+    figures = {folder / COMPARISON: _caption(cases, list(networks), seed)}
+    most_tilted = dataset[places[0]]
+    level = camera_of(most_tilted, torch.eye(4))
+    draw_tilt(scenes[0], level, folder / TILT)
+    figures[folder / TILT] = (
+        f"{scenes[0].title}: its camera's frustum in the occ frame, and the image under the labels "
+        "as that camera sees them; above with the measured attitude, below as for a level UAV."
+    )
+    return Showcase(tuple(scenes), figures)
+
+
+def _caption(cases: Sequence[HardCase], names: Sequence[str], seed: int) -> str:
+    return (
+        f"RGB, ground truth and predictions of {' and '.join(names)}, seed {seed}. Of the test "
+        f"split's frames those with the {'; the '.join(case.reason for case in cases)}; each of "
+        "another flight, chosen by the labels and the attitude alone."
+    )
+
+
+def _facts(data: SkyShieldData) -> pd.DataFrame:
+    """What `hard_cases` asks of every test frame."""
+    quiet = not sys.stdout.isatty()
+    rows = []
+    for clip_id, frame in track(
+        data.split["test"], "choosing frames", transient=True, disable=quiet
+    ):
+        clip = data.clips[clip_id]
+        row = clip.frames.loc[frame]
+        seen = np.bincount(clip.semantics(frame)[clip.visible(frame)], minlength=len(CLASSES))
+        tilt_rad = abs(row["roll_rad"]) + abs(row["pitch_rad"])
+        facts = {"clip": clip_id, "frame": frame, "tilt_rad": tilt_rad}
+        rows.append(facts | dict(zip(CLASSES, seen.tolist())))
+    return pd.DataFrame(rows)

@@ -1,0 +1,30 @@
+"""What task=attitude leaves in run folders, with random predictions instead of networks."""
+
+import pandas as pd
+
+from tests.report.ladder_runs import predicted, tally
+
+CONDITIONS = [  # name, tilt from and to, noise, delay
+    ("true", 0.0, float("inf"), 0.0, 0.0),
+    ("tilt_0_5deg", 0.0, 5.0, 0.0, 0.0),
+    ("tilt_5_infdeg", 5.0, float("inf"), 0.0, 0.0),
+    ("noise_3deg", 0.0, float("inf"), 3.0, 0.0),
+    ("delay_0.2s", 0.0, float("inf"), 0.0, 0.2),
+]
+RIGHT = {"true": 0.5, "tilt_0_5deg": 0.5, "tilt_5_infdeg": 0.3, "noise_3deg": 0.4}
+"""Share of the voxels that are predicted as they are; elsewhere 0.2."""
+
+
+def write_attitude(run, gain=0.0, seed=0):
+    """``<run>/attitude/``; ``gain`` more of the voxels are right where the UAV is tilted."""
+    folder = run / "attitude"
+    (folder / "tallies").mkdir(parents=True)
+    for name, *_ in CONDITIONS:
+        right = RIGHT.get(name, 0.2) + gain * (name == "tilt_5_infdeg")
+        counted = tally(name, lambda target, n, r=right: predicted(target, r, 10 * seed + n))
+        counted.write(folder / "tallies" / f"{name}.npz")
+    columns = ["condition", "tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s"]
+    table = pd.DataFrame(CONDITIONS, columns=columns)
+    scored = [table.assign(score=score, value=0.5) for score in ("miou", "kar_miou")]
+    pd.concat(scored).sort_values("condition").to_csv(folder / "attitude.csv", index=False)
+    return folder

@@ -1,0 +1,89 @@
+"""Scores by tilt and under a wrong attitude, of several runs together."""
+
+import pytest
+
+from src.errors import UserError
+from src.metrics.tally import Tally
+from src.report.attitude_evidence import AttitudeEvidence
+from src.report.attitude_tables import attitude_tables
+from src.report.scored_runs import read_run
+from tests.report.attitude_runs import write_attitude
+from tests.report.ladder_runs import write_run
+
+SEEDS = (0, 1)
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    runs = tmp_path_factory.mktemp("runs")
+    found = {}
+    for name, gain in {"baseline": 0.0, "attitude": 0.4, "weights": None}.items():
+        for seed in SEEDS:
+            found[name, seed] = write_run(runs, name, seed)
+            if gain is not None:
+                write_attitude(found[name, seed], gain, seed)
+    return found
+
+
+@pytest.fixture(scope="module")
+def evidence(folders):
+    return AttitudeEvidence([read_run(path) for path in folders.values()])
+
+
+def score(folders, name, condition):
+    """KAR-mIoU in percent, a seed at a time."""
+    tallies = [Tally.read(folders[name, s] / f"attitude/tallies/{condition}.npz") for s in SEEDS]
+    tables = [{k: v.sum(0) for k, v in t.tables["occupancy"].items()} for t in tallies]
+    metric = tallies[0].suite().metric("occupancy")
+    return [100 * float(metric.scores(table)["kar_miou"]) for table in tables]
+
+
+def test_conditions_stand_in_their_order_with_the_true_attitude_first(evidence):
+    assert evidence.names("tilt") == ["tilt_0_5deg", "tilt_5_infdeg"]
+    assert evidence.names("noise_deg") == ["true", "noise_3deg"]
+    assert evidence.names("delay_s") == ["true", "delay_0.2s"]
+    assert evidence.experiments == ["baseline", "attitude"]
+
+
+def test_a_gain_is_the_mean_of_the_differences_of_each_seed(evidence, folders):
+    for condition in ("tilt_0_5deg", "tilt_5_infdeg"):
+        mine, theirs = (score(folders, name, condition) for name in ("attitude", "baseline"))
+        expected = sum(a - b for a, b in zip(mine, theirs)) / len(SEEDS)
+        gain = evidence.gain(condition, "attitude", "baseline", "kar_miou")
+        assert gain.value == pytest.approx(expected, abs=1e-4)
+    assert gain.low > 0
+    level = evidence.gain("tilt_0_5deg", "attitude", "baseline", "kar_miou")
+    assert (level.low, level.value, level.high) == (0, 0, 0), "the same predictions"
+
+
+def test_tables_have_scores_and_below_them_the_gains(evidence):
+    tilt, faults = attitude_tables(evidence)
+    assert [column.name for column in tilt.columns] == ["0–5° (7 frames)", "from 5° (7 frames)"]
+    assert [column.name for column in faults.columns] == ["true", "3° noise", "0.2 s late"]
+    names = ["Baseline", "+ Attitude-aware projection", "Gain of attitude"]
+    for table in (tilt, faults):
+        assert [name for name, _ in table.rows] == names
+        assert table.lines == (2,)
+    assert [cell.signed for cell in tilt.rows[2][1]] == [True, True]
+    assert "Seeds: baseline 0, 1; attitude 0, 1." in tilt.caption
+
+
+def test_the_table_of_a_figure_is_in_shares_as_in_the_file(evidence):
+    rows = evidence.table("kar_miou", "attitude").set_index("condition")
+    cell = evidence.cell("noise_3deg", "attitude", "kar_miou")
+    assert rows.loc["noise_3deg", "value"] == pytest.approx(cell.value / 100)
+    assert rows.loc["noise_3deg", "noise_deg"] == 3
+
+
+def test_runs_without_such_scores_have_no_table(folders):
+    found = AttitudeEvidence([read_run(folders["weights", 0])])
+    assert found.experiments == []
+    assert attitude_tables(found) == []
+
+
+def test_what_cannot_be_read_is_one_line(tmp_path):
+    run = write_run(tmp_path, "baseline", 0)
+    folder = write_attitude(run)
+    (folder / "attitude.csv").write_text("nothing\n")
+    with pytest.raises(UserError, match=r"attitude\.csv: cannot be read .*; run task=attitude"):
+        AttitudeEvidence([read_run(run)])
