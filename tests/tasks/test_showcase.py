@@ -1,0 +1,97 @@
+"""The frames that a report shows, and what is seen there of two trained rungs."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from src.data.clip import Clip
+from src.report.scene import TRUTH, unpack_labels
+from src.tasks.dataset import root_of
+from src.tasks.fit import fit
+from src.tasks.model import network_of_run
+from src.tasks.report import report
+from src.tasks.showcase import ends_of
+from tests.report.ladder_runs import ladder_of, write_ladder
+from tests.synthetic import compose_config, mini_overrides, write_dataset
+
+RUNGS = ("baseline", "skyocc")
+
+
+def ends(folder, **which):
+    runs = ladder_of(write_ladder(folder, **which))
+    return [str(run) for run in ends_of(runs)]
+
+
+def test_the_lowest_and_the_highest_rung_of_the_lowest_seed_are_shown(tmp_path):
+    assert ends(tmp_path, seeds=(1, 0)) == ["baseline seed 0", "skyocc seed 0"]
+
+
+def test_of_an_unfinished_sweep_it_is_the_seed_of_most_rungs(tmp_path):
+    write_ladder(tmp_path, seeds=(0,), experiments=("weights",))
+    of_other = {"seeds": (2,), "experiments": ("attitude", "baseline")}
+    assert ends(tmp_path, **of_other) == ["baseline seed 2", "attitude seed 2"]
+
+
+def test_one_rung_is_shown_alone_and_none_not_at_all(tmp_path):
+    assert ends(tmp_path / "a", seeds=(0,), experiments=("weights",)) == ["weights seed 0"]
+    assert ends(tmp_path / "b", seeds=(0,), experiments=("streams",)) == []
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """The words of two rungs, trained on the synthetic data set."""
+    folder = tmp_path_factory.mktemp("showcase")
+    common = mini_overrides(folder, "trainer.accelerator=cpu", "trainer.max_epochs=1")
+    words = {rung: [*common, f"+experiment={rung}"] for rung in RUNGS}
+    write_dataset(compose_config(*words["baseline"]))
+    for each in words.values():
+        fit(compose_config(*each))
+    return words
+
+
+@pytest.mark.slow
+def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path):
+    cfg = compose_config(*trained["baseline"])
+    report(cfg, [], str(tmp_path / "out"), mixed=False, scenes=1)
+    page = (tmp_path / "out/report.html").read_text()
+    (encoded,) = re.findall(r'<script type="application/json" class="scene">(.*?)</script>', page)
+    scene = json.loads(encoded)
+    clip_id, frame = re.match(r"(\S+) frame (\d+) .* most tilted", scene["title"]).groups()
+    names = [volume["name"] for volume in scene["volumes"]]
+    assert names == [TRUTH, "Baseline", "SkyShield"]
+    truth, *predictions = (
+        unpack_labels(volume["labels"], tuple(scene["shape"])) for volume in scene["volumes"]
+    )
+    clip = Clip(root_of(cfg) / clip_id)
+    assert (truth == clip.semantics(int(frame))).all()
+    assert not (predictions[0] == predictions[1]).all()
+    tilt_rad = (clip.frames["roll_rad"].abs() + clip.frames["pitch_rad"].abs())[int(frame)]
+    assert tilt_rad > 0.15
+    for name in ("comparison.png", "tilt.png"):
+        with Image.open(tmp_path / "out/figures" / name) as figure:
+            assert np.ptp(np.asarray(figure)) > 100
+    assert page.count("data:image/png") == 2
+
+
+@pytest.mark.slow
+def test_without_checkpoints_or_data_the_tables_are_still_written(trained, tmp_path, capsys):
+    cfg = compose_config(*trained["baseline"], "paths.data=nowhere")
+    report(cfg, [], str(tmp_path / "out"), mixed=False, scenes=1)
+    assert "no pictures and no scenes: nowhere" in capsys.readouterr().out
+    assert (tmp_path / "out/tables/main.csv").is_file()
+    assert not list(tmp_path.rglob("*.png"))
+
+
+@pytest.mark.slow
+def test_a_shown_network_is_the_runs_best(trained):
+    cfg = compose_config(*trained["skyocc"])
+    network = network_of_run(cfg.paths.run)
+    weights = torch.load(f"{cfg.paths.run}/checkpoints/best.ckpt", weights_only=True)["state_dict"]
+    assert all(
+        (value == weights[f"network.{name}"]).all() for name, value in network.state_dict().items()
+    )
+    assert not network.training
