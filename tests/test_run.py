@@ -23,6 +23,7 @@ from src.models.network import SkyOcc
 from src.ontology import CLASSES
 from src.report.results import SCORES, read_results
 from src.tasks import evaluate, precision
+from src.tasks.checkpoint import epochs_done
 from src.tasks.dataset import data_of
 from src.tasks.fit import fit
 from src.tasks.model import module_of, prior_of
@@ -218,6 +219,21 @@ def test_a_half_done_run_goes_on_as_if_undisturbed(finished, here, monkeypatch, 
     pd.testing.assert_frame_equal(
         pd.read_csv(folder / "metrics.csv"), pd.read_csv(finished[0] / "metrics.csv")
     )
+
+
+def test_an_epoch_that_is_not_the_best_is_not_trained_again(here, monkeypatch):
+    """Here the best one is the first."""
+    words = [*here, "callbacks.best.monitor=step", "callbacks.best.mode=min"]
+    words += ["trainer.max_epochs=3"]
+    with monkeypatch.context() as patched:
+        stop_at(patched, 2, 1)
+        with pytest.raises(Stop):
+            fit(compose_config(*words))
+    assert fit(compose_config(*words)) == "finished, went on from epoch 2 of 3"
+    checkpoints = folder_of(here) / "checkpoints"
+    assert {path.name for path in checkpoints.iterdir()} == {"best.ckpt", "last.ckpt"}
+    epochs = [epochs_done(checkpoints / f"{name}.ckpt") for name in ("best", "last")]
+    assert epochs == [1, 3]
 
 
 def test_a_run_killed_before_its_results_repeats_no_training(finished, here, monkeypatch):
