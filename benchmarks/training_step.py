@@ -92,7 +92,7 @@ class Step:
         if self.memory is not None:
             self.memory.keep(network.carried(frame, fused))
         with timed(seconds, "decoder"):
-            return network.decode(fused, batch["attitude_rad"], batch["velocity_mps"])
+            return network.decode(fused, batch)
 
 
 def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]:

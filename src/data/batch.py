@@ -29,6 +29,8 @@ class Batch(TypedDict):
     velocity_mps: Float[Tensor, "B 3"]
     attitude_rad: Float[Tensor, "B 2"]
     """Roll and pitch."""
+    height_m: Float[Tensor, "B"]
+    """Of the UAV above the world's ground plane, from which flat ground is a little off."""
     semantics: UInt8[Tensor, "B X Y Z"]
     visible: Bool[Tensor, "B X Y Z"]
     clip: list[str]
@@ -49,6 +51,7 @@ def ego_motion(
         "occ_from_past_occ": occ_now_from_world @ world_from_occ(world_from_body),
         "velocity_mps": occ_now_from_world[:3, :3] @ velocity_world_mps,
         "attitude_rad": torch.stack([roll_rad, pitch_rad]),
+        "height_m": world_from_body[-1, 2, 3],
     }
     return {name: value.float() for name, value in motion.items()}
 

@@ -21,11 +21,15 @@ FORMATS = {"onnx": "skyocc.onnx", "torch": "skyocc.pt2"}
 """Files by format: ONNX, and torch.export."""
 
 DESCRIPTION = "export.json"
+OF_QUEUE = ("image", "pix_from_camera", "occ_from_body")
+"""What a batch has of every frame of a queue, and a step of the current one."""
+PAST = ("past_pillars", "occ_from_past_occ", "past_valid")
 INPUTS = (
     *("image", "pix_from_camera", "body_from_camera", "occ_from_body"),
-    *("attitude_rad", "velocity_mps", "past_pillars", "occ_from_past_occ", "past_valid"),
+    *("attitude_rad", "velocity_mps", "height_m"),
+    *PAST,
 )
-"""The last three only where there is a history. Each has a batch dimension of 1."""
+"""`PAST` only where there is a history. Each has a batch dimension of 1."""
 
 OUTPUTS = ("logits", "pillars")
 
@@ -38,28 +42,15 @@ class StepGraph(nn.Module):
         self.network = network
 
     def forward(self, *inputs: Tensor) -> tuple[Float[Tensor, "1 9 x y z"], Float[Tensor, "1 p d"]]:
-        image, pix_from_camera, body_from_camera, occ_from_body, attitude, velocity, *past = inputs
-        batch = {
-            "image": image[:, None],
-            "pix_from_camera": pix_from_camera[:, None],
-            "body_from_camera": body_from_camera,
-            "occ_from_body": occ_from_body[:, None],
-            "attitude_rad": attitude,
-            "velocity_mps": velocity,
-        }
+        batch, past = dict(zip(INPUTS, inputs)), inputs[len(INPUTS) - len(PAST) :]
+        batch |= {name: batch[name][:, None] for name in OF_QUEUE}
         return self.network.step(batch, History(*past) if past else None)
 
 
 def step_inputs(batch: Mapping[str, Tensor], history: History | None) -> tuple[Tensor, ...]:
     """The arguments of a `StepGraph`, from those of `SkyOcc.step`."""
-    current = [
-        batch["image"][:, -1],
-        batch["pix_from_camera"][:, -1],
-        batch["body_from_camera"],
-        batch["occ_from_body"][:, -1],
-        batch["attitude_rad"],
-        batch["velocity_mps"],
-    ]
+    names = INPUTS[: -len(PAST)]
+    current = [batch[name][:, -1] if name in OF_QUEUE else batch[name] for name in names]
     return tuple(tensor.contiguous() for tensor in (*current, *(history or ())))
 
 

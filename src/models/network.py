@@ -14,12 +14,9 @@ from .checkpointing import recompute_in_backward, running_statistics
 from .decoder import PillarDecoder
 from .encoder import PillarEncoder
 from .history import History
+from .metadata import Metadata
 from .neck import FPN
 from .references import References
-
-ATTITUDE_SCALE_RAD = 0.3
-SPEED_SCALE_MPS = 10.0
-"""Typical sizes, by which the auxiliary metadata are divided."""
 
 HistoryKind = Literal["queue", "recursive"]
 
@@ -40,12 +37,12 @@ class SkyOcc(nn.Module):
     from the queue. ``"recursive"`` (BEVFormer's): its fused pillars, which hold the frames before
     it as well; a stream then looks back further than `forward`, which begins at the queue's start.
 
-    ``backbone`` is a `ResNet`, or any module with its call and ``channels``. With ``metadata`` the
-    measured attitude and velocity are added to the pillars after the lifting: before it, deformable
+    ``backbone`` is a `ResNet`, or any module with its call and ``channels``. ``metadata`` names the
+    measurements (`Metadata`) that are added to the pillars after the lifting: before it, deformable
     offsets could learn the tilt. With ``history_grad`` gradients also flow into the past frames.
     With ``checkpointing`` training keeps less in memory and computes blocks and layers twice.
 
-    Raises `UserError` for another ``history``.
+    Raises `UserError` for another ``history``, and for other ``metadata``.
     """
 
     def __init__(
@@ -54,7 +51,7 @@ class SkyOcc(nn.Module):
         encoder: PillarEncoder,
         decoder: PillarDecoder,
         history: HistoryKind = "queue",
-        metadata: bool = True,
+        metadata: Sequence[str] = ("attitude", "velocity"),
         history_grad: bool = False,
         checkpointing: bool = False,
     ) -> None:
@@ -64,9 +61,7 @@ class SkyOcc(nn.Module):
         dim = encoder.dim
         self.backbone, self.encoder, self.decoder = backbone, encoder, decoder
         self.neck = FPN(backbone.channels, dim, encoder.reads_strides)
-        self.metadata = (
-            nn.Sequential(nn.Linear(5, dim), nn.ReLU(), nn.Linear(dim, dim)) if metadata else None
-        )
+        self.metadata = Metadata(dim, metadata) if metadata != [] else None
         self.history, self.history_grad = history, history_grad
         self.to(memory_format=torch.channels_last)
         if checkpointing:
@@ -123,7 +118,7 @@ class SkyOcc(nn.Module):
         """Logits of a batch's current frames, and what these leave behind for later ones."""
         frame = self._encode(batch, -1)
         fused = self.fuse(frame, history)
-        logits = self.decode(fused, batch["attitude_rad"], batch["velocity_mps"])
+        logits = self.decode(fused, batch)
         return logits, self.carried(frame, fused)
 
     def encode(
@@ -156,15 +151,11 @@ class SkyOcc(nn.Module):
         return fused if self.history == "recursive" else frame.pillars
 
     def decode(
-        self,
-        pillars: Float[Tensor, "b p dim"],
-        attitude_rad: Float[Tensor, "b 2"],
-        velocity_mps: Float[Tensor, "b 3"],
+        self, pillars: Float[Tensor, "b p dim"], batch: Mapping[str, Tensor]
     ) -> Float[Tensor, "b 9 x y z"]:
-        """Logits of the current frame; attitude is roll and pitch, velocity is in its occ frame."""
+        """Logits of the current frame, from its pillars and what the batch says of the UAV."""
         if self.metadata is not None:
-            scaled = [attitude_rad / ATTITUDE_SCALE_RAD, velocity_mps / SPEED_SCALE_MPS]
-            pillars = pillars + self.metadata(torch.cat(scaled, dim=-1).float())[:, None]
+            pillars = pillars + self.metadata(batch)[:, None]
         return self.decoder(pillars)
 
     def _encode(self, batch: Mapping[str, Tensor], at: int, rows: Tensor | slice = slice(None)):

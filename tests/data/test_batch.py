@@ -86,6 +86,7 @@ def test_roll_and_sideways_speed_change_sign_and_nothing_else(sample):
     mirror = mirrored(sample)
     assert torch.equal(mirror["attitude_rad"], sample["attitude_rad"] * torch.tensor([-1, 1]))
     assert torch.equal(mirror["velocity_mps"], sample["velocity_mps"] * ACROSS)
+    assert torch.equal(mirror["height_m"], sample["height_m"])
     roll, pitch, _ = euler_from_rotation(mirror["occ_from_body"][-1, :3, :3])
     torch.testing.assert_close(torch.stack([roll, pitch]), mirror["attitude_rad"])
 

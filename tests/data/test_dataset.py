@@ -35,6 +35,7 @@ def test_a_sample_has_the_shapes_and_types_of_the_contract(clips):
         "history_valid": (torch.bool, (4,)),
         "velocity_mps": (torch.float32, (3,)),
         "attitude_rad": (torch.float32, (2,)),
+        "height_m": (torch.float32, ()),
         "semantics": (torch.uint8, (25, 25, 15)),
         "visible": (torch.bool, (25, 25, 15)),
     }

@@ -91,6 +91,7 @@ def build_batch(batch_size=2, frames=4, grid=GRID, image_size=IMAGE_SIZE, seed=0
         "history_valid": torch.ones(shape, dtype=torch.bool),
         "velocity_mps": 5 * torch.randn(batch_size, 3, generator=generator),
         "attitude_rad": torch.stack([roll, pitch], dim=-1)[:, -1],
+        "height_m": 3 + 10 * torch.rand(batch_size, generator=generator),
         "semantics": labels.masked_fill(~visible, UNKNOWN),
         "visible": visible,
     }

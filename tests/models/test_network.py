@@ -16,6 +16,7 @@ from src.models import (
     SkyOcc,
 )
 from src.models.backbone import STRIDES
+from src.models.metadata import Metadata
 from tests.models.synthetic import GRID, IMAGE_SIZE, LIFTS, build_batch, build_network
 
 
@@ -61,7 +62,7 @@ def test_the_recursive_history_equals_steps_one_after_the_other(batch):
         history = History(state[:, None], motion[:, None], torch.ones(2, 1, dtype=torch.bool))
         frame = encoded(network, batch, at)
         state = network.fuse(frame, history)
-    expected = network.decode(state, batch["attitude_rad"], batch["velocity_mps"])
+    expected = network.decode(state, batch)
     torch.testing.assert_close(network(batch), expected, atol=1e-4, rtol=1e-4)
     queue = build_network().eval()
     queue.load_state_dict(network.state_dict())
@@ -255,8 +256,35 @@ def test_metadata_enter_after_the_lifting_and_can_be_left_out(batch):
     other["attitude_rad"] += 0.1
     network = build_network().eval()
     assert not network(other).allclose(network(batch))
-    without = build_network(metadata=False).eval()
+    without = build_network(metadata=[]).eval()
     assert without(other).equal(without(batch))
+
+
+@pytest.mark.parametrize("name", ["attitude", "velocity", "height"])
+def test_each_of_the_metadata_is_told_by_its_name_alone(batch, name):
+    keys = {"attitude": "attitude_rad", "velocity": "velocity_mps", "height": "height_m"}
+    told = build_network(metadata=[name]).eval()
+    for key in keys.values():
+        other = clone(batch)
+        other[key] += 0.3
+        assert told(other).equal(told(batch)) is (key != keys[name])
+
+
+def test_a_height_moves_the_ground_by_as_many_voxels():
+    """The phases of a height are the same rotation apart wherever it is."""
+    metadata = Metadata(8, ["height"])
+    phases = metadata._height({"height_m": torch.tensor([2.0, 2.5, 9.0, 9.5])})
+    low, low_up, high, high_up = torch.complex(*phases.flip(-1).chunk(2, dim=-1))
+    torch.testing.assert_close(low_up / low, high_up / high, atol=1e-4, rtol=0)
+    assert (low_up / low - 1).abs().max() > 1
+
+
+@pytest.mark.parametrize("names", [True, "height", ["height", "depth"]])
+def test_other_metadata_are_refused(names):
+    with pytest.raises(
+        UserError, match=r"^model\.metadata: .*; give a list of attitude, velocity, h"
+    ):
+        build_network(metadata=names)
 
 
 def test_a_pillar_sees_what_stands_in_it_under_any_attitude():

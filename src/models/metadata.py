@@ -1,0 +1,54 @@
+"""What the UAV measures of itself, as a vector that is added to every pillar."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ..errors import UserError
+
+ATTITUDE_SCALE_RAD = 0.3
+SPEED_SCALE_MPS = 10.0
+"""Typical sizes, by which they are divided."""
+HEIGHT_WAVES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+"""A height is told by its phase in waves from two voxels of the paper's grid to its whole flight
+envelope: at which voxel of a pillar the ground lies is then nearly a linear function of them."""
+
+WIDTHS = {"attitude": 2, "velocity": 3, "height": 2 * len(HEIGHT_WAVES_M)}
+"""How many numbers tell of each measurement."""
+
+
+class Metadata(nn.Module):
+    """Auxiliary measurements of the current frame: ``names`` of them, some of `WIDTHS`.
+
+    ``attitude`` is roll and pitch, ``velocity`` that in the occ frame, ``height`` the UAV's above
+    the world's ground plane, as of a barometer that was set to zero at take-off. The paper tells of
+    a "UAV state" beside the image and not of what is in it.
+
+    Raises `UserError` for other names.
+    """
+
+    def __init__(self, dim: int, names: Sequence[str]) -> None:
+        super().__init__()
+        if isinstance(names, (str, bool)) or not {*names} <= {*WIDTHS}:
+            raise UserError(f"model.metadata: {names}; give a list of {', '.join(WIDTHS)}, or []")
+        self.names = [name for name in WIDTHS if name in names]
+        width = sum(WIDTHS[name] for name in self.names)
+        self.layers = nn.Sequential(nn.Linear(width, dim), nn.ReLU(), nn.Linear(dim, dim))
+
+    def forward(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b dim"]:
+        told = [getattr(self, f"_{name}")(batch).float() for name in self.names]
+        return self.layers(torch.cat(told, dim=-1))
+
+    def _attitude(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 2"]:
+        return batch["attitude_rad"] / ATTITUDE_SCALE_RAD
+
+    def _velocity(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 3"]:
+        return batch["velocity_mps"] / SPEED_SCALE_MPS
+
+    def _height(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 2*w"]:
+        waves = batch["height_m"].new_tensor(HEIGHT_WAVES_M)
+        phase = 2 * math.pi * batch["height_m"][:, None] / waves
+        return torch.cat([phase.sin(), phase.cos()], dim=-1)
