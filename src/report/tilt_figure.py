@@ -19,7 +19,7 @@ from .voxels import ground_level, render_voxels, view_of
 
 CELL_PIX = (620, 400)
 GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 18, 40, 60, 60
-FRUSTUM_SHARE = 0.4
+FRUSTUM_SHARE = 0.3
 """Depth of the drawn frustum, as a share of the grid's length."""
 
 Picture = UInt8[np.ndarray, "h w 3"]
