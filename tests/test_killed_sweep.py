@@ -1,4 +1,4 @@
-"""The same scores and curves, to the last bit: whatever kills a sweep, and whatever it runs on."""
+"""The same scores, curves and tables, to the last bit: whatever kills a sweep, and whatever it runs on."""
 
 import os
 import re
@@ -13,8 +13,9 @@ import pandas as pd
 import pytest
 
 from src.report.results import read_results
+from src.tasks.report import report
 from tests.sessions import spent_s
-from tests.synthetic import MINI
+from tests.synthetic import MINI, compose_config
 
 ROOT = Path(__file__).parent.parent
 RUNGS = ("baseline", "skyocc")
@@ -71,9 +72,17 @@ def what_came_out(folder):
     return [*results, *tables]
 
 
+def tables_of(folder):
+    """The tables of a report, byte by byte."""
+    cfg = compose_config("task=report", "scale=tiny", f"paths.runs={folder}/runs")
+    report(cfg, [], str(folder / "report"), mixed=False, scenes=0)
+    return {path.name: path.read_bytes() for path in (folder / "report/tables").iterdir()}
+
+
 def require_same(left, right):
     for mine, theirs in zip(what_came_out(left), what_came_out(right), strict=True):
         pd.testing.assert_frame_equal(mine, theirs, check_exact=True)
+    assert tables_of(left) == tables_of(right)
 
 
 def outcomes(said):

@@ -1,5 +1,6 @@
 """task=report: the paper's tables and pictures from the run folders of a ladder."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
@@ -7,6 +8,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 from rich.console import Console
+from rich.progress import track
 
 from ..atomic import replacing
 from ..errors import UserError
@@ -42,8 +44,26 @@ def report(cfg: DictConfig, runs: list[str], out: str, mixed: bool, scenes: int)
     ``mixed`` does not allow it.
     """
     folder = Path(out)
+    finished, unfinished = _found(cfg, runs, folder)
+    groups = groups_of(finished, mixed)
+    with Console().status("resampling"):
+        made = ladder_report(groups, unfinished, parts_of)
+        attitude = AttitudeEvidence(groups[0].runs)
+    shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes)
+    tables = (*made.tables, *attitude_tables(attitude))
+    made = replace(made, tables=tables, missing=(*made.missing, *shown.missing))
+    figures = shown.figures | _attitude_figure(attitude, folder / FIGURES)
+    _write(made, figures, shown.scenes, folder)
+    _print(made, folder)
+
+
+def _found(
+    cfg: DictConfig, runs: Sequence[str], folder: Path
+) -> tuple[list[ScoredRun], list[UnfinishedRun]]:
+    """The finished runs, of which there must be one, and the others."""
     places = [Path(place) for place in runs] or [Path(cfg.paths.runs) / cfg.scale_name]
-    found = [read_run(path) for path in run_folders(places, folder)]
+    paths, quiet = run_folders(places, folder), not sys.stdout.isatty()
+    found = [read_run(path) for path in track(paths, "reading", transient=True, disable=quiet)]
     finished = [run for run in found if isinstance(run, ScoredRun)]
     unfinished = [run for run in found if isinstance(run, UnfinishedRun)]
     if not finished:
@@ -51,15 +71,7 @@ def report(cfg: DictConfig, runs: list[str], out: str, mixed: bool, scenes: int)
             f"{', '.join(map(str, places))}: holds no finished run ("
             f"{'; '.join(map(str, unfinished))}); give the command that trains them again"
         )
-    groups = groups_of(finished, mixed)
-    made = ladder_report(groups, unfinished, parts_of)
-    attitude = AttitudeEvidence(groups[0].runs)
-    shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes)
-    tables = (*made.tables, *attitude_tables(attitude))
-    made = replace(made, tables=tables, missing=(*made.missing, *shown.missing))
-    figures = shown.figures | _attitude_figure(attitude, folder / FIGURES)
-    _write(made, figures, shown.scenes, folder)
-    _print(made, folder)
+    return finished, unfinished
 
 
 def _attitude_figure(found: AttitudeEvidence, folder: Path) -> dict[Path, str]:

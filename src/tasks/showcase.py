@@ -71,10 +71,9 @@ def _drawn(
     cases = hard_cases(_facts(data), count)
     dataset = data.dataset("test")
     places = [dataset.samples.index((case.clip, case.frame)) for case in cases]
-    scenes = [
-        scene_of(dataset[place], data.grid, networks, case.reason)
-        for place, case in zip(places, cases)
-    ]
+    quiet = not sys.stdout.isatty()
+    drawn = track([*zip(places, cases)], "predicting", transient=True, disable=quiet)
+    scenes = [scene_of(dataset[n], data.grid, networks, case.reason) for n, case in drawn]
     heading = f"{data.root.name}, seed {seed}: the hardest test frames by rule"
     qualitative_sheet(scenes, folder / COMPARISON, heading, tops=False)
     figures = {folder / COMPARISON: _caption(cases, list(networks), seed)}
