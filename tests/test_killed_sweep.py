@@ -1,4 +1,4 @@
-"""The same scores, curves and tables, to the last bit: whatever kills a sweep, and whatever it runs on."""
+"""The same scores, curves and tables, to the last bit: whatever kills a sweep, or runs it."""
 
 import os
 import re
