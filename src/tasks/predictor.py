@@ -19,11 +19,15 @@ def predictor(module: OccupancyModule, trainer: lightning.Trainer) -> Predictor:
 
     @torch.no_grad()
     def logits(batch: Batch) -> Float[Tensor, "b 9 x y z"]:
-        on_device = {
-            key: value.to(module.device) if isinstance(value, Tensor) else value
-            for key, value in batch.items()
-        }
         with trainer.precision_plugin.forward_context():
-            return module(on_device).float()
+            return module(on_device(batch, module.device)).float()
 
     return logits
+
+
+def on_device(batch: Batch, device: torch.device) -> Batch:
+    """The batch with its tensors on a device."""
+    return {
+        key: value.to(device) if isinstance(value, Tensor) else value
+        for key, value in batch.items()
+    }

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Mapping
 
+import numpy as np
 import torch
+from jaxtyping import UInt8
 from torch import Tensor
 from torch.utils.data import default_collate
 
@@ -10,6 +12,7 @@ from ..data.batch import Batch
 from ..geometry import VoxelGrid, camera_from_occ
 from ..report.scene import Scene
 from ..report.view import Frustum
+from .predictor import on_device
 
 Network = Callable[[Batch], Tensor]
 """A module with a ``device``, which gives the logits of a batch that is there."""
@@ -44,9 +47,6 @@ def camera_of(sample: Batch, occ_from_body: Tensor) -> Frustum:
     return Frustum(chain, sample["pix_from_camera"][-1], (width, height))
 
 
-def _labels(network: Network, batch: Batch):
-    on_device = {
-        key: value.to(network.device) if isinstance(value, Tensor) else value
-        for key, value in batch.items()
-    }
-    return network(on_device).argmax(dim=1)[0].to(torch.uint8).cpu().numpy()
+def _labels(network: Network, batch: Batch) -> UInt8[np.ndarray, "X Y Z"]:
+    logits = network(on_device(batch, network.device))
+    return logits.argmax(dim=1)[0].to(torch.uint8).cpu().numpy()
