@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from ..errors import UserError
 from .backbone import STRIDES
-from .heights import height_projections, projected_mean
+from .heights import gain_of_mean, height_projections, projected_mean
 from .references import References
 from .sampling import summed_samples
 
@@ -38,7 +38,7 @@ class DeformableCrossAttention(nn.Module):
             "strides", torch.tensor(STRIDES, dtype=torch.float32), persistent=False
         )
         self._initialise()
-        self.output = height_projections(num_heights, dim)
+        self.output = height_projections(num_heights, dim, gain_of_mean(num_heights))
 
     def _initialise(self) -> None:
         """Uniform attention; the first point at the reference, the others around it by head."""

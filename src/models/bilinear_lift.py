@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from .backbone import STRIDES
-from .heights import height_projections, projected_mean
+from .heights import gain_of_mean, height_projections, projected_mean
 from .references import References
 from .sampling import summed_samples
 
@@ -28,7 +28,7 @@ class BilinearLift(nn.Module):
 
     def __init__(self, dim: int, num_heights: int) -> None:
         super().__init__()
-        self.output = height_projections(num_heights, dim)
+        self.output = height_projections(num_heights, dim, gain_of_mean(num_heights))
         self.register_buffer(
             "strides", torch.tensor(STRIDES, dtype=torch.float32), persistent=False
         )

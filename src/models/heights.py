@@ -7,12 +7,22 @@ from torch import Tensor, nn
 from .references import References
 
 
-def height_projections(num_heights: int, dim: int) -> nn.Parameter:
-    """``[num_heights, dim, dim]``, each as a linear layer of its own would start."""
+def height_projections(num_heights: int, dim: int, gain: float = 1.0) -> nn.Parameter:
+    """``[num_heights, dim, dim]``, each as a linear layer of its own would start, times a gain."""
     projections = nn.Parameter(torch.empty(num_heights, dim, dim))
     for weight in projections.data:
-        nn.init.xavier_uniform_(weight)
+        nn.init.xavier_uniform_(weight, gain)
     return projections
+
+
+def gain_of_mean(num_heights: int) -> float:
+    """What `projected_mean` needs to start as large as the pillars that it is added to.
+
+    A mean over heights is smaller than each of them by the root of their number, and what they
+    gather is itself a mean over levels, of about half their size. Where the image begins as a tenth
+    of the sum, training first learns what can be known without one.
+    """
+    return 2 * num_heights**0.5
 
 
 def projected_sum(

@@ -36,7 +36,10 @@ class Metadata(nn.Module):
             raise UserError(f"model.metadata: {names}; give a list of {', '.join(WIDTHS)}, or []")
         self.names = [name for name in WIDTHS if name in names]
         width = sum(WIDTHS[name] for name in self.names)
-        self.layers = nn.Sequential(nn.Linear(width, dim), nn.ReLU(), nn.Linear(dim, dim))
+        # Normalised, so that it is as large as the pillars from the first step on.
+        self.layers = nn.Sequential(
+            nn.Linear(width, dim), nn.ReLU(), nn.Linear(dim, dim), nn.LayerNorm(dim)
+        )
 
     def forward(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b dim"]:
         told = [getattr(self, f"_{name}")(batch).float() for name in self.names]

@@ -335,6 +335,19 @@ def test_bfloat16_autocast_trains(batch, lift):
     assert all(p.grad.isfinite().all() for p in network.parameters() if p.grad is not None)
 
 
+@pytest.mark.parametrize("lift", ["deformable", "bilinear"])
+def test_what_is_added_to_the_pillars_begins_about_as_large_as_they_are(batch, lift):
+    """Otherwise training first learns what can be known without image and measurements."""
+    network, sizes = build_network(lift=lift), []
+    added = [layer.lift for layer in (*network.encoder.frame_layers, network.encoder.last_layer)]
+    for module in (*added, network.metadata):
+        module.register_forward_hook(lambda _, __, out: sizes.append(out[out != 0].std().item()))
+    with torch.no_grad():
+        network.eval()(batch)
+    assert len(sizes) > len(added)
+    assert 0.4 < min(sizes) <= max(sizes) < 3
+
+
 def test_the_last_bias_is_the_log_prior():
     prior = [5, 20, 5, 1, 1, 1, 0, 2, 65]
     decoder = PillarDecoder(GRID, dim=8, num_blocks=1, class_prior=prior)
