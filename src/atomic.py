@@ -22,11 +22,16 @@ def replacing(path: str | Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
-        raise UserError(
-            f"{path}: cannot be written ({error.strerror or error}); free some space or choose "
-            "another folder"
-        ) from error
+        raise unwritable(path, error) from error
     finally:
         # A read-only or vanished folder holds no temporary file, and must not hide the error.
         if temporary.exists():
             temporary.unlink()
+
+
+def unwritable(path: Path, error: OSError) -> UserError:
+    """What to say where a file or a folder cannot be written."""
+    return UserError(
+        f"{path}: cannot be written ({error.strerror or error}); free some space or choose "
+        "another folder"
+    )
