@@ -221,15 +221,16 @@ def test_a_half_done_run_goes_on_as_if_undisturbed(finished, here, monkeypatch, 
     )
 
 
-def test_an_epoch_that_is_not_the_best_is_not_trained_again(here, monkeypatch):
-    """Here the best one is the first."""
-    words = [*here, "callbacks.best.monitor=step", "callbacks.best.mode=min"]
+@pytest.mark.parametrize("epoch", [1, 2])
+def test_the_best_one_stays_and_no_later_one_is_trained_again(here, monkeypatch, epoch):
+    """Here the first one is called the best, as its loss is the greatest."""
+    words = [*here, "callbacks.best.monitor=val/loss"]
     words += ["trainer.max_epochs=3"]
     with monkeypatch.context() as patched:
-        stop_at(patched, 2, 1)
+        stop_at(patched, epoch, 1)
         with pytest.raises(Stop):
             fit(compose_config(*words))
-    assert fit(compose_config(*words)) == "finished, went on from epoch 2 of 3"
+    assert fit(compose_config(*words)) == f"finished, went on from epoch {epoch} of 3"
     checkpoints = folder_of(here) / "checkpoints"
     assert {path.name for path in checkpoints.iterdir()} == {"best.ckpt", "last.ckpt"}
     epochs = [epochs_done(checkpoints / f"{name}.ckpt") for name in ("best", "last")]
