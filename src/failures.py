@@ -25,7 +25,9 @@ DISK = {
     errno.ENOTDIR: f"not a folder; {ELSEWHERE}",
     errno.EEXIST: f"a file is in the way; move it, or {ELSEWHERE}",
 }
-INTERRUPTED = "interrupted; the same command goes on from what is finished"
+GO_ON = "the same command goes on from what is finished"
+INTERRUPTED = f"interrupted; {GO_ON}"
+TERMINATED = f"the system ended the program (SIGTERM); {GO_ON}"
 MORE = {"hydra/launcher": "; pip install -e '.[launchers]' or '.[ray]' brings more"}
 SMALLER = (
     "lower data.batch_size and raise trainer.accumulate_grad_batches by the same factor, which "
@@ -44,13 +46,16 @@ there is, and ends one with a bus error whose shared memory is full."""
 def told_in_one_line() -> Iterator[None]:
     """Ends the program with one line on a user's mistake; a bug keeps its traceback.
 
-    The line goes to standard error. The exit status is 2, or 130 after Ctrl-C.
+    The line goes to standard error. The exit status is 2, 130 after Ctrl-C, or 143 where the system
+    ended a training (SIGTERM).
     """
     try:
         yield
     except KeyboardInterrupt:
         _leave(INTERRUPTED, status=130)
     except SystemExit as stop:
+        if type(stop).__module__.startswith("lightning."):  # whose import would take seconds here
+            _leave(TERMINATED, status=143)
         if not isinstance(stop.__context__, KeyboardInterrupt):
             raise
         _leave(INTERRUPTED, status=130)  # Lightning's way of ending a training on Ctrl-C

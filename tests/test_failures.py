@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from hydra.errors import HydraException
+from lightning.pytorch.utilities.exceptions import SIGTERMException
 from omegaconf import OmegaConf
 from torch.utils.data import DataLoader
 
@@ -53,6 +54,14 @@ def test_ctrl_c_in_a_training_is_the_same_line(capsys):
         trainer_fit()
     assert info.value.code == 130
     assert capsys.readouterr().err.startswith("error: interrupted")
+
+
+def test_a_training_that_the_system_ends_has_not_succeeded(capsys):
+    """Lightning's exception for it would leave with status 0."""
+    with pytest.raises(SystemExit) as info, told_in_one_line():
+        raise SIGTERMException
+    assert info.value.code == 143
+    assert capsys.readouterr().err.startswith("error: the system ended")
 
 
 def test_an_exit_for_another_reason_stays_what_it_is(capsys):
