@@ -16,6 +16,7 @@ from src.models import BilinearLift, DeformableCrossAttention, LiftSplat, Occupa
 from src.ontology import NUM_CLASSES
 from src.run_folder import differences
 from src.settings import require_sound
+from src.sim.plan import plan_clips
 from src.tasks.dataset import root_of
 from tests.synthetic import CONF, compose_config
 
@@ -44,8 +45,24 @@ def names_in(group):
 def test_the_lists_of_this_test_are_complete():
     assert names_in("experiment") == sorted(RUNGS)
     assert names_in("scale") == sorted(SCALES)
+    assert names_in("split") == ["towns", "weathers"]
     assert names_in("model/lift") == sorted(LIFTS)
     assert names_in("model/backbone") == sorted(BACKBONES)
+
+
+@pytest.mark.parametrize("scale", ["ladder", "paper"])
+@pytest.mark.parametrize(
+    ("split", "key", "values"),
+    [
+        ("towns", "town", {"old_town", "market"}),
+        ("weathers", "weather", {"fog", "night", "rainy_night"}),
+    ],
+)
+def test_a_split_holds_out_all_of_a_town_or_weather(split, key, values, scale):
+    cfg = compose_config("+experiment=baseline", f"scale={scale}", f"+split={split}")
+    plans = plan_clips(OmegaConf.to_container(cfg.sim, resolve=True))
+    assert cfg.data.test_clips == [plan.clip_id for plan in plans if getattr(plan, key) in values]
+    assert not set(cfg.data.val_clips) & set(cfg.data.test_clips)
 
 
 def test_experiments_are_added_on_the_command_line():
