@@ -150,6 +150,15 @@ def camera_from_occ(
     return camera_from_body @ inverse(world_from_body) @ world_from_occ(world_from_body)
 
 
+def occ_from_ground(height_m: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 4 4"]:
+    """Of a UAV at that height: the ground frame is the occ frame, lowered onto the ground plane."""
+    zero = torch.zeros_like(height_m)
+    return rigid(
+        torch.eye(3).to(height_m).expand(*height_m.shape, 3, 3),
+        torch.stack([zero, zero, -height_m], dim=-1),
+    )
+
+
 def project(
     points_occ: Float[Tensor, "*batch n 3"],
     camera_from_occ: Float[Tensor, "*batch 4 4"],

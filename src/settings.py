@@ -119,10 +119,11 @@ def _mismatch(was: object, now: object) -> str | None:
 
 
 def _require_sizes(cfg: DictConfig) -> None:
-    """Grid and image fit the model, and the model's grid is the data set's."""
+    """Grid and image fit the model, and the model's grid is the data set's, or on the ground."""
     grid = OmegaConf.to_container(cfg.grid, resolve=True)
     VoxelGrid(**grid)
-    for follower in ("sim.grid", "model.decoder.grid"):
+    in_model = "model.decoder.grid" if cfg.model.ground is None else "model.ground.grid"
+    for follower in ("sim.grid", in_model):
         for key, value in grid.items():
             if _plain(OmegaConf.select(cfg, f"{follower}.{key}")) != value:
                 raise UserError(f"{follower}.{key}: differs from grid.{key}; set grid.{key} alone")

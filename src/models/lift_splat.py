@@ -80,23 +80,23 @@ class LiftSplat(nn.Module):
 
         Cells are numbered by frame, pillar and height, as the references are.
         """
-        points_occ = self._points_occ(references, width, height)
-        index, inside = self.grid.index_of(points_occ)
+        points = self._points(references, width, height)
+        index, inside = self.grid.index_of(points)
         x, y, _ = index.unbind(-1)
         lower_m, upper_m = self.grid.lower_m[2], self.grid.upper_m[2]
         slices = len(self.output)
-        slice_ = ((points_occ[..., 2] - lower_m) * (slices / (upper_m - lower_m))).floor()
+        slice_ = ((points[..., 2] - lower_m) * (slices / (upper_m - lower_m))).floor()
         slice_ = slice_.clamp(0, slices - 1).to(torch.int64)
         rows, columns, _ = self.grid.shape
         frame = torch.arange(len(index), device=index.device)[:, None, None]
         cell = ((frame * rows + x) * columns + y) * slices + slice_
         return cell.flatten(0, 1), inside.flatten(0, 1)
 
-    def _points_occ(
+    def _points(
         self, references: References, width: int, height: int
     ) -> Float[Tensor, "b n bins 3"]:
-        """Where the level's pixels are in the occ frame, at every bin's centre."""
-        chain = references.camera_from_occ
+        """Where the level's pixels are in the frame of the grid, at every bin's centre."""
+        chain = references.camera_from_volume
         bins = torch.arange(self.num_bins, dtype=chain.dtype, device=chain.device)
         depth_m = self.near_m + (bins + 0.5) * self.step_m
         pix = (self.stride * pixel_centres(width, height)).flatten(0, 1).to(chain)
@@ -104,8 +104,8 @@ class LiftSplat(nn.Module):
         with torch.autocast(chain.device.type, enabled=False):
             at_one_metre = rays_camera(pix, references.pix_from_camera)
             points_camera = at_one_metre[:, :, None] * depth_m[:, None]
-            points_occ = transform(inverse(chain), points_camera.flatten(1, 2))
-        return points_occ.unflatten(1, (-1, self.num_bins))
+            points = transform(inverse(chain), points_camera.flatten(1, 2))
+        return points.unflatten(1, (-1, self.num_bins))
 
 
 def rays_camera(

@@ -13,6 +13,7 @@ from ..geometry import inverse
 from .checkpointing import recompute_in_backward, running_statistics
 from .decoder import PillarDecoder
 from .encoder import PillarEncoder
+from .ground import GroundVolume
 from .history import History
 from .metadata import Metadata
 from .neck import FPN
@@ -39,8 +40,10 @@ class SkyOcc(nn.Module):
 
     ``backbone`` is a `ResNet`, or any module with its call and ``channels``. ``metadata`` names the
     measurements (`Metadata`) that are added to the pillars after the lifting: before it, deformable
-    offsets could learn the tilt. With ``history_grad`` gradients also flow into the past frames.
-    With ``checkpointing`` training keeps less in memory and computes blocks and layers twice.
+    offsets could learn the tilt. With ``ground`` the encoder's and the decoder's grid stands on the
+    ground plane, else it is the occ frame's. With ``history_grad`` gradients also flow into the
+    past frames. With ``checkpointing`` training keeps less in memory and computes blocks and layers
+    twice.
 
     Raises `UserError` for another ``history``, and for other ``metadata``.
     """
@@ -52,6 +55,7 @@ class SkyOcc(nn.Module):
         decoder: PillarDecoder,
         history: HistoryKind = "queue",
         metadata: Sequence[str] = ("attitude", "velocity"),
+        ground: GroundVolume | None = None,
         history_grad: bool = False,
         checkpointing: bool = False,
     ) -> None:
@@ -62,6 +66,7 @@ class SkyOcc(nn.Module):
         self.backbone, self.encoder, self.decoder = backbone, encoder, decoder
         self.neck = FPN(backbone.channels, dim, encoder.reads_strides)
         self.metadata = Metadata(dim, metadata) if metadata != [] else None
+        self.ground = ground
         self.history, self.history_grad = history, history_grad
         self.to(memory_format=torch.channels_last)
         if checkpointing:
@@ -127,11 +132,16 @@ class SkyOcc(nn.Module):
         pix_from_camera: Float[Tensor, "b 3 3"],
         body_from_camera: Float[Tensor, "b 4 4"],
         occ_from_body: Float[Tensor, "b 4 4"],
+        height_m: Float[Tensor, "b"],
     ) -> Frame:
         """One frame by itself."""
         height, width = image.shape[-2:]
         references = self.encoder.references(
-            occ_from_body, body_from_camera, pix_from_camera, (width, height)
+            occ_from_body,
+            body_from_camera,
+            pix_from_camera,
+            (width, height),
+            None if self.ground is None else height_m,
         )
         features = self.features(image)
         return Frame(features, references, self.encoder.frame(features, references))
@@ -156,15 +166,20 @@ class SkyOcc(nn.Module):
         """Logits of the current frame, from its pillars and what the batch says of the UAV."""
         if self.metadata is not None:
             pillars = pillars + self.metadata(batch)[:, None]
-        return self.decoder(pillars)
+        logits = self.decoder(pillars)
+        return logits if self.ground is None else self.ground(logits, batch["height_m"])
 
     def _encode(self, batch: Mapping[str, Tensor], at: int, rows: Tensor | slice = slice(None)):
         """Frame ``at`` of the queue by itself, for some rows of the batch."""
+        height_m = batch["height_m"]
+        if at >= 0:
+            height_m = height_m + batch["occ_from_past_occ"][:, at, 2, 3]
         return self.encode(
             batch["image"][rows, at],
             batch["pix_from_camera"][rows, at],
             batch["body_from_camera"][rows],
             batch["occ_from_body"][rows, at],
+            height_m[rows],
         )
 
     def _encode_past(

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from ..errors import UserError
-from ..geometry import VoxelGrid, camera_from_occ, in_image, project
+from ..geometry import VoxelGrid, camera_from_occ, in_image, occ_from_ground, project
 
 Projection = Literal["attitude", "level"]
 
@@ -19,14 +19,14 @@ class References(NamedTuple):
     ``pix`` [B, P, J, 2] are pixels of the full image, ``depth_m`` [B, P, J] z-depths, ``valid``
     [B, P, J] the paper's set J_p: before the camera and inside the image. ``in_view`` [R] lists the
     valid ones by their place in the flattened [B, P, J], in order; where it has room for more, it
-    is padded with B * P * J. ``camera_from_occ`` and ``pix_from_camera`` are what projected them.
+    is padded with B * P * J. ``camera_from_volume`` and ``pix_from_camera`` projected them.
     """
 
     pix: Float[Tensor, "b p j 2"]
     depth_m: Float[Tensor, "b p j"]
     valid: Bool[Tensor, "b p j"]
     in_view: Int[Tensor, "r"]
-    camera_from_occ: Float[Tensor, "b 4 4"]
+    camera_from_volume: Float[Tensor, "b 4 4"]
     pix_from_camera: Float[Tensor, "b 3 3"]
 
     def listed(self) -> "ListedReferences":
@@ -56,6 +56,7 @@ class ListedReferences(NamedTuple):
 class PillarReferences(nn.Module):
     """Projects ``num_heights`` points a pillar, at the z-centres of equal slices of the grid.
 
+    The grid lies in the occ frame or, for a UAV whose height is told, in the ground frame.
     ``projection="attitude"`` is the paper's chain. ``"level"`` is the baseline's: the UAV is taken
     to be level, and the camera's mount is kept.
 
@@ -83,7 +84,7 @@ class PillarReferences(nn.Module):
         z_m = grid.lower_m[2] + (torch.arange(num_heights) + 0.5) * slice_m
         points = grid.centers()[:, :, :1].repeat(1, 1, num_heights, 1)
         points[..., 2] = z_m
-        self.register_buffer("points_occ", points.flatten(0, 1), persistent=False)
+        self.register_buffer("points", points.flatten(0, 1), persistent=False)
 
     def forward(
         self,
@@ -91,8 +92,9 @@ class PillarReferences(nn.Module):
         body_from_camera: Float[Tensor, "b 4 4"],
         pix_from_camera: Float[Tensor, "b 3 3"],
         image_size: tuple[int, int],
+        height_m: Float[Tensor, "b"] | None = None,
     ) -> References:
-        """``image_size`` is width and height in pixels.
+        """``image_size`` is width and height in pixels; a ``height_m`` puts the grid on the ground.
 
         Raises `UserError` where more references are in view than ``capacity`` has room for; on a
         GPU, where asking would stall it, that is an assertion of the device.
@@ -102,10 +104,12 @@ class PillarReferences(nn.Module):
         # Autocast would round pixel coordinates to 8 bits.
         with torch.autocast(occ_from_body.device.type, enabled=False):
             chain = camera_from_occ(occ_from_body.float(), body_from_camera.float())
+            if height_m is not None:
+                chain = chain @ occ_from_ground(height_m.float())
             pix_from_camera = pix_from_camera.float()
-            pix, depth_m = project(self.points_occ.flatten(0, 1), chain, pix_from_camera)
+            pix, depth_m = project(self.points.flatten(0, 1), chain, pix_from_camera)
         valid = in_image(pix, depth_m, *image_size)
-        pillars = self.points_occ.shape[:2]
+        pillars = self.points.shape[:2]
         by_pillar = (x.unflatten(1, pillars) for x in (pix, depth_m, valid))
         return References(*by_pillar, self._in_view(valid), chain, pix_from_camera)
 

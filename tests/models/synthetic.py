@@ -24,10 +24,13 @@ from src.models import (
     ResNet,
     SkyOcc,
 )
+from src.models.ground import GroundVolume
 from src.models.references import References, padded_index
 from src.ontology import UNKNOWN
 
 GRID = VoxelGrid(shape=(10, 10, 6))
+VOLUME = VoxelGrid((0, -25, -5), (50, 25, 15), (10, 10, 4))
+"""Of the same pillars, on the ground."""
 IMAGE_SIZE = (96, 64)
 LIFTS = ("deformable", "bilinear", "lss")
 
@@ -42,14 +45,26 @@ def build_lift(name, grid=GRID):
 
 
 def build_network(
-    grid=GRID, dim=16, num_layers=2, encoder=None, lift="deformable", backbone=None, **network
+    grid=GRID,
+    dim=16,
+    num_layers=2,
+    encoder=None,
+    lift="deformable",
+    backbone=None,
+    volume=None,
+    **network,
 ):
     torch.manual_seed(0)
-    build = build_lift(lift, grid)
+    ground = None if volume is None else GroundVolume(volume, grid)
+    volume = volume or grid
+    build = build_lift(lift, volume)
     return SkyOcc(
         backbone or ResNet(depth=18, width=8),
-        PillarEncoder(grid, build, dim, num_layers, num_heights=4, num_heads=2, **(encoder or {})),
-        PillarDecoder(grid, dim, num_blocks=1),
+        PillarEncoder(
+            volume, build, dim, num_layers, num_heights=4, num_heads=2, **(encoder or {})
+        ),
+        PillarDecoder(volume, dim, num_blocks=1),
+        ground=ground,
         **network,
     )
 

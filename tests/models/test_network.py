@@ -17,7 +17,7 @@ from src.models import (
 )
 from src.models.backbone import STRIDES
 from src.models.metadata import Metadata
-from tests.models.synthetic import GRID, IMAGE_SIZE, LIFTS, build_batch, build_network
+from tests.models.synthetic import GRID, IMAGE_SIZE, LIFTS, VOLUME, build_batch, build_network
 
 
 def clone(batch):
@@ -36,13 +36,15 @@ def encoded(network, batch, at):
         batch["pix_from_camera"][:, at],
         batch["body_from_camera"],
         batch["occ_from_body"][:, at],
+        batch["height_m"] + batch["occ_from_past_occ"][:, at, 2, 3],
     )
 
 
+@pytest.mark.parametrize("volume", [None, VOLUME], ids=["occ", "ground"])
 @pytest.mark.parametrize("lift", LIFTS)
-def test_the_stream_equals_the_batch_path_exactly(batch, lift):
+def test_the_stream_equals_the_batch_path_exactly(batch, lift, volume):
     """Pillars cached one frame at a time, then the current frame, against the whole queue."""
-    network = build_network(lift=lift).eval()
+    network = build_network(lift=lift, volume=volume).eval()
     cached = [encoded(network, batch, at).pillars for at in range(3)]
     history = History(
         torch.stack(cached, 1), batch["occ_from_past_occ"][:, :-1], batch["history_valid"][:, :-1]

@@ -20,7 +20,7 @@ def tilted(roll_rad, pitch_rad):
 
 
 def test_points_are_at_pillar_centres_and_middles_of_equal_slices():
-    points = PillarReferences(GRID, 4, "attitude").points_occ
+    points = PillarReferences(GRID, 4, "attitude").points
     assert points.shape == (100, 4, 3)
     torch.testing.assert_close(points[0, :, 2], torch.tensor([-16.25, -8.75, -1.25, 6.25]))
     torch.testing.assert_close(points[23, 0, :2], torch.tensor([12.5, -7.5]))
@@ -46,6 +46,20 @@ def test_level_ignores_attitude_and_keeps_the_mount():
         torch.testing.assert_close(a, b)
     assert flat.in_view.equal(flat.valid.flatten().nonzero()[:, 0])
     assert not torch.equal(attitude(tilted(0.3, -0.2), mount, PIX_FROM_CAMERA, SIZE).pix, flat.pix)
+
+
+def test_a_grid_on_the_ground_is_seen_from_above():
+    """The point at 2 m above the ground lies 5 m below a UAV at 7 m, however it is tilted."""
+    low, high = (
+        VoxelGrid((0, -1, 1), (50, 1, 3), (25, 1, 1)),
+        VoxelGrid((0, -1, -6), (50, 1, -4), (25, 1, 1)),
+    )
+    chain = tilted(0.3, 0.2), MOUNT, PIX_FROM_CAMERA, SIZE
+    on_ground = PillarReferences(low, 1, "attitude")(*chain, torch.tensor([7.0]))
+    below = PillarReferences(high, 1, "attitude")(*chain)
+    torch.testing.assert_close(on_ground.pix, below.pix, atol=1e-3, rtol=0)
+    torch.testing.assert_close(on_ground.depth_m, below.depth_m)
+    assert on_ground.in_view.equal(below.in_view)
 
 
 def test_valid_is_inside_the_image_and_before_the_camera():

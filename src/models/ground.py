@@ -1,0 +1,59 @@
+"""A volume that stands on the world's ground plane, and what of it the occ frame's grid sees."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ..errors import UserError
+from ..geometry import VoxelGrid
+
+
+def above_ground(grid: VoxelGrid, lower_m: float, upper_m: float) -> VoxelGrid:
+    """The pillars of a grid from ``lower_m`` to ``upper_m`` above the ground, in voxels as large.
+
+    Raises `UserError` where these are no whole number of voxels.
+    """
+    bins = round((upper_m - lower_m) / grid.voxel_m)
+    return VoxelGrid(
+        (*grid.lower_m[:2], lower_m), (*grid.upper_m[:2], upper_m), (*grid.shape[:2], bins)
+    )
+
+
+class GroundVolume(nn.Module):
+    """Brings logits of a volume above the ground to the voxels of the UAV's own grid.
+
+    The occ frame moves up and down with the UAV, and with it the place of the ground in a pillar.
+    ``volume`` has the same pillars, and counts z from the ground plane below the UAV (the ground
+    frame): there the ground, a kerb and a car always lie at the same height. The UAV's measured
+    height, as of a barometer that was set to zero at take-off, says how far it lies below the occ
+    frame of ``grid``. In between two centres logits are interpolated; beyond the first and the last
+    one they stay what they are there.
+
+    Raises `UserError` where the pillars of the two differ.
+    """
+
+    def __init__(self, volume: VoxelGrid, grid: VoxelGrid) -> None:
+        super().__init__()
+        for name in ("lower_m", "upper_m", "shape"):
+            mine, theirs = getattr(volume, name)[:2], getattr(grid, name)[:2]
+            if tuple(mine) != tuple(theirs):
+                raise UserError(
+                    f"model.decoder.grid.{name}: {[*mine]} in x and y, and grid.{name} has "
+                    f"{[*theirs]}; a volume on the ground changes z alone"
+                )
+        self.bins = volume.shape[2]
+        self.voxel_m = grid.voxel_m
+        z_m = grid.centers()[0, 0, :, 2] - volume.centers()[0, 0, 0, 2]
+        self.register_buffer("z_m", z_m, persistent=False)
+
+    def forward(
+        self, logits: Float[Tensor, "b c x y k"], height_m: Float[Tensor, "b"]
+    ) -> Float[Tensor, "b c x y z"]:
+        """Logits of the occ frame's voxels, for a UAV ``height_m`` above the ground plane."""
+        # Autocast would round them to 8 bits.
+        with torch.autocast(logits.device.type, enabled=False):
+            place = (self.z_m + height_m.float()[:, None]) / self.voxel_m
+            place = place.clamp(0, self.bins - 1)[:, None]
+            bins = torch.arange(self.bins, device=place.device)[:, None]
+            share = (1 - (place - bins).abs()).clamp(min=0)
+            return (logits.flatten(1, 3) @ share).unflatten(1, logits.shape[1:4])
