@@ -11,6 +11,7 @@ from omegaconf import OmegaConf
 from torchmetrics import Metric
 
 from src.data.dataset import history_stride
+from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.models import BilinearLift, DeformableCrossAttention, LiftSplat, OccupancyLoss
 from src.ontology import NUM_CLASSES
@@ -110,6 +111,21 @@ def test_every_lift_and_backbone_instantiates(lift, backbone):
     assert [type(layer.lift) for layer in layers] == [LIFTS[lift]] * cfg.size.layers
     assert network.backbone.channels == (8, 16, 32, 64)
     assert getattr(layers[0].lift, "grid", network.encoder.grid) == network.encoder.grid
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_a_volume_on_the_ground_has_the_pillars_and_voxels_of_the_grid(scale):
+    words = ("+experiment=skyocc", f"scale={scale}", "model/volume=ground")
+    cfg = compose_config(*words)
+    apart = compose_config(*words, "model.ground.grid.shape=[5,5,5]")
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        require_sound(cfg, words)
+        with pytest.raises(UserError, match=r"^model\.ground\.grid\.shape: differs from grid"):
+            require_sound(apart, words)
+    volume, grid = instantiate(cfg.model.decoder.grid), VoxelGrid(**cfg.grid)
+    assert instantiate(cfg.model.encoder.grid) == volume
+    assert (volume.voxel_m, volume.shape[:2]) == (grid.voxel_m, grid.shape[:2])
+    assert (volume.lower_m[2], volume.upper_m[2]) == (-2.0, 14.0)
 
 
 @pytest.mark.parametrize("scale", SCALES)

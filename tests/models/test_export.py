@@ -8,11 +8,13 @@ import torch
 from src.data.clip import Clip
 from src.errors import UserError
 from src.models.export import DESCRIPTION, FORMATS, ExportedStep, export_step, require_formats
+from src.models.ground import above_ground
 from src.models.stream import SkyOccStream
 from tests.models.synthetic import build_network
 from tests.models.test_stream import GRID, HISTORY_STEP_S, frame_of
 from tests.synthetic import write_clip
 
+VOLUME = above_ground(GRID, -2, 14)
 FACTS = {"name": "test", "history_step_s": HISTORY_STEP_S}
 
 
@@ -65,9 +67,11 @@ def test_the_description_names_every_input_with_its_shape(both):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("frames", "options"), [(1, {}), (4, {"history": "recursive"})], ids=["single", "recursive"]
+    ("frames", "options"),
+    [(1, {}), (4, {"history": "recursive"}), (4, {"volume": VOLUME})],
+    ids=["single", "recursive", "ground"],
 )
-def test_other_histories_export_too(tmp_path, clips, frames, options):
+def test_other_histories_and_volumes_export_too(tmp_path, clips, frames, options):
     network, folder = exported(tmp_path, clips, ["torch"], frames, **options)
     require_same_stream(network, ExportedStep(folder, "torch"), clips)
 
