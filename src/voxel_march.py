@@ -1,4 +1,4 @@
-"""How a ray enters a voxel grid and where it starts: the parts of an Amanatides-Woo march.
+"""How a ray goes through a voxel grid: an Amanatides-Woo march and its parts.
 
 Everything is in grid coordinates: one unit is a voxel and voxel ``(i, j, k)`` covers
 ``[i, i+1) x [j, j+1) x [k, k+1)``; distances are in lengths of the ray's direction.
@@ -38,3 +38,28 @@ def enter(shape, origin, direction):
             t_in, axis = near, a
         t_out = min(t_out, far)
     return (t_in, axis) if t_in < t_out else (np.inf, -1)
+
+
+@njit(cache=True, error_model="numpy")
+def first_hit(occupied, origin, direction, cell):
+    """Distance to the first occupied voxel and the axis of the face; ``(inf, -1)`` for none.
+
+    The voxel that holds the origin does not count. ``cell`` is set to the voxel that was hit.
+    """
+    t, axis = enter(occupied.shape, origin, direction)
+    if t == np.inf:
+        return np.inf, -1
+    i, step_i, t_i, width_i = start(origin[0], direction[0], t, occupied.shape[0])
+    j, step_j, t_j, width_j = start(origin[1], direction[1], t, occupied.shape[1])
+    k, step_k, t_k, width_k = start(origin[2], direction[2], t, occupied.shape[2])
+    while 0 <= i < occupied.shape[0] and 0 <= j < occupied.shape[1] and 0 <= k < occupied.shape[2]:
+        if axis >= 0 and occupied[i, j, k]:
+            cell[0], cell[1], cell[2] = i, j, k
+            return t, axis
+        if t_i < t_j and t_i < t_k:
+            t, axis, i, t_i = t_i, 0, i + step_i, t_i + width_i
+        elif t_j < t_k:
+            t, axis, j, t_j = t_j, 1, j + step_j, t_j + width_j
+        else:
+            t, axis, k, t_k = t_k, 2, k + step_k, t_k + width_k
+    return np.inf, -1

@@ -11,7 +11,7 @@ from jaxtyping import Float, UInt8
 from lightning import LightningDataModule
 from rich.progress import track
 from torch import Tensor
-from torch.utils.data import DataLoader
+from torch.utils.data import DataLoader, Dataset
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
@@ -95,7 +95,7 @@ class SkyShieldData(LightningDataModule):
             batches = StreamBatches(
                 dataset.samples, dataset.step, self.run_frames, **self._how_to_draw()
             )
-        return self._loader(dataset, batches)
+        return self.loader(dataset, batches)
 
     def val_dataloader(self) -> DataLoader:
         return self.in_order("val")
@@ -107,7 +107,7 @@ class SkyShieldData(LightningDataModule):
         """Every frame of a part once, clip by clip; shared among the processes, if there are
         several."""
         dataset = self.dataset(part)
-        return self._loader(dataset, BatchesInOrder(len(dataset), self.batch_size, self._rank()))
+        return self.loader(dataset, BatchesInOrder(len(dataset), self.batch_size, self._rank()))
 
     def labels(self, part: str) -> Iterator[tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"]]]:
         """Labels and world velocity in m/s of every frame of a part, without its images."""
@@ -125,9 +125,8 @@ class SkyShieldData(LightningDataModule):
         trainer = self.trainer
         return ALONE if trainer is None else Rank(trainer.global_rank, trainer.world_size)
 
-    def _loader(
-        self, dataset: OccupancyDataset, batches: TrainingBatches | BatchesInOrder
-    ) -> DataLoader:
+    def loader(self, dataset: Dataset, batches: TrainingBatches | BatchesInOrder) -> DataLoader:
+        """Loads a data set's batches with the configured workers."""
         return DataLoader(
             dataset,
             batch_sampler=batches,

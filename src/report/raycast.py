@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from numba import njit
 
-from ..voxel_march import enter, start
+from ..voxel_march import first_hit
 
 MISS, VOXEL, FLOOR = 0, 1, 2
 
@@ -67,7 +67,7 @@ def _cast(occupied, origin, directions, sun, floor, hits):
     point = np.empty(3)
     for n in range(len(directions)):
         direction = directions[n]
-        distance, axis = _first_hit(occupied, origin, direction, cell)
+        distance, axis = first_hit(occupied, origin, direction, cell)
         if axis >= 0:
             side = -1 if direction[axis] > 0 else 1
             for a in range(3):
@@ -89,37 +89,12 @@ def _cast(occupied, origin, directions, sun, floor, hits):
         # A point on a face may round into either voxel; a step off the face decides.
         point[axis] += 1e-4 * side
         lit = sun[axis] * side > 0
-        hits.sunlit[n] = lit and _first_hit(occupied, point, sun, scratch)[1] < 0
+        hits.sunlit[n] = lit and first_hit(occupied, point, sun, scratch)[1] < 0
 
 
 @njit(cache=True, error_model="numpy")
 def _over_footprint(occupied, point):
     return 0 <= point[0] < occupied.shape[0] and 0 <= point[1] < occupied.shape[1]
-
-
-@njit(cache=True, error_model="numpy")
-def _first_hit(occupied, origin, direction, cell):
-    """Distance to the first occupied voxel and the axis of the face; ``(inf, -1)`` for none.
-
-    The voxel that holds the origin does not count. ``cell`` is set to the voxel that was hit.
-    """
-    t, axis = enter(occupied.shape, origin, direction)
-    if t == np.inf:
-        return np.inf, -1
-    i, step_i, t_i, width_i = start(origin[0], direction[0], t, occupied.shape[0])
-    j, step_j, t_j, width_j = start(origin[1], direction[1], t, occupied.shape[1])
-    k, step_k, t_k, width_k = start(origin[2], direction[2], t, occupied.shape[2])
-    while 0 <= i < occupied.shape[0] and 0 <= j < occupied.shape[1] and 0 <= k < occupied.shape[2]:
-        if axis >= 0 and occupied[i, j, k]:
-            cell[0], cell[1], cell[2] = i, j, k
-            return t, axis
-        if t_i < t_j and t_i < t_k:
-            t, axis, i, t_i = t_i, 0, i + step_i, t_i + width_i
-        elif t_j < t_k:
-            t, axis, j, t_j = t_j, 1, j + step_j, t_j + width_j
-        else:
-            t, axis, k, t_k = t_k, 2, k + step_k, t_k + width_k
-    return np.inf, -1
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,6 +9,8 @@ from lightning.pytorch.callbacks import Callback
 class EpochLines(Callback):
     """Prints one line after every validation: the loss, the scores, and the time that is left."""
 
+    score, called = "val/kar_miou", "KAR-mIoU"
+
     def on_train_start(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
         self._start_s, self._first_epoch = time.perf_counter(), trainer.current_epoch
 
@@ -24,6 +26,12 @@ class EpochLines(Callback):
         print(
             f"epoch {done}/{trainer.max_epochs}: "
             f"train loss {scores['train/loss']:.3f}, val loss {scores['val/loss']:.3f}, "
-            f"val KAR-mIoU {100 * scores['val/kar_miou']:.1f} %, {left_s / 60:.1f} min left",
+            f"val {self.called} {100 * scores[self.score]:.1f} %, {left_s / 60:.1f} min left",
             flush=True,
         )
+
+
+class PretrainingLines(EpochLines):
+    """The same of what pixels see."""
+
+    score, called = "val/miou", "pixel mIoU"

@@ -1,0 +1,98 @@
+"""What each pixel of the front image sees: its class and how far away it is, from the voxels."""
+
+from typing import TypedDict
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int64, UInt8
+from numba import njit
+from torch import Tensor
+from torch.utils.data import Dataset
+
+from ..geometry import VoxelGrid, camera_from_occ, inverse, pixel_centres, unproject
+from ..ontology import FREE
+from ..voxel_march import first_hit
+from .batches import Key
+from .dataset import OccupancyDataset
+
+
+class ImageLabels(TypedDict):
+    """An image and what its pixels see, on a raster ``stride`` times as coarse."""
+
+    image: UInt8[Tensor, "3 H W"]
+    classes: Int64[Tensor, "h w"]
+    """Of the first occupied voxel on the ray through the pixel's centre; `FREE` where none is."""
+    depth_m: Float[Tensor, "h w"]
+    """z-depth of that voxel's face; zero where none is met."""
+
+
+class ImageLabelDataset(Dataset):
+    """The current frames of an `OccupancyDataset` with labels of their pixels.
+
+    Voxels without a label count as empty, so what a pixel sees may lie behind one.
+    """
+
+    def __init__(self, frames: OccupancyDataset, grid: VoxelGrid, stride: int) -> None:
+        self.frames, self.grid, self.stride = frames, grid, stride
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __getitem__(self, key: int | Key) -> ImageLabels:
+        sample = self.frames[key]
+        chain = camera_from_occ(sample["occ_from_body"][-1], sample["body_from_camera"])
+        image = sample["image"][-1]
+        classes, depth_m = labels_of_pixels(
+            sample["semantics"].numpy(),
+            self.grid,
+            chain,
+            sample["pix_from_camera"][-1],
+            (image.shape[-1], image.shape[-2]),
+            self.stride,
+        )
+        return {"image": image, "classes": classes, "depth_m": depth_m}
+
+
+def labels_of_pixels(
+    semantics: UInt8[np.ndarray, "X Y Z"],
+    grid: VoxelGrid,
+    camera_from_occ: Float[Tensor, "4 4"],
+    pix_from_camera: Float[Tensor, "3 3"],
+    size_pix: tuple[int, int],
+    stride: int,
+) -> tuple[Int64[Tensor, "h w"], Float[Tensor, "h w"]]:
+    """Class and z-depth in metres at the centres of squares of ``stride`` pixels.
+
+    ``size_pix`` is the image's width and height.
+    """
+    width, height = (side // stride for side in size_pix)
+    pix = stride * pixel_centres(width, height).flatten(0, 1)
+    occ_from_camera = inverse(camera_from_occ.double())
+    rays = unproject(pix, torch.ones(len(pix), dtype=torch.float64), pix_from_camera.double())
+    # In voxels, so that a distance in lengths of a ray of z-depth one is a z-depth in metres.
+    directions = (rays @ occ_from_camera[:3, :3].T / grid.voxel_m).numpy()
+    origin = ((occ_from_camera[:3, 3].numpy() - grid.lower_m) / grid.voxel_m).astype(np.float64)
+    classes = np.full(len(pix), FREE, np.int64)
+    depth_m = np.zeros(len(pix), np.float32)
+    _march(semantics, semantics < FREE, origin, np.ascontiguousarray(directions), classes, depth_m)
+    return (
+        torch.from_numpy(classes).view(height, width),
+        torch.from_numpy(depth_m).view(height, width),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _march(
+    semantics: UInt8[np.ndarray, "X Y Z"],
+    occupied: Bool[np.ndarray, "X Y Z"],
+    origin: Float[np.ndarray, "3"],
+    directions: Float[np.ndarray, "n 3"],
+    classes: Int64[np.ndarray, "n"],
+    depth_m: Float[np.ndarray, "n"],
+) -> None:
+    cell = np.empty(3, np.int64)
+    for n in range(len(directions)):
+        distance, axis = first_hit(occupied, origin, directions[n], cell)
+        if axis >= 0:
+            classes[n] = semantics[cell[0], cell[1], cell[2]]
+            depth_m[n] = distance

@@ -1,0 +1,88 @@
+"""Pretraining of the image encoder: what each pixel sees, and how far away that is."""
+
+from collections.abc import Mapping
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float
+from lightning import LightningModule
+from torch import Tensor, nn
+from torch.optim import AdamW
+from torch.optim.lr_scheduler import LambdaLR
+from torchmetrics import MeanMetric
+from torchmetrics.classification import MulticlassJaccardIndex
+
+from ..ontology import CLASSES, NUM_CLASSES
+from .module import rate_share
+from .neck import FPN
+
+WARM_UP = 0.02
+
+
+class ImagePretraining(LightningModule):
+    """An image encoder under a pyramid and a 1x1 head, trained on `data.image_labels`.
+
+    The loss is the cross-entropy of the pixels' classes plus the absolute error of the logarithm of
+    their depth, where they see a voxel. Only the backbone is kept: pyramid (``dim`` wide) and head
+    stand for what will read it.
+    """
+
+    def __init__(self, backbone: nn.Module, dim: int, lr: float, weight_decay: float) -> None:
+        super().__init__()
+        self.backbone = backbone
+        self.neck = FPN(backbone.channels, dim)
+        self.head = nn.Conv2d(dim, NUM_CLASSES + 1, 1)
+        self.to(memory_format=torch.channels_last)
+        self.lr, self.weight_decay = lr, weight_decay
+        self.iou = MulticlassJaccardIndex(NUM_CLASSES, average="none")
+        self.depth_error, self.val_loss = MeanMetric(), MeanMetric()
+
+    def forward(self, image: Tensor) -> tuple[Float[Tensor, "b 9 h w"], Float[Tensor, "b h w"]]:
+        """Logits and the logarithm of the depth in metres, at the finest stride."""
+        out = self.head(torch.relu(self.neck(self.backbone(image))[0]))
+        return out[:, :NUM_CLASSES], out[:, NUM_CLASSES]
+
+    def training_step(self, batch: Mapping[str, Tensor], index: int) -> Tensor:
+        classes, depth, _ = self._losses(batch)
+        self.log_dict({"train/classes": classes, "train/log_depth": depth})
+        self.log("train/loss", classes + depth, prog_bar=True, logger=False)
+        return classes + depth
+
+    def validation_step(self, batch: Mapping[str, Tensor], index: int) -> None:
+        classes, depth, logits = self._losses(batch)
+        self.iou.update(logits.argmax(dim=1), batch["classes"])
+        self.depth_error.update(depth, weight=(batch["depth_m"] > 0).sum())
+        self.val_loss.update(classes + depth)
+
+    def on_validation_epoch_end(self) -> None:
+        iou = self.iou.compute()
+        self.log_dict(
+            {
+                **{f"val/iou/{name}": value for name, value in zip(CLASSES, iou)},
+                "val/miou": iou.mean(),
+                "val/log_depth": self.depth_error.compute(),
+                "val/loss": self.val_loss.compute(),
+            }
+        )
+        for metric in (self.iou, self.depth_error, self.val_loss):
+            metric.reset()
+
+    def configure_optimizers(self) -> dict:
+        """AdamW, a short linear warm-up, then the cosine to zero."""
+        optimizer = AdamW(self.parameters(), lr=self.lr, weight_decay=self.weight_decay)
+        total = int(self.trainer.estimated_stepping_batches)
+        schedule = LambdaLR(optimizer, lambda step: rate_share(step, total, WARM_UP))
+        return {
+            "optimizer": optimizer,
+            "lr_scheduler": {"scheduler": schedule, "interval": "step"},
+        }
+
+    def _losses(self, batch: Mapping[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+        logits, log_depth = self(batch["image"])
+        sees = batch["depth_m"] > 0
+        error = (log_depth - batch["depth_m"].clamp(min=0.1).log()).abs()
+        return (
+            F.cross_entropy(logits, batch["classes"]),
+            (error * sees).sum() / sees.sum().clamp(min=1),
+            logits,
+        )

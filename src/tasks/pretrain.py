@@ -1,0 +1,105 @@
+"""task=pretrain: an image encoder that knows what pixels see, for trainings to begin with."""
+
+import hashlib
+import sys
+from pathlib import Path
+
+import lightning
+import torch
+from hydra.utils import get_class, instantiate
+from lightning.pytorch.callbacks import ModelCheckpoint, RichProgressBar
+from lightning.pytorch.loggers import CSVLogger
+from omegaconf import DictConfig, OmegaConf
+from rich.console import Console
+from torch.utils.data import DataLoader
+
+from ..atomic import replacing
+from ..data.batches import BatchesInOrder, TrainingBatches
+from ..data.datamodule import SkyShieldData
+from ..data.image_labels import ImageLabelDataset
+from ..errors import UserError
+from ..models.backbone import STRIDES, ResNet
+from ..models.image_pretraining import ImagePretraining
+from ..run_folder import SESSIONS, RunFolder
+from .checkpoint import WholeCheckpoints
+from .dataset import data_of, ready_dataset
+from .precision import FP32
+from .progress import PretrainingLines
+
+NAME = "image_encoder"
+
+
+def pretrain(cfg: DictConfig, out: str, epochs: int, batch_size: int, lr: float) -> str:
+    """Trains ``model.backbone`` on what the pixels of the training frames see.
+
+    The labels are the voxels', cast into the image (`data.image_labels`); frames of the validation
+    and test split are not touched. Leaves ``image_encoder-<hash>.pth`` in ``out``, whose names are
+    torchvision's: `model.backbone.weights` takes it. Goes on where it was interrupted.
+
+    Raises `UserError` for a backbone that is not a `ResNet`.
+    """
+    settings = {"epochs": epochs, "batch_size": batch_size, "lr": lr}
+    config = {**OmegaConf.to_container(cfg, resolve=True), "pretrain": settings}
+    folder = RunFolder(Path(out), config)
+    if get_class(cfg.model.backbone._target_) is not ResNet:
+        raise UserError("model/backbone: task=pretrain trains a resnet; the others have their own")
+    data = data_of(cfg, ready_dataset(cfg))
+    backbone = instantiate(cfg.model.backbone)
+    module = ImagePretraining(backbone, cfg.size.dim, lr, cfg.optimizer.weight_decay)
+    with folder.alone():
+        checkpoint = folder.open(afresh=cfg.overwrite)
+        trainer = _trainer_of(cfg, folder, epochs)
+        loaders = [_loader(cfg, data, part, batch_size) for part in ("train", "val")]
+        try:
+            trainer.fit(module, *loaders, ckpt_path=checkpoint, weights_only=True)
+        finally:
+            folder.merge_metrics()
+        path = _write_weights(folder, backbone)
+    Console().print(f"model.backbone.weights={path}", highlight=False, soft_wrap=True)
+    return "finished"
+
+
+def _trainer_of(cfg: DictConfig, folder: RunFolder, epochs: int) -> lightning.Trainer:
+    if cfg.threads is not None:
+        torch.set_num_threads(cfg.threads)
+    shown = RichProgressBar(leave=False) if sys.stdout.isatty() else PretrainingLines()
+    last = ModelCheckpoint(
+        folder.last_checkpoint.parent,
+        folder.last_checkpoint.stem,
+        enable_version_counter=False,
+        save_on_train_epoch_end=False,
+    )
+    return lightning.Trainer(
+        accelerator=cfg.trainer.accelerator,
+        devices=1,
+        precision=FP32,
+        max_epochs=epochs,
+        gradient_clip_val=cfg.trainer.gradient_clip_val,
+        callbacks=[last, shown],
+        logger=CSVLogger(folder.path, SESSIONS, flush_logs_every_n_steps=1),
+        log_every_n_steps=cfg.trainer.log_every_n_steps,
+        num_sanity_val_steps=0,
+        enable_model_summary=False,
+        enable_progress_bar=sys.stdout.isatty(),
+        use_distributed_sampler=False,
+        plugins=[WholeCheckpoints()],
+    )
+
+
+def _loader(cfg: DictConfig, data: SkyShieldData, part: str, batch_size: int) -> DataLoader:
+    frames = data.dataset(part, images=False)
+    dataset = ImageLabelDataset(frames, data.grid, STRIDES[0])
+    if part == "train":
+        batches = TrainingBatches(len(frames), batch_size, cfg.seed, cfg.data.mirror)
+    else:
+        batches = BatchesInOrder(len(frames), batch_size)
+    return data.loader(dataset, batches)
+
+
+def _write_weights(folder: RunFolder, backbone: ResNet) -> Path:
+    """The file, named after its content, as `load_weights` wants it."""
+    whole = folder.path / f"{NAME}.pth"
+    with replacing(whole) as temporary:
+        torch.save(backbone.state_dict(), temporary)
+    digest = hashlib.sha256(whole.read_bytes()).hexdigest()
+    return whole.rename(whole.with_name(f"{NAME}-{digest[:8]}.pth"))

@@ -1,0 +1,94 @@
+"""task=pretrain: weights for the image encoder, the same however often it was interrupted."""
+
+import hashlib
+
+import pytest
+import torch
+
+from src.data.dataset import OccupancyDataset
+from src.errors import UserError
+from src.models.backbone import ResNet
+from src.models.image_pretraining import ImagePretraining
+from src.tasks.dataset import data_of, ready_dataset
+from src.tasks.model import module_of, prior_of
+from src.tasks.pretrain import pretrain
+from tests.synthetic import compose_config, mini_overrides, write_dataset
+
+SETTINGS = {"epochs": 2, "batch_size": 4, "lr": 2e-3}
+
+
+class Stop(Exception):
+    """Stands for whatever ends a run."""
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory):
+    words = mini_overrides(tmp_path_factory.mktemp("place"), "trainer.accelerator=cpu")
+    cfg = compose_config(*words)
+    write_dataset(cfg)
+    return cfg
+
+
+@pytest.fixture(scope="module")
+def weights(cfg, tmp_path_factory):
+    """The file of an undisturbed pretraining."""
+    folder = tmp_path_factory.mktemp("whole")
+    pretrain(cfg, str(folder), **SETTINGS)
+    (path,) = folder.glob("*.pth")
+    return path
+
+
+def test_the_file_is_named_after_its_content_and_a_run_begins_with_it(weights, cfg):
+    digest = hashlib.sha256(weights.read_bytes()).hexdigest()
+    assert weights.name == f"image_encoder-{digest[:8]}.pth"
+    trained = torch.load(weights, weights_only=True)
+    fresh = ResNet(cfg.size.backbone_depth, cfg.size.backbone_width)
+    assert fresh.state_dict().keys() == trained.keys()
+    cfg = cfg.copy()
+    cfg.model.backbone.weights = str(weights)
+    data = data_of(cfg, ready_dataset(cfg))
+    begins = module_of(cfg, data, prior_of(cfg, data)).network.backbone.state_dict()
+    assert all(begins[name].equal(value) for name, value in trained.items())
+
+
+def test_it_goes_on_where_it_was_interrupted(weights, cfg, tmp_path, monkeypatch):
+    step = ImagePretraining.training_step
+
+    def stopping(self, batch, index):
+        if self.current_epoch == 1 and index == 1:
+            raise Stop
+        return step(self, batch, index)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(ImagePretraining, "training_step", stopping)
+        with pytest.raises(Stop):
+            pretrain(cfg, str(tmp_path), **SETTINGS)
+    assert not list(tmp_path.glob("*.pth"))
+    steps = []
+    monkeypatch.setattr(
+        ImagePretraining, "training_step", lambda *a: steps.append(a[0].current_epoch) or step(*a)
+    )
+    pretrain(cfg, str(tmp_path), **SETTINGS)
+    assert set(steps) == {1}
+    assert (tmp_path / weights.name).read_bytes() == weights.read_bytes()
+
+
+def test_no_frame_of_the_test_split_is_read(cfg, tmp_path, monkeypatch):
+    read = []
+    sample = OccupancyDataset._sample
+    monkeypatch.setattr(
+        OccupancyDataset,
+        "_sample",
+        lambda self, clip, now, past: read.append((clip, now)) or sample(self, clip, now, past),
+    )
+    pretrain(cfg, str(tmp_path), **SETTINGS)
+    split = data_of(cfg, ready_dataset(cfg)).split
+    assert set(read) == {*split["train"], *split["val"]}
+
+
+def test_another_backbone_is_refused(cfg, tmp_path):
+    words = ["model/backbone=huggingface", "model.backbone.pretrained=false"]
+    other = compose_config("scale=tiny", *words)
+    other.paths = cfg.paths
+    with pytest.raises(UserError, match=r"^model/backbone: .* resnet"):
+        pretrain(other, str(tmp_path), **SETTINGS)
