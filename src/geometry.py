@@ -188,6 +188,23 @@ def unproject(
     return rays_camera * depth_m[..., None]
 
 
+def rays_in_grid(
+    pix: Float[Tensor, "n 2"],
+    camera_from_occ: Float[Tensor, "4 4"],
+    pix_from_camera: Float[Tensor, "3 3"],
+    grid: "VoxelGrid",
+) -> tuple[Float[Tensor, "3"], Float[Tensor, "n 3"]]:
+    """Origin and directions (float64) of the rays through image locations, in voxels of a grid.
+
+    A direction is a metre of z-depth long, so distances in its lengths are z-depths in metres.
+    """
+    occ_from_camera = inverse(camera_from_occ.double())
+    one_metre = torch.ones(len(pix), dtype=torch.float64)
+    rays_camera = unproject(pix.double(), one_metre, pix_from_camera.double())
+    directions = rays_camera @ occ_from_camera[:3, :3].T / grid.voxel_m
+    return (occ_from_camera[:3, 3] - torch.tensor(grid.lower_m)) / grid.voxel_m, directions
+
+
 def in_image(
     pix: Float[Tensor, "*batch n 2"],
     depth_m: Float[Tensor, "*batch n"],

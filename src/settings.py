@@ -37,6 +37,7 @@ AT_LEAST = {
     **dict.fromkeys(("size.heights", "size.points"), 1),
     "size.blocks": 0,
     "trainer.max_epochs": 1,
+    **dict.fromkeys(("task.epochs", "task.batch_size"), 1),
     "threads": 1,
 }
 

@@ -9,7 +9,7 @@ from numba import njit
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from ..geometry import VoxelGrid, camera_from_occ, inverse, pixel_centres, unproject
+from ..geometry import VoxelGrid, camera_from_occ, pixel_centres, rays_in_grid
 from ..ontology import FREE
 from ..voxel_march import first_hit
 from .batches import Key
@@ -67,14 +67,11 @@ def labels_of_pixels(
     """
     width, height = (side // stride for side in size_pix)
     pix = stride * pixel_centres(width, height).flatten(0, 1)
-    occ_from_camera = inverse(camera_from_occ.double())
-    rays = unproject(pix, torch.ones(len(pix), dtype=torch.float64), pix_from_camera.double())
-    # In voxels, so that a distance in lengths of a ray of z-depth one is a z-depth in metres.
-    directions = (rays @ occ_from_camera[:3, :3].T / grid.voxel_m).numpy()
-    origin = ((occ_from_camera[:3, 3].numpy() - grid.lower_m) / grid.voxel_m).astype(np.float64)
+    origin, directions = rays_in_grid(pix, camera_from_occ, pix_from_camera, grid)
     classes = np.full(len(pix), FREE, np.int64)
     depth_m = np.zeros(len(pix), np.float32)
-    _march(semantics, semantics < FREE, origin, np.ascontiguousarray(directions), classes, depth_m)
+    rays = origin.numpy(), directions.contiguous().numpy()
+    _march(semantics, semantics < FREE, *rays, classes, depth_m)
     return (
         torch.from_numpy(classes).view(height, width),
         torch.from_numpy(depth_m).view(height, width),

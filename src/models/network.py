@@ -172,7 +172,7 @@ class SkyOcc(nn.Module):
     def _encode(self, batch: Mapping[str, Tensor], at: int, rows: Tensor | slice = slice(None)):
         """Frame ``at`` of the queue by itself, for some rows of the batch."""
         height_m = batch["height_m"]
-        if at >= 0:
+        if at >= 0:  # a past one, which flew so much higher
             height_m = height_m + batch["occ_from_past_occ"][:, at, 2, 3]
         return self.encode(
             batch["image"][rows, at],

@@ -1,10 +1,9 @@
 """Labels laid over the image that they belong to, through a camera."""
 
 import numpy as np
-import torch
 from jaxtyping import UInt8
 
-from ..geometry import VoxelGrid, inverse, pixel_centres, unproject
+from ..geometry import VoxelGrid, pixel_centres, rays_in_grid
 from ..ontology import FREE
 from .raycast import VOXEL, cast
 from .view import Frustum
@@ -25,17 +24,13 @@ def labels_in_image(
     The ray is the one through the pixel's centre. With another ``camera`` than the one that took
     the image, colours stand beside their objects.
     """
-    occ_from_camera = inverse(camera.camera_from_occ.double())
-    pix_from_camera = camera.pix_from_camera.double()
     pix = pixel_centres(*camera.size_pix).reshape(-1, 2)
-    rays = unproject(pix, torch.ones(len(pix), dtype=torch.float64), pix_from_camera)
-    rays_occ = (rays @ occ_from_camera[:3, :3].T).contiguous().numpy()
-    origin = (occ_from_camera[:3, 3].numpy() - grid.lower_m) / grid.voxel_m
-    hits = cast(labels < FREE, origin, rays_occ, SUN, -np.inf)
+    origin, rays = rays_in_grid(pix, camera.camera_from_occ, camera.pix_from_camera, grid)
+    hits = cast(labels < FREE, origin.numpy(), rays.contiguous().numpy(), SUN, -np.inf)
     met = hits.kind == VOXEL
     color = PALETTE[labels[tuple(hits.voxel[met].T)]]
     # An edge is a pixel wide, however far away it is.
-    pixel = hits.distance[met] / float(pix_from_camera[0, 0])
+    pixel = hits.distance[met] / float(camera.pix_from_camera[0, 0]) / grid.voxel_m
     color = color * (1 - EDGE_SHARE * (hits.edge[met] < pixel))[:, None]
     tinted = image.reshape(-1, 3).astype(np.float32)
     tinted[met] += COLOR_SHARE * (color - tinted[met])

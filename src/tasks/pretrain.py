@@ -7,8 +7,6 @@ from pathlib import Path
 import lightning
 import torch
 from hydra.utils import get_class, instantiate
-from lightning.pytorch.callbacks import ModelCheckpoint, RichProgressBar
-from lightning.pytorch.loggers import CSVLogger
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 from torch.utils.data import DataLoader
@@ -20,8 +18,7 @@ from ..data.image_labels import ImageLabelDataset
 from ..errors import UserError
 from ..models.backbone import STRIDES, ResNet
 from ..models.image_pretraining import ImagePretraining
-from ..run_folder import SESSIONS, RunFolder
-from .checkpoint import WholeCheckpoints
+from ..run_folder import RunFolder
 from .dataset import data_of, ready_dataset
 from .precision import FP32
 from .progress import PretrainingLines
@@ -32,9 +29,10 @@ NAME = "image_encoder"
 def pretrain(cfg: DictConfig, out: str, epochs: int, batch_size: int, lr: float) -> str:
     """Trains ``model.backbone`` on what the pixels of the training frames see.
 
-    The labels are the voxels', cast into the image (`data.image_labels`); frames of the validation
-    and test split are not touched. Leaves ``image_encoder-<hash>.pth`` in ``out``, whose names are
-    torchvision's: `model.backbone.weights` takes it. Goes on where it was interrupted.
+    The labels are the voxels', cast into the image (`data.image_labels`). Validation frames measure
+    it after each epoch, and test frames are not read. Leaves ``image_encoder-<hash>.pth`` in
+    ``out``, whose names are torchvision's: `model.backbone.weights` takes it. Goes on where it was
+    interrupted.
 
     Raises `UserError` for a backbone that is not a `ResNet`.
     """
@@ -62,27 +60,20 @@ def pretrain(cfg: DictConfig, out: str, epochs: int, batch_size: int, lr: float)
 def _trainer_of(cfg: DictConfig, folder: RunFolder, epochs: int) -> lightning.Trainer:
     if cfg.threads is not None:
         torch.set_num_threads(cfg.threads)
-    shown = RichProgressBar(leave=False) if sys.stdout.isatty() else PretrainingLines()
-    last = ModelCheckpoint(
-        folder.last_checkpoint.parent,
-        folder.last_checkpoint.stem,
-        enable_version_counter=False,
-        save_on_train_epoch_end=False,
-    )
-    return lightning.Trainer(
-        accelerator=cfg.trainer.accelerator,
+    terminal = sys.stdout.isatty()
+    return instantiate(
+        cfg.trainer,
         devices=1,
         precision=FP32,
         max_epochs=epochs,
-        gradient_clip_val=cfg.trainer.gradient_clip_val,
-        callbacks=[last, shown],
-        logger=CSVLogger(folder.path, SESSIONS, flush_logs_every_n_steps=1),
-        log_every_n_steps=cfg.trainer.log_every_n_steps,
-        num_sanity_val_steps=0,
-        enable_model_summary=False,
-        enable_progress_bar=sys.stdout.isatty(),
-        use_distributed_sampler=False,
-        plugins=[WholeCheckpoints()],
+        limit_train_batches=1.0,  # a scale may shorten the epochs of its trainings
+        callbacks=[
+            instantiate(cfg.callbacks.last, dirpath=folder.last_checkpoint.parent),
+            instantiate(cfg.callbacks.progress) if terminal else PretrainingLines(),
+        ],
+        logger=instantiate(cfg.logger, save_dir=folder.path),
+        default_root_dir=folder.path,
+        enable_progress_bar=terminal,
     )
 
 
