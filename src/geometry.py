@@ -150,15 +150,6 @@ def camera_from_occ(
     return camera_from_body @ inverse(world_from_body) @ world_from_occ(world_from_body)
 
 
-def occ_from_ground(height_m: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 4 4"]:
-    """Of a UAV at that height: the ground frame is the occ frame, lowered onto the ground plane."""
-    zero = torch.zeros_like(height_m)
-    return rigid(
-        torch.eye(3).to(height_m).expand(*height_m.shape, 3, 3),
-        torch.stack([zero, zero, -height_m], dim=-1),
-    )
-
-
 def project(
     points_occ: Float[Tensor, "*batch n 3"],
     camera_from_occ: Float[Tensor, "*batch 4 4"],
@@ -186,23 +177,6 @@ def unproject(
     homogeneous = torch.cat([pix, torch.ones_like(pix[..., :1])], dim=-1)
     rays_camera = homogeneous @ torch.linalg.inv(pix_from_camera).transpose(-1, -2)
     return rays_camera * depth_m[..., None]
-
-
-def rays_in_grid(
-    pix: Float[Tensor, "n 2"],
-    camera_from_occ: Float[Tensor, "4 4"],
-    pix_from_camera: Float[Tensor, "3 3"],
-    grid: "VoxelGrid",
-) -> tuple[Float[Tensor, "3"], Float[Tensor, "n 3"]]:
-    """Origin and directions (float64) of the rays through image locations, in voxels of a grid.
-
-    A direction is a metre of z-depth long, so distances in its lengths are z-depths in metres.
-    """
-    occ_from_camera = inverse(camera_from_occ.double())
-    one_metre = torch.ones(len(pix), dtype=torch.float64)
-    rays_camera = unproject(pix.double(), one_metre, pix_from_camera.double())
-    directions = rays_camera @ occ_from_camera[:3, :3].T / grid.voxel_m
-    return (occ_from_camera[:3, 3] - torch.tensor(grid.lower_m)) / grid.voxel_m, directions
 
 
 def in_image(

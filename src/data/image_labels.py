@@ -9,8 +9,9 @@ from numba import njit
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from ..geometry import VoxelGrid, camera_from_occ, pixel_centres, rays_in_grid
+from ..geometry import VoxelGrid, camera_from_occ, pixel_centres
 from ..ontology import FREE
+from ..rays import rays_in_grid
 from ..voxel_march import first_hit
 from .batches import Key
 from .dataset import OccupancyDataset

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ..errors import UserError
-from ..geometry import VoxelGrid
+from ..geometry import VoxelGrid, rigid
 
 
 def above_ground(grid: VoxelGrid, lower_m: float, upper_m: float) -> VoxelGrid:
@@ -16,6 +16,15 @@ def above_ground(grid: VoxelGrid, lower_m: float, upper_m: float) -> VoxelGrid:
     bins = round((upper_m - lower_m) / grid.voxel_m)
     return VoxelGrid(
         (*grid.lower_m[:2], lower_m), (*grid.upper_m[:2], upper_m), (*grid.shape[:2], bins)
+    )
+
+
+def occ_from_ground(height_m: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 4 4"]:
+    """Of a UAV at that height: the ground frame is the occ frame, lowered onto the ground plane."""
+    zero = torch.zeros_like(height_m)
+    return rigid(
+        torch.eye(3).to(height_m).expand(*height_m.shape, 3, 3),
+        torch.stack([zero, zero, -height_m], dim=-1),
     )
 
 

@@ -8,7 +8,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from ..errors import UserError
-from ..geometry import VoxelGrid, camera_from_occ, in_image, occ_from_ground, project
+from ..geometry import VoxelGrid, camera_from_occ, in_image, project
+from .ground import occ_from_ground
 
 Projection = Literal["attitude", "level"]
 

@@ -3,8 +3,9 @@
 import numpy as np
 from jaxtyping import UInt8
 
-from ..geometry import VoxelGrid, pixel_centres, rays_in_grid
+from ..geometry import VoxelGrid, pixel_centres
 from ..ontology import FREE
+from ..rays import rays_in_grid
 from .raycast import VOXEL, cast
 from .view import Frustum
 from .voxels import PALETTE, SUN
