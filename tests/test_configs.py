@@ -134,7 +134,8 @@ def test_a_scale_holds_together(scale):
     assert cfg.scale_name == scale
     assert cfg.sim.image.width % 32 == cfg.sim.image.height % 32 == 0
     assert cfg.sim.grid == cfg.grid
-    assert VoxelGrid(**cfg.grid) == instantiate(cfg.model.decoder.grid)
+    answers = (cfg.model.ground or cfg.model.decoder).grid
+    assert VoxelGrid(**cfg.grid) == instantiate(answers)
     assert history_stride(cfg.data.history_step_s, cfg.sim.capture_hz) >= 1
     clips = {f"{t}/clip{i:02d}" for t in cfg.sim.towns for i in range(cfg.sim.clips_per_town)}
     held_out = [*cfg.data.val_clips, *cfg.data.test_clips]
