@@ -1,6 +1,7 @@
 """task=pretrain: weights for the image encoder, the same however often it was interrupted."""
 
 import hashlib
+from pathlib import Path
 
 import pytest
 import torch
@@ -92,3 +93,9 @@ def test_another_backbone_is_refused(cfg, tmp_path):
     other.paths = cfg.paths
     with pytest.raises(UserError, match=r"^model/backbone: .* resnet"):
         pretrain(other, str(tmp_path), **SETTINGS)
+
+
+def test_a_report_does_not_take_it_for_a_run():
+    """A report takes every folder with a configuration that lies below its scale's runs."""
+    cfg = compose_config("task=pretrain", "scale=tiny", "paths.runs=here/runs")
+    assert Path("here/runs") not in Path(cfg.task.out).parents
