@@ -1,6 +1,5 @@
 """task=pretrain: an image encoder that knows what pixels see, for trainings to begin with."""
 
-import hashlib
 import sys
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from torch.utils.data import DataLoader
 from ..atomic import replacing
 from ..data.batches import BatchesInOrder, TrainingBatches
 from ..data.datamodule import SkyShieldData
+from ..data.files import sha256_of
 from ..data.image_labels import ImageLabelDataset
 from ..errors import UserError
 from ..models.backbone import STRIDES, ResNet
@@ -92,5 +92,4 @@ def _write_weights(folder: RunFolder, backbone: ResNet) -> Path:
     whole = folder.path / f"{NAME}.pth"
     with replacing(whole) as temporary:
         torch.save(backbone.state_dict(), temporary)
-    digest = hashlib.sha256(whole.read_bytes()).hexdigest()
-    return whole.rename(whole.with_name(f"{NAME}-{digest[:8]}.pth"))
+    return whole.rename(whole.with_name(f"{NAME}-{sha256_of(whole)[:8]}.pth"))
