@@ -27,6 +27,8 @@ NOT_SHAPING = (
     *("data.workers", "sim.workers", "sim.shards", "sim.shard", "sim.dry_run"),
 )
 """Keys that say where, how fast and what to do, not how the model is trained."""
+START = ("model.backbone.weights", "model.backbone.weights_sha256")
+"""Keys that say what a training begins with; its checkpoints hold what became of that."""
 
 
 class RunFolder:
@@ -183,8 +185,9 @@ def _recorded(path: Path) -> str:
 def require_same_config(checkpoint: Path, config: dict, part: str | None = None) -> None:
     """Refuses a checkpoint whose run was started under another configuration.
 
-    ``part`` narrows the comparison to one top-level key, such as ``model``. Raises `UserError` that
-    names the first key that differs, or where the run's ``config.yaml`` cannot be read.
+    ``part`` narrows the comparison to one top-level key, such as ``model``, less what the training
+    began with. Raises `UserError` that names the first key that differs, or where the run's
+    ``config.yaml`` cannot be read.
     """
     path = checkpoint.parent.parent / CONFIG
     unknown = f"so what {checkpoint.name} was trained with is unknown"
@@ -194,6 +197,8 @@ def require_same_config(checkpoint: Path, config: dict, part: str | None = None)
     if part is not None:
         before, after = {part: before.get(part)}, {part: after.get(part)}
     for key, old, new in differences(before, after):
+        if part is not None and key in START:
+            continue
         raise UserError(
             f"{path}: the run was started with {key}={json.dumps(old)}, and now it is "
             f"{json.dumps(new)}; give the old value, {way_out}"

@@ -44,11 +44,18 @@ def names_in(group):
 
 
 def test_the_lists_of_this_test_are_complete():
-    assert names_in("experiment") == sorted(RUNGS)
+    """Experiments of one's own may stand beside the ladder's."""
+    assert {*RUNGS} <= {*names_in("experiment")}
     assert names_in("scale") == sorted(SCALES)
     assert names_in("split") == ["towns", "weathers"]
     assert names_in("model/lift") == sorted(LIFTS)
     assert names_in("model/backbone") == sorted(BACKBONES)
+
+
+@pytest.mark.parametrize("experiment", names_in("experiment"))
+def test_an_experiment_has_the_name_of_its_file(experiment):
+    """Two without a name would train in one folder."""
+    assert compose_config("scale=tiny", f"+experiment={experiment}").name == experiment
 
 
 @pytest.mark.parametrize("scale", ["ladder", "paper"])

@@ -194,6 +194,16 @@ def test_only_the_part_that_matters_is_compared(tmp_path):
         require_same_config(folder.last_checkpoint, other)
 
 
+def test_what_the_encoder_began_with_says_nothing_of_a_checkpoints_network(tmp_path):
+    model = {"projection": "attitude", "backbone": {"weights": "encoder.pth"}}
+    folder = half_done(tmp_path / "seed0", model=model)
+    model = {"projection": "attitude", "backbone": {"weights": None}}
+    other = config(tmp_path / "seed0", model=model)
+    require_same_config(folder.last_checkpoint, other, part="model")
+    with pytest.raises(UserError, match=r'weights="encoder\.pth", and now it is null'):
+        require_same_config(folder.last_checkpoint, other)
+
+
 @pytest.mark.parametrize("content", [None, "", "- a list", "{", "name: x"])
 def test_an_unreadable_config_is_named(tmp_path, content):
     folder = half_done(tmp_path / "seed0")

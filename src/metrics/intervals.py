@@ -18,7 +18,6 @@ from torch import Generator, Tensor
 from ..errors import UserError
 from .tables import TableMetric, Tables
 
-RESAMPLES = 2000
 LEVEL = 0.95
 
 

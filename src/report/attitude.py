@@ -1,6 +1,7 @@
 """Scores by tilt and under a wrong attitude: the printed table, and the figure."""
 
 from collections.abc import Mapping
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -49,9 +50,10 @@ def draw_attitude(
     tables: Mapping[str, pd.DataFrame],
     path: str | Path,
     gains: Mapping[str, pd.DataFrame] | None = None,
+    reference: str = "the baseline",
 ) -> None:
     """Write a PNG of KAR-mIoU by tilt, by noise and by delay, a line for each run's table; with
-    ``gains``, tables of differences in the same form, these by tilt as well.
+    ``gains``, tables of differences from a ``reference`` in the same form, these by tilt as well.
 
     A table has a row a condition: ``condition``, its facts, ``frames``, and ``value``, ``low`` and
     ``high`` in [0, 1]. Bars are the intervals. Raises `UserError` for a path that cannot be
@@ -61,7 +63,9 @@ def draw_attitude(
     grid = figure.add_gridspec(1, 3 + bool(gains), width_ratios=[1.4, *[1.4] * bool(gains), 1, 1])
     first = figure.add_subplot(grid[0])
     others = [figure.add_subplot(grid[-2 + n], sharey=first) for n in range(2)]
-    for color, (run, rows) in zip(COLORS, tables.items()):
+    colors = dict(zip(tables, cycle(COLORS)))
+    for run, rows in tables.items():
+        color = colors[run]
         _draw_tilt(first, rows, run, color)
         whole = rows[rows["condition"] == "true"]
         for axes, key in zip(others, ("noise_deg", "delay_s")):
@@ -73,9 +77,9 @@ def draw_attitude(
         axes.axhline(0, color=MUTED, linewidth=0.8)
         # Each in the colour of its run.
         for name, rows in gains.items():
-            _draw_tilt(axes, rows, name, COLORS[list(tables).index(name)])
+            _draw_tilt(axes, rows, name, colors[name])
         _finish(axes, TILT)
-        axes.set_ylabel("gain over the baseline (points)", color=INK)
+        axes.set_ylabel(f"gain over {reference} (points)", color=INK)
     for axes, name in zip((first, *others), (TILT, *FAULTS)):
         _finish(axes, name)
     first.set_ylabel("KAR-mIoU (%)", color=INK)

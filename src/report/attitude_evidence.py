@@ -1,11 +1,12 @@
 """What task=attitude scored of several runs, put together: by tilt, and under a wrong attitude."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from ..errors import UserError
+from ..metrics.protocol import require_same_protocol
 from ..metrics.tally import Tally
 from .evidence import Evidence
 from .report_table import Cell
@@ -13,8 +14,9 @@ from .scored_runs import ScoredRun
 from .scores import TALLIES
 
 ATTITUDE, TABLE = "attitude", "attitude.csv"
-FACTS = ["tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s"]
+FACTS = ["tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s", "noise_seed"]
 """What tells the conditions apart; the columns of ``attitude.csv`` that are no scores."""
+AGAIN = "score both alike with task=attitude"
 
 
 class AttitudeEvidence:
@@ -24,20 +26,28 @@ class AttitudeEvidence:
     """
 
     def __init__(self, runs: Sequence[ScoredRun]) -> None:
-        """Raises `UserError` for scores that cannot be read."""
+        """Raises `UserError` for scores that cannot be read, or that are not of the same frames
+        under the same conditions."""
         scored = [run for run in runs if (run.path / ATTITUDE / TABLE).is_file()]
-        tables = [_conditions(run.path / ATTITUDE / TABLE) for run in scored]
-        conditions = pd.concat(tables) if tables else pd.DataFrame(columns=FACTS)
+        paths = [run.path / ATTITUDE / TABLE for run in scored]
+        tables = {path: _conditions(path) for path in paths}
+        conditions = pd.concat(tables.values()) if tables else pd.DataFrame(columns=FACTS)
         self.conditions = conditions[~conditions.index.duplicated()]
+        _require_alike(tables, self.conditions)
         self.evidence = {name: self._evidence(name, scored) for name in self.conditions.index}
         self.experiments = list(dict.fromkeys(run.experiment for run in scored))
 
     def _evidence(self, condition: str, runs: Sequence[ScoredRun]) -> Evidence:
+        found: dict[Path, Tally] = {}
         tallies: dict[str, dict[int, Tally]] = {}
         for run in runs:
             path = run.path / ATTITUDE / TALLIES / f"{condition}.npz"
             if path.is_file():
-                tallies.setdefault(run.experiment, {})[run.seed] = Tally.read(path)
+                found[path] = Tally.read(path)
+                tallies.setdefault(run.experiment, {})[run.seed] = found[path]
+        if not found:
+            raise UserError(f"{path}: is not there; run task=attitude again")
+        _require_same_frames(found)
         return Evidence(tallies)
 
     def names(self, which: str) -> list[str]:
@@ -76,6 +86,26 @@ class AttitudeEvidence:
                 frames = self.evidence[name].frames
                 rows.append({"condition": name, **facts, "frames": frames, **found})
         return pd.DataFrame(rows)
+
+
+def _require_alike(tables: Mapping[Path, pd.DataFrame], conditions: pd.DataFrame) -> None:
+    """Conditions of one name are one condition in all runs."""
+    for path, table in tables.items():
+        same = table.eq(conditions.loc[table.index])
+        for name, key in [(name, key) for name in table.index for key in FACTS]:
+            if not same.loc[name, key]:
+                raise UserError(
+                    f"{path}: {name} has {key}={table.loc[name, key]:g}, and elsewhere "
+                    f"{conditions.loc[name, key]:g}; {AGAIN}"
+                )
+
+
+def _require_same_frames(tallies: Mapping[Path, Tally]) -> None:
+    require_same_protocol({str(path): tally.protocol for path, tally in tallies.items()})
+    (first, reference), *others = tallies.items()
+    for path, tally in others:
+        if (tally.clips, tally.frames) != (reference.clips, reference.frames):
+            raise UserError(f"{path}: was scored on other frames than {first}; {AGAIN}")
 
 
 def _conditions(path: Path) -> pd.DataFrame:

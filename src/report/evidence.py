@@ -1,6 +1,6 @@
 """What several experiments scored on the same clips, resampled together."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 
 import torch
@@ -8,6 +8,7 @@ from jaxtyping import Float
 from torch import Generator, Tensor
 
 from ..metrics.intervals import interval_of, resamplings, score_samples, seed_sample
+from ..metrics.safety import BLOCKED
 from ..metrics.tally import Tally
 from ..ontology import CLASSES
 from .report_table import Cell
@@ -30,6 +31,9 @@ class Evidence:
     Args:
         tallies: of every experiment by its seeds; of one protocol and the same clips.
         chosen: says which clips belong to the part. At least one with a frame must.
+
+    ``labelled_clips`` has, for each class, the number of clips with a voxel of it, and ``blocked``
+    the numbers of frames and of clips with something in the tube that the UAV's body sweeps.
     """
 
     def __init__(
@@ -53,6 +57,7 @@ class Evidence:
         }
         truth = reference.tables["occupancy"]["count"][self.rows].sum(-1)
         self.labelled_clips = dict(zip(CLASSES, (truth > 0).sum(0).tolist()))
+        self.blocked = _blocked(reference, self.rows)
 
     @property
     def clips(self) -> int:
@@ -120,3 +125,12 @@ class Evidence:
     def _generator(self, level: int) -> Generator:
         """One stream of random numbers a level: clips and seeds are drawn independently."""
         return Generator().manual_seed(self.generator_seed + level)
+
+
+def _blocked(tally: Tally, rows: Sequence[int]) -> tuple[int, int]:
+    """How many frames have something in the tube that the UAV's body sweeps, and of how many clips
+    they are; none where that was not scored."""
+    if "safety" not in tally.tables:
+        return 0, 0
+    frames = tally.tables["safety"]["frames"][rows][:, BLOCKED]
+    return int(frames.sum()), int((frames > 0).sum())

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import pandas as pd
 
-from .ladder import LADDER
+from .ladder import Ladder
 from .ladder_tables import (
     BEYOND,
     ablation_table,
@@ -38,6 +39,7 @@ class LadderReport:
     and ``others`` what the experiments that are no rung are. ``differing`` has the values of every
     setting in which the runs of the ladder differ, and ``seeds`` a row for each run and part."""
 
+    ladder: Ladder
     runs: tuple[ScoredRun, ...]
     tables: tuple[ReportTable, ...]
     settings: str
@@ -63,7 +65,7 @@ def ladder_report(
     `UserError` for tallies and results that do not belong together.
     """
     runs = [run for group in groups for run in group.runs]
-    rungs = groups[0].rungs
+    ladder, rungs = groups[0].ladder, groups[0].rungs
     scored = [(group, part) for group in groups for part in group.scored_parts(parts_of)]
     tables = [
         table
@@ -72,13 +74,14 @@ def ladder_report(
         for table in _tables(part, [p for g, p in scored if g is not group], rungs)
     ]
     return LadderReport(
+        ladder=ladder,
         runs=tuple(runs),
         tables=tuple(table for table in tables if table.rows and table.columns),
-        settings=statement(rungs or groups[0].runs),
+        settings=statement(rungs or groups[0].runs, ladder),
         differing=differing(rungs or groups[0].runs),
-        warnings=(*surprises(rungs), *code_lines(runs), *_mixed(groups)),
+        warnings=(*surprises(rungs, ladder), *code_lines(runs), *_mixed(groups)),
         missing=tuple(_missing(groups, unfinished)),
-        others=tuple(other_experiments(groups[0].runs)),
+        others=tuple(other_experiments(groups[0].runs, ladder)),
         seeds=_seeds(scored),
     )
 
@@ -103,15 +106,17 @@ def _missing(groups: Sequence[RunGroup], unfinished: Sequence[UnfinishedRun]) ->
         {(run.experiment, run.seed) for group in some for run in group.runs}
         for some in (groups[:1], groups[1:])
     )
+    ladder = groups[0].ladder
     begun = {(run.experiment, run.seed): run for run in unfinished}
-    of_ladder = {key for key in (*there, *begun) if key[0] in LADDER}
+    of_ladder = {key for key in (*there, *begun) if key[0] in ladder}
     lines = []
-    for key in [(name, seed) for name in LADDER for seed in sorted({k[1] for k in of_ladder})]:
+    seeds = sorted({seed for _, seed in of_ladder})
+    for key in product(ladder.names, seeds):
         if key not in there | apart:
             run = begun.pop(key, None)
             lines.append(str(run) if run else f"{key[0]} seed {key[1]}: no run")
     lines += [str(run) for key, run in begun.items() if key not in there | apart]
-    if not any(name in LADDER for name, _ in there):
+    if not any(name in ladder for name, _ in there):
         return ["no finished run of the ladder is here, so no table of its rungs", *lines]
     return lines + _uneven(groups[0])
 
@@ -119,7 +124,8 @@ def _missing(groups: Sequence[RunGroup], unfinished: Sequence[UnfinishedRun]) ->
 def _uneven(group: RunGroup) -> list[str]:
     """What rungs of different seeds mean for their differences."""
     seeds = {
-        name: tuple(run.seed for run in group.runs if run.experiment == name) for name in LADDER
+        name: tuple(run.seed for run in group.runs if run.experiment == name)
+        for name in group.ladder.names
     }
     if len({of_rung for of_rung in seeds.values() if of_rung}) < 2:
         return []

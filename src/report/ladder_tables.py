@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from ..ontology import CLASSES, NUM_CLASSES
 from .evidence import LONG_TAIL
-from .ladder import FIRST, LADDER, LAST, row_name
+from .ladder import PAPER
 from .report_table import Cell, Column, ReportTable
 from .results import SHORT_NAMES
 from .scored_part import ScoredPart
@@ -70,6 +70,12 @@ def beyond_table(parts: Sequence[ScoredPart]) -> ReportTable:
         "horizon. The two rates are the better the lower, and lowest for what calls everything "
         "occupied: read them with the IoU."
     )
+    frames, clips = parts[0].evidence.blocked
+    if frames:
+        text += (
+            f" The collision-miss rate rests on the {frames} frames, of {clips} clips, with "
+            "something in the tube."
+        )
     return _of_all(parts, "beyond", "Beyond the paper", text, columns)
 
 
@@ -83,10 +89,10 @@ def ablation_table(part: ScoredPart, marks: Mapping[str, Sequence[str]]) -> Repo
     changes = {"miou": "mIoU", "kar_miou": "KAR", "iou/thin_structure": "Thin", "iou/vru": "VRU"}
     columns = [*_means(), *(_change(*change, best="high") for change in changes.items())]
     rows = [
-        (LADDER[name].row, (*marks[name], *_cells(part, name, columns, FIRST)))
+        (part.ladder.row_name(name), (*marks[name], *_cells(part, name, columns)))
         for name in part.rungs
     ]
-    text = "Gains are measured relative to the baseline. All numbers are percentages."
+    text = f"Gains are measured relative to {part.ladder.reference}. All numbers are percentages."
     return _of_rungs(part, "ablation", "Ablation study", text, [*factors, *columns], rows)
 
 
@@ -95,16 +101,17 @@ def long_tail_table(part: ScoredPart, frames: int) -> ReportTable:
     gains."""
     columns = [_score(f"iou/{name}", CLASS_NAMES[name]) for name in LONG_TAIL]
     columns.append(_score("long_tail", "Mean"))
-    rows = [(_added(name, frames), _cells(part, name, columns)) for name in part.rungs]
-    lines = []
-    if LAST in part.rungs:
+    rows = [(_added(part, name, frames), _cells(part, name, columns)) for name in part.rungs]
+    lines, first, last = [], part.ladder.first, part.ladder.last
+    if last in part.rungs:
         lines = [len(rows)]
-        gain = tuple(part.evidence.difference(LAST, FIRST, column.key) for column in columns)
+        gain = tuple(part.evidence.difference(last, first, column.key) for column in columns)
         rows.append(("Gain of full model", gain))
     labelled = part.evidence.labelled_clips
     clips = ", ".join(f"{CLASS_NAMES[name]} {labelled[name]}" for name in LONG_TAIL)
     text = (
-        "Gains are relative to the baseline. All numbers are standard IoU percentages. Of the "
+        f"Gains are relative to {part.ladder.reference}. All numbers are standard IoU percentages. "
+        "Of the "
         f"{part.evidence.clips} clips, so many have a labelled voxel of the class: {clips}."
     )
     return _of_rungs(part, "long_tail", "Long-tail safety structures", text, columns, rows, lines)
@@ -116,8 +123,8 @@ def incremental_table(part: ScoredPart) -> ReportTable:
     changes |= {f"iou/{name}": CLASS_NAMES[name] for name in LONG_TAIL}
     columns = [_change(*change) for change in changes.items()]
     rows = [
-        (LADDER[name].added, _cells(part, name, columns, before))
-        for before, name in pairwise(LADDER)
+        (_component(part, name), _cells(part, name, columns, before))
+        for before, name in pairwise(part.ladder.names)
         if name in part.rungs
     ]
     text = (
@@ -133,11 +140,11 @@ def progression_table(part: ScoredPart, frames: int) -> ReportTable:
     changes = {"miou": "mIoU", "kar_miou": "KAR"}
     columns = [*_means(), *(_change(*change, best="high") for change in changes.items())]
     columns.append(Column("gap", "Gap"))
-    rows = [(_added(name, frames), _cells(part, name, columns, FIRST)) for name in part.rungs]
+    rows = [(_added(part, name, frames), _cells(part, name, columns)) for name in part.rungs]
     text = (
-        f"Each prediction sees {frames} frame{'s' * (frames > 1)}. Δ values are relative to the "
-        "baseline. All numbers are percentages. The gap is mIoU less KAR-mIoU: what leaving free "
-        "space out and weighing by time to collision take together."
+        f"Each prediction sees {frames} frame{'s' * (frames > 1)}. Δ values are relative to "
+        f"{part.ladder.reference}. All numbers are percentages. The gap is mIoU less KAR-mIoU: "
+        "what leaving free space out and weighing by time to collision take together."
     )
     return _of_rungs(part, "progression", f"{_kind(frames)} progression", text, columns, rows)
 
@@ -146,15 +153,25 @@ def _of_all(
     parts: Sequence[ScoredPart], key: str, title: str, text: str, columns: Sequence[Column]
 ) -> ReportTable:
     """A table of all experiments: the ladder, the others, the anchors, with lines between."""
-    rows, lines = [], []
+    rows, lines, first = [], [], parts[0]
     for part in parts:
         for names in (part.rungs, part.others, part.anchors):
             lines += [len(rows)] * bool(names and rows)
-            rows += [(row_name(name) + part.label, _cells(part, name, columns)) for name in names]
+            rows += [
+                (part.ladder.row_name(name) + part.label, _cells(part, name, columns))
+                for name in names
+            ]
     said = [f"{part.label} {part.resampling(part.rungs + part.others)}".strip() for part in parts]
-    caption, first = " ".join([text, *said]), parts[0]
-    key, title = f"{key}{first.suffix}", f"{title}, {first.where}"
-    return ReportTable(key, title, caption, tuple(columns), tuple(rows), lines=tuple(lines))
+    ranked = len(first.rungs + first.others + first.anchors)
+    return ReportTable(
+        f"{key}{first.suffix}",
+        f"{title}, {first.where}",
+        " ".join([text, *said]),
+        tuple(columns),
+        tuple(rows),
+        lines=tuple(lines),
+        ranked=ranked,
+    )
 
 
 def _of_rungs(
@@ -173,9 +190,11 @@ def _of_rungs(
 
 
 def _cells(
-    part: ScoredPart, name: str, columns: Sequence[Column], reference: str = FIRST
+    part: ScoredPart, name: str, columns: Sequence[Column], reference: str | None = None
 ) -> tuple[Cell | None, ...]:
-    """A row: scores, and where a column says so their differences from a reference."""
+    """A row: scores, and where a column says so their differences from a reference, the lowest
+    rung without one."""
+    reference = reference or part.ladder.first
     return tuple(
         part.evidence.difference(name, reference, column.key.removeprefix(DELTA))
         if column.signed
@@ -200,6 +219,13 @@ def _kind(frames: int) -> str:
     return "Multi-frame" if frames > 1 else "Single-frame"
 
 
-def _added(name: str, frames: int) -> str:
+def _added(part: ScoredPart, name: str, frames: int) -> str:
     """A rung by what it adds, as the paper's appendix names them."""
-    return f"+ {LADDER[name].added}" if LADDER[name].added else f"{_kind(frames)} baseline"
+    if name == part.ladder.first == PAPER.first:
+        return f"{_kind(frames)} baseline"
+    added = part.ladder.rungs[name].added
+    return f"+ {added}" if added else part.ladder.row_name(name)
+
+
+def _component(part: ScoredPart, name: str) -> str:
+    return part.ladder.rungs[name].added or part.ladder.row_name(name)

@@ -6,7 +6,7 @@ from pathlib import Path
 from ..run_folder import METRICS
 from .curve_plot import CurvePlot
 from .curves import TRAIN_LOSS, read_curve
-from .ladder import row_name
+from .ladder import Ladder
 from .ladder_report import LadderReport
 from .page import write_page
 from .picture import Picture
@@ -43,14 +43,14 @@ def write_report_page(
         heading,
         list(facts.items()),
         report.tables,
-        _plots(report.runs),
+        _plots(report.runs, report.ladder),
         [Picture(picture.read_bytes(), caption) for picture, caption in figures.items()],
         scenes,
         [*report.warnings, *report.missing],
     )
 
 
-def _plots(runs: Sequence[ScoredRun]) -> list[CurvePlot]:
+def _plots(runs: Sequence[ScoredRun], ladder: Ladder) -> list[CurvePlot]:
     """The learning curves of the runs that have a log."""
     logs = [(run, log) for run in runs if (log := run.path / METRICS).is_file()]
     return [
@@ -58,7 +58,7 @@ def _plots(runs: Sequence[ScoredRun]) -> list[CurvePlot]:
             title,
             unit,
             tuple(
-                read_curve(log, column, row_name(run.experiment), 100 if unit == "%" else 1)
+                read_curve(log, column, ladder.row_name(run.experiment), 100 if unit == "%" else 1)
                 for run, log in logs
             ),
         )

@@ -43,7 +43,8 @@ class Column:
 class ReportTable:
     """``key`` is the stem of its files. A row is a name and an entry for each column: a number, a
     text, or ``None`` for an empty one. ``head`` heads the names, and ``lines`` are the rows before
-    which a line is drawn."""
+    which a line is drawn. The best is sought among the first ``ranked`` rows; those below them, if
+    there are any, were scored on something else."""
 
     key: str
     title: str
@@ -52,11 +53,12 @@ class ReportTable:
     rows: tuple[tuple[str, tuple[Cell | str | None, ...]], ...]
     head: str = "Method"
     lines: tuple[int, ...] = ()
+    ranked: int | None = None
 
     def best_rows(self, column: int) -> set[int]:
         """The rows whose number is to be marked in a column; none where there is no choice."""
         marked = self.columns[column]
-        entries = [entries[column] for _, entries in self.rows]
+        entries = [entries[column] for _, entries in self.rows[: self.ranked]]
         values = {
             n: entry.value
             for n, entry in enumerate(entries)

@@ -9,7 +9,7 @@ from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
 from ..metrics.tally import Tally
 from .evidence import Evidence
-from .ladder import ANCHORS, LADDER, in_order
+from .ladder import ANCHORS, PAPER, Ladder
 from .scored_part import ScoredPart
 from .scored_runs import ScoredRun
 from .scores import Parts
@@ -26,10 +26,11 @@ class RunGroup:
 
     runs: tuple[ScoredRun, ...]
     label: str = ""
+    ladder: Ladder = PAPER
 
     @property
     def rungs(self) -> list[ScoredRun]:
-        return [run for run in self.runs if run.experiment in LADDER]
+        return [run for run in self.runs if run.experiment in self.ladder]
 
     def tallies(self) -> dict[str, dict[int, Tally]]:
         """Those of every experiment by seed, and of each anchor once: it has no seed."""
@@ -50,7 +51,13 @@ class RunGroup:
         first, tallies = self.runs[0], self.tallies()
         parts = parts_of(first.config["data"]["test_clips"])
         found = [
-            ScoredPart(name, first.tally.protocol.dataset, Evidence(tallies, chosen), self.label)
+            ScoredPart(
+                name,
+                first.tally.protocol.dataset,
+                Evidence(tallies, chosen),
+                self.label,
+                self.ladder,
+            )
             for name, chosen in parts.items()
             if first.tally.rows(chosen)
         ]
@@ -65,7 +72,7 @@ class RunGroup:
         return found
 
 
-def groups_of(runs: Sequence[ScoredRun], mixed: bool) -> list[RunGroup]:
+def groups_of(runs: Sequence[ScoredRun], mixed: bool, ladder: Ladder = PAPER) -> list[RunGroup]:
     """The runs by what they were scored on, the group with most rungs first.
 
     Unless ``mixed`` there is one. Raises `UserError` for runs of other protocols, clips, labels or
@@ -80,7 +87,7 @@ def groups_of(runs: Sequence[ScoredRun], mixed: bool) -> list[RunGroup]:
         if group is None:
             groups.append(group := [])
         group.append(run)
-    groups.sort(key=lambda group: -sum(run.experiment in LADDER for run in group))
+    groups.sort(key=lambda group: -sum(run.experiment in ladder for run in group))
     if not mixed and len(groups) > 1:
         first, second = groups[0][0], groups[1][0]
         raise UserError(
@@ -88,7 +95,11 @@ def groups_of(runs: Sequence[ScoredRun], mixed: bool) -> list[RunGroup]:
             f"both alike, or set {MIXED}"
         )
     return [
-        RunGroup(_sorted(group), f" ({n}: {_difference(groups[0][0], group[0])})" if n > 1 else "")
+        RunGroup(
+            _sorted(group, ladder),
+            f" ({n}: {_difference(groups[0][0], group[0])})" if n > 1 else "",
+            ladder,
+        )
         for n, group in enumerate(groups, start=1)
     ]
 
@@ -128,7 +139,7 @@ def _same(one: Mapping[str, torch.Tensor], other: Mapping[str, torch.Tensor]) ->
     return all(torch.equal(one[name], other[name]) for name in one)
 
 
-def _sorted(runs: Sequence[ScoredRun]) -> tuple[ScoredRun, ...]:
+def _sorted(runs: Sequence[ScoredRun], ladder: Ladder) -> tuple[ScoredRun, ...]:
     """In the order of the tables. Raises `UserError` for two of one experiment and seed."""
     found: dict[tuple[str, int], ScoredRun] = {}
     for run in runs:
@@ -137,5 +148,5 @@ def _sorted(runs: Sequence[ScoredRun]) -> tuple[ScoredRun, ...]:
             raise UserError(
                 f"{run.path} and {other.path}: both are {run}; name one of them in task.runs"
             )
-    order = in_order([run.experiment for run in runs])
+    order = ladder.in_order(run.experiment for run in runs)
     return tuple(sorted(found.values(), key=lambda run: (order.index(run.experiment), run.seed)))

@@ -4,8 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from .evidence import Evidence
-from .ladder import ANCHORS, LADDER, in_order
+from .ladder import ANCHORS, PAPER, Ladder
 
+ONE_SEED = (
+    "With one seed only clips are drawn: nothing is said of how far another training would have "
+    "moved a score"
+)
 FEW = 10
 """With fewer seeds or clips than this, percentiles of resamples are coarse."""
 
@@ -21,17 +25,18 @@ class ScoredPart:
     dataset: str
     evidence: Evidence
     label: str = ""
+    ladder: Ladder = PAPER
 
     @property
     def rungs(self) -> list[str]:
         """The experiments of the ladder that are there."""
-        return [name for name in LADDER if self.evidence.seeds(name)]
+        return [name for name in self.ladder.names if self.evidence.seeds(name)]
 
     @property
     def others(self) -> list[str]:
         """The experiments that are no rung, the anchors aside."""
-        known = {*LADDER, *ANCHORS}
-        return in_order([name for name in self.evidence.samples if name not in known])
+        known = {*self.ladder.names, *ANCHORS}
+        return sorted(name for name in self.evidence.samples if name not in known)
 
     @property
     def anchors(self) -> list[str]:
@@ -50,7 +55,7 @@ class ScoredPart:
         """How the intervals of a table were drawn, from how much, and what they cannot say."""
         seeds = {name: tuple(self.evidence.seeds(name)) for name in experiments}
         most, clips = max(map(len, seeds.values()), default=0), self.evidence.clips
-        listed = _listed(seeds, differences)
+        listed = listed_seeds(seeds, differences)
         if most < 2 and clips < 2:
             return f"No intervals: there is one seed and one clip to draw from. {listed}"
         drawn = [f"{most} seeds"] * (most > 1)
@@ -63,16 +68,13 @@ class ScoredPart:
         if min(n for n in (most, clips) if n > 1) < FEW:
             said += "; from so few they are coarse, and rather too narrow"
         if most < 2:
-            said += (
-                ". With one seed only clips are drawn: nothing is said of how far another training "
-                "would have moved a score"
-            )
+            said += f". {ONE_SEED}"
         elif clips < 2:
             said += ". There is one clip, so only seeds are drawn"
         return f"{said}. {listed}"
 
 
-def _listed(seeds: Mapping[str, tuple[int, ...]], differences: bool) -> str:
+def listed_seeds(seeds: Mapping[str, tuple[int, ...]], differences: bool) -> str:
     """The seeds of experiments; one list where all have the same."""
     texts = {name: ", ".join(map(str, of_one)) for name, of_one in seeds.items()}
     if len(set(texts.values())) == 1:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 
 from ..run_folder import differences, shaping
-from .ladder import FACTORS, LADDER, factors_of, in_order, value_at
+from .ladder import FACTORS, PAPER, Ladder, factors_of, value_at
 from .scored_runs import UNKNOWN_CODE, ScoredRun
 
 SEED = "seed"
@@ -23,6 +23,8 @@ SHARED = {
     "{} frames a prediction": "data.frames",
 }
 """What is told of the settings that all runs share and have, and their keys."""
+ORDERING = ("data.", "sim.", "trainer.")
+"""Begin the keys that decide which frames a run sees, in which order and how often."""
 LONGEST = 60
 """Letters of a value in the table of differences."""
 
@@ -42,9 +44,9 @@ def differing(runs: Sequence[ScoredRun]) -> Values:
     return found
 
 
-def statement(runs: Sequence[ScoredRun]) -> str:
+def statement(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> str:
     """What runs share, and the list of what they do not; of the ladder's, or of any others."""
-    of_ladder = all(run.experiment in LADDER for run in runs)
+    of_ladder = all(run.experiment in ladder for run in runs)
     keys = list(differing(runs))
     told = [
         text.format(_text(value_at(runs[0].config, key)))
@@ -58,9 +60,11 @@ def statement(runs: Sequence[ScoredRun]) -> str:
     but = f" but: {', '.join(keys)}" if keys else ""
     said = f"All {len(runs)} runs{' of the ladder' * of_ladder} share every setting{but}. "
     said += f"Shared: {', '.join(told)}."
-    if len({run.code for run in runs}) == 1 and not any(key.startswith("data.") for key in keys):
+    one_code = {run.code for run in runs} == {runs[0].code} != {UNKNOWN_CODE}
+    if one_code and not any(key.startswith(ORDERING) for key in keys):
         said += " Runs of one seed see the same frames in the same order, mirrored alike."
-    if of_ladder and not surprises(runs):
+    known = of_ladder and all(ladder.rungs[run.experiment].factors for run in runs)
+    if known and not surprises(runs, ladder):
         said += (
             " No rung has a setting of its own beside its factors, so none was tuned alone; of "
             "trials that left no run here, nothing is known."
@@ -68,17 +72,21 @@ def statement(runs: Sequence[ScoredRun]) -> str:
     return said
 
 
-def surprises(runs: Sequence[ScoredRun]) -> list[str]:
-    """What makes runs of the ladder more, or less, than a comparison of its three factors."""
+def surprises(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[str]:
+    """What makes runs of the ladder more, or less, than a comparison of its three factors.
+
+    A rung that the paper does not have may differ from the others in anything.
+    """
     found = []
     for key, by_experiment in differing(runs).items():
-        if key not in (*FACTORS, SEED):
+        of_paper = [v for name, v in by_experiment.items() if ladder.rungs[name].factors]
+        if key not in (*FACTORS, SEED) and any(values != of_paper[0] for values in of_paper):
             found.append(f"the rungs differ in {key}: {_by_experiment(by_experiment)}")
         elif key != SEED and any(len(values) > 1 for values in by_experiment.values()):
             found.append(f"seeds of one rung differ in {key}: {_by_experiment(by_experiment)}")
     for run in runs:
-        has, shall = factors_of(run.config), LADDER[run.experiment].factors
-        if has != shall:
+        has, shall = factors_of(run.config), ladder.rungs[run.experiment].factors
+        if shall and has != shall:
             wrong = [key for key, a, b in zip(FACTORS, has, shall) if a != b]
             found.append(f"{run}: {', '.join(wrong)} is not what the rung's name says")
     precisions = _grouped((run.row["precision"], run) for run in runs)
@@ -87,12 +95,14 @@ def surprises(runs: Sequence[ScoredRun]) -> list[str]:
     return found
 
 
-def other_experiments(runs: Sequence[ScoredRun]) -> list[str]:
-    """Each experiment that is no rung: the rung that it is nearest to, and where it differs."""
+def other_experiments(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[str]:
+    """Each experiment that is no rung of the paper: the rung that it is nearest to, and where it
+    differs. Where none of the paper's is there, the lowest rung is what the others differ from."""
     configs = {run.experiment: shaping(run.config) for run in reversed(runs)}
-    rungs = [name for name in LADDER if name in configs]
+    there = [name for name in ladder.names if name in configs]
+    rungs = [name for name in there if ladder.rungs[name].factors] or there[:1]
     lines = []
-    for name in in_order([name for name in configs if name not in LADDER]):
+    for name in ladder.in_order(name for name in configs if name not in rungs):
         found = {
             rung: [d for d in differences(configs[rung], configs[name]) if d[0] != SEED]
             for rung in rungs

@@ -48,7 +48,7 @@ def attitude(
     tallies = [count.tally(protocol) for count in counts]
     for tally in tallies:
         tally.write(folder / TALLIES / f"{tally.name}.npz")
-    table = _described(tallies, conditions)
+    table = _described(tallies, conditions, seed)
     draw_attitude({cfg.name: table[table["score"] == SCORE]}, folder / "attitude.png")
     write_table(table, folder / TABLE)
     print_attitude(table)
@@ -81,11 +81,12 @@ def _count(
                 count.add(batch, labels)
 
 
-def _described(tallies: Sequence[Tally], conditions: Sequence[Condition]) -> pd.DataFrame:
+def _described(
+    tallies: Sequence[Tally], conditions: Sequence[Condition], noise_seed: int
+) -> pd.DataFrame:
     """A row for each condition and score, with its interval over clips."""
     scores = score_table(tallies, {"test": lambda clip: True})
     scores = scores.drop(columns="split").rename(columns={"experiment": "condition"})
     facts = pd.DataFrame([{"condition": each.name, **asdict(each)} for each in conditions])
-    return facts.rename(columns={"low_deg": "tilt_low_deg", "high_deg": "tilt_high_deg"}).merge(
-        scores, on="condition"
-    )
+    facts = facts.rename(columns={"low_deg": "tilt_low_deg", "high_deg": "tilt_high_deg"})
+    return facts.assign(noise_seed=noise_seed).merge(scores, on="condition")

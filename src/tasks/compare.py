@@ -34,8 +34,9 @@ def compare(cfg: DictConfig, runs: list[str], out: str) -> None:
     first, *others = tallies
     require_same_protocol({name: tally.protocol for name, tally in tallies.items()})
     for name in others:
-        if tallies[name].clips != tallies[first].clips:
-            raise UserError(f"{name}: has other clips than {first}; score both alike")
+        one, other = tallies[first], tallies[name]
+        if (one.clips, one.frames) != (other.clips, other.frames):
+            raise UserError(f"{name}: has other clips or frames than {first}; score both alike")
     table = _differences(tallies)
     folder = Path(out)
     write_table(table, folder / "differences.csv")

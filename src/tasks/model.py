@@ -50,6 +50,15 @@ def module_of(cfg: DictConfig, data: SkyShieldData, prior: VoxelPrior) -> Occupa
     )
 
 
+def from_checkpoint(cfg: DictConfig) -> DictConfig:
+    """The configuration of a network that a checkpoint will fill: the file that its training began
+    with need not be there any more."""
+    cfg = cfg.copy()
+    if "weights" in cfg.model.backbone:
+        cfg.model.backbone.weights = None
+    return cfg
+
+
 def require_buildable(cfg: DictConfig) -> None:
     """Builds the configured network once and drops it: what is wrong with it is said before any
     data are generated or read."""
@@ -86,9 +95,7 @@ def network_of_run(run: str | Path, checkpoint: str = "best") -> SkyOcc:
     path = Path(run) / CONFIG
     try:
         cfg = OmegaConf.create(yaml.safe_load(path.read_text()))
-        # What the run started from is in its checkpoint.
-        start = {"backbone": {"weights": None}} if "weights" in cfg.model.backbone else {}
-        network = instantiate(cfg.model, **start)
+        network = instantiate(from_checkpoint(cfg).model)
     except (OSError, yaml.YAMLError, HydraException, OmegaConfBaseException) as error:
         reason = " ".join(str(error).split())
         raise UserError(f"{path}: cannot be read ({reason}); name a folder of a run") from error

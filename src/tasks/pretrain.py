@@ -1,5 +1,7 @@
 """task=pretrain: an image encoder that knows what pixels see, for trainings to begin with."""
 
+import hashlib
+import io
 import sys
 from pathlib import Path
 
@@ -8,17 +10,18 @@ import torch
 from hydra.utils import get_class, instantiate
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
+from torch import nn
 from torch.utils.data import DataLoader
 
 from ..atomic import replacing
 from ..data.batches import BatchesInOrder, TrainingBatches
 from ..data.datamodule import SkyShieldData
-from ..data.files import sha256_of
 from ..data.image_labels import ImageLabelDataset
 from ..errors import UserError
 from ..models.backbone import STRIDES, ResNet
 from ..models.image_pretraining import ImagePretraining
-from ..run_folder import RunFolder
+from ..provenance import code_version
+from ..run_folder import RunFolder, shaping
 from .dataset import data_of, ready_dataset
 from .precision import FP32
 from .progress import PretrainingLines
@@ -30,15 +33,17 @@ def pretrain(cfg: DictConfig, out: str, epochs: int, batch_size: int, lr: float)
     """Trains ``model.backbone`` on what the pixels of the training frames see.
 
     The labels are the voxels', cast into the image (`data.image_labels`). Validation frames measure
-    it after each epoch, and test frames are not read. Leaves ``image_encoder-<hash>.pth`` in
-    ``out``, whose names are torchvision's: `model.backbone.weights` takes it. Goes on where it was
-    interrupted.
+    it after each epoch, and test frames are not read. Leaves ``image_encoder-<hash>.pth``, whose
+    names are torchvision's: `model.backbone.weights` takes it. It lies in a folder below ``out``
+    that is named after the scale and all that shapes it, so no other pretraining takes its place.
+    Goes on where it was interrupted.
 
     Raises `UserError` for a backbone that is not a `ResNet`.
     """
     settings = {"epochs": epochs, "batch_size": batch_size, "lr": lr}
     config = {**OmegaConf.to_container(cfg, resolve=True), "pretrain": settings}
-    folder = RunFolder(Path(out), config)
+    version = code_version(shaping(config))
+    folder = RunFolder(Path(out) / f"{cfg.scale_name}-{version}", config)
     if get_class(cfg.model.backbone._target_) is not ResNet:
         raise UserError("model/backbone: task=pretrain trains a resnet; the others have their own")
     data = data_of(cfg, ready_dataset(cfg))
@@ -52,7 +57,7 @@ def pretrain(cfg: DictConfig, out: str, epochs: int, batch_size: int, lr: float)
             trainer.fit(module, *loaders, ckpt_path=checkpoint, weights_only=True)
         finally:
             folder.merge_metrics()
-        path = _write_weights(folder, backbone)
+        path = write_weights(folder.path, backbone)
     Console().print(f"model.backbone.weights={path}", highlight=False, soft_wrap=True)
     return "finished"
 
@@ -87,9 +92,12 @@ def _loader(cfg: DictConfig, data: SkyShieldData, part: str, batch_size: int) ->
     return data.loader(dataset, batches)
 
 
-def _write_weights(folder: RunFolder, backbone: ResNet) -> Path:
-    """The file, named after its content, as `load_weights` wants it."""
-    whole = folder.path / f"{NAME}.pth"
-    with replacing(whole) as temporary:
-        torch.save(backbone.state_dict(), temporary)
-    return whole.rename(whole.with_name(f"{NAME}-{sha256_of(whole)[:8]}.pth"))
+def write_weights(folder: Path, backbone: nn.Module) -> Path:
+    """Writes a file that is named after its content, as `models.weights` wants it."""
+    content = io.BytesIO()  # given a path, torch.save writes its name into the file
+    torch.save(backbone.state_dict(), content)
+    digest = hashlib.sha256(content.getvalue()).hexdigest()
+    path = folder / f"{NAME}-{digest[:8]}.pth"
+    with replacing(path) as temporary:
+        temporary.write_bytes(content.getvalue())
+    return path

@@ -15,7 +15,7 @@ from ..errors import UserError
 from ..report.attitude import SCORE, draw_attitude
 from ..report.attitude_evidence import AttitudeEvidence
 from ..report.attitude_tables import attitude_tables
-from ..report.ladder import FIRST, in_order, row_name
+from ..report.ladder import Ladder, ladder_named
 from ..report.ladder_report import LadderReport, ladder_report
 from ..report.ladder_tables import KEYS
 from ..report.report_page import write_report_page
@@ -35,24 +35,31 @@ ATTITUDE = "attitude.png"
 PRINTED = ("main", "ablation")
 
 
-def report(cfg: DictConfig, runs: list[str], out: str, mixed: bool, scenes: int) -> None:
+def report(
+    cfg: DictConfig,
+    runs: Sequence[str],
+    out: str,
+    mixed: bool,
+    scenes: int,
+    rungs: Sequence[str] = (),
+) -> None:
     """Writes the tables, figures and pages of `_write` to ``out``, and prints the main tables.
 
-    Without ``runs`` it takes all of the scale. Of so many ``scenes`` it shows what the lowest and
-    the highest rung predict, where the data set and their checkpoints are there. Raises `UserError`
-    where no run is finished, a run cannot be read, or runs may not be put beside each other and
-    ``mixed`` does not allow it.
+    Without ``runs`` it takes all of the scale, and without ``rungs`` the ladder is the paper's. Of
+    so many ``scenes`` it shows what the lowest and the highest rung predict, where the data set and
+    their checkpoints are there. Raises `UserError` where no run is finished, a run cannot be read,
+    or runs may not be put beside each other and ``mixed`` does not allow it.
     """
-    folder = Path(out)
+    folder, ladder = Path(out), ladder_named(list(rungs))
     finished, unfinished = _found(cfg, runs, folder)
-    groups = groups_of(finished, mixed)
+    groups = groups_of(finished, mixed, ladder)
     with Console().status("resampling"):
         made = ladder_report(groups, unfinished, parts_of)
         attitude = AttitudeEvidence(groups[0].runs)
-    shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes)
-    tables = (*made.tables, *attitude_tables(attitude))
+    shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes, ladder)
+    tables = (*made.tables, *attitude_tables(attitude, ladder))
     made = replace(made, tables=tables, missing=(*made.missing, *shown.missing))
-    figures = shown.figures | _attitude_figure(attitude, folder / FIGURES)
+    figures = shown.figures | _attitude_figure(attitude, ladder, folder / FIGURES)
     _write(made, figures, shown.scenes, folder)
     _print(made, folder)
 
@@ -74,18 +81,20 @@ def _found(
     return finished, unfinished
 
 
-def _attitude_figure(found: AttitudeEvidence, folder: Path) -> dict[Path, str]:
+def _attitude_figure(found: AttitudeEvidence, ladder: Ladder, folder: Path) -> dict[Path, str]:
     """The picture of what attitude does, and what it shows; none where nothing was scored."""
-    names = in_order(found.experiments)
+    names, first = ladder.in_order(found.experiments), ladder.first
     if not names:
         return {}
-    tables = {row_name(name): found.table(SCORE, name) for name in names}
-    above = [name for name in names if FIRST in names and name != FIRST]
-    gains = {row_name(name): found.table(SCORE, name, FIRST) for name in above}
-    draw_attitude(tables, folder / ATTITUDE, gains)
+    tables = {ladder.row_name(name): found.table(SCORE, name) for name in names}
+    above = [name for name in names if first in names and name != first]
+    gains = {ladder.row_name(name): found.table(SCORE, name, first) for name in above}
+    # Of rungs that have no seed in common there is no difference.
+    gains = {name: table for name, table in gains.items() if len(table)}
+    draw_attitude(tables, folder / ATTITUDE, gains, ladder.reference)
     return {
-        folder / ATTITUDE: "KAR-mIoU by tilt and what it gains over the baseline, and under a "
-        "wrongly measured attitude; bars are intervals over clips and seeds."
+        folder / ATTITUDE: f"KAR-mIoU by tilt and what it gains over {ladder.reference}, and under "
+        "a wrongly measured attitude; bars are intervals, as in the tables."
     }
 
 

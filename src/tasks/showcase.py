@@ -16,7 +16,7 @@ from ..errors import UserError
 from ..models.network import SkyOcc
 from ..ontology import CLASSES
 from ..report.hard_cases import HardCase, hard_cases
-from ..report.ladder import LADDER, row_name
+from ..report.ladder import PAPER, Ladder
 from ..report.qualitative import qualitative_sheet
 from ..report.scene import Scene
 from ..report.scored_runs import ScoredRun
@@ -36,32 +36,34 @@ class Showcase:
     missing: tuple[str, ...] = ()
 
 
-def showcase(cfg: DictConfig, runs: Sequence[ScoredRun], folder: Path, count: int) -> Showcase:
+def showcase(
+    cfg: DictConfig, runs: Sequence[ScoredRun], folder: Path, count: int, ladder: Ladder = PAPER
+) -> Showcase:
     """Up to ``count`` frames, by `hard_cases`, and the figures of them, drawn into ``folder``.
 
     Needs the data set and the runs' best checkpoints; without them it only says so.
     """
-    shown = ends_of(runs)
+    shown = ends_of(runs, ladder)
     if not count or not shown:
         return Showcase()
     root = Path(cfg.paths.dataset or Path(cfg.paths.data) / shown[0].tally.protocol.dataset)
     try:
-        networks = {row_name(run.experiment): network_of_run(run.path) for run in shown}
+        networks = {ladder.row_name(run.experiment): network_of_run(run.path) for run in shown}
         data = SkyShieldData(root, seed=0, **{**shown[0].config["data"], "workers": 0})
         return _drawn(data, networks, folder, count, shown[0].seed)
     except UserError as error:
         return Showcase(missing=(f"no pictures and no scenes: {error}",))
 
 
-def ends_of(runs: Sequence[ScoredRun]) -> list[ScoredRun]:
+def ends_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[ScoredRun]:
     """The lowest and the highest rung, of the lowest seed that most of the rungs have."""
-    rungs = [run for run in runs if run.experiment in LADDER]
+    rungs = [run for run in runs if run.experiment in ladder]
     seeds = sorted({run.seed for run in rungs})
     if not seeds:
         return []
     seed = max(seeds, key=lambda seed: sum(run.seed == seed for run in rungs))
     of_seed = {run.experiment: run for run in rungs if run.seed == seed}
-    there = [of_seed[name] for name in LADDER if name in of_seed]
+    there = [of_seed[name] for name in ladder.names if name in of_seed]
     return there if len(there) < 2 else [there[0], there[-1]]
 
 

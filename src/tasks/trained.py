@@ -11,7 +11,7 @@ from ..models.module import OccupancyModule
 from ..models.prior import VoxelPrior
 from ..run_folder import CONFIG, RunFolder, require_same_config
 from .dataset import data_of, ready_dataset
-from .model import load_weights, module_of, prior_of, require_buildable
+from .model import from_checkpoint, load_weights, module_of, prior_of, require_buildable
 from .precision import precision_of_run
 
 
@@ -38,6 +38,7 @@ def trained(cfg: DictConfig, task: str) -> Trained:
     its_run = checkpoint.parent.parent
     if (its_run / CONFIG).is_file():
         require_same_config(checkpoint, run.config, part="model")
+    cfg = from_checkpoint(cfg)
     require_buildable(cfg)
     data = data_of(cfg, ready_dataset(cfg))
     prior = prior_of(cfg, data)

@@ -24,7 +24,7 @@ def write_attitude(run, gain=0.0, seed=0):
         counted = tally(name, lambda target, n, r=right: predicted(target, r, 10 * seed + n))
         counted.write(folder / "tallies" / f"{name}.npz")
     columns = ["condition", "tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s"]
-    table = pd.DataFrame(CONDITIONS, columns=columns)
+    table = pd.DataFrame(CONDITIONS, columns=columns).assign(noise_seed=0)
     scored = [table.assign(score=score, value=0.5) for score in ("miou", "kar_miou")]
     pd.concat(scored).sort_values("condition").to_csv(folder / "attitude.csv", index=False)
     return folder

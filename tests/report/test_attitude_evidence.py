@@ -1,5 +1,8 @@
 """Scores by tilt and under a wrong attitude, of several runs together."""
 
+import dataclasses
+
+import pandas as pd
 import pytest
 
 from src.errors import UserError
@@ -8,7 +11,7 @@ from src.report.attitude_evidence import AttitudeEvidence
 from src.report.attitude_tables import attitude_tables
 from src.report.scored_runs import read_run
 from tests.report.attitude_runs import write_attitude
-from tests.report.ladder_runs import write_run
+from tests.report.ladder_runs import CLIPS, FRAMES, protocol, write_run
 
 SEEDS = (0, 1)
 
@@ -65,7 +68,14 @@ def test_tables_have_scores_and_below_them_the_gains(evidence):
         assert [name for name, _ in table.rows] == names
         assert table.lines == (2,)
     assert [cell.signed for cell in tilt.rows[2][1]] == [True, True]
-    assert "Seeds: baseline 0, 1; attitude 0, 1." in tilt.caption
+    assert "resamples of 2 seeds and, independently, of the clips" in tilt.caption
+    assert "Seeds: 0, 1." in tilt.caption
+
+
+def test_with_one_seed_it_is_not_said_that_seeds_were_drawn(folders):
+    tilt, _ = attitude_tables(AttitudeEvidence([read_run(folders["baseline", 0])]))
+    assert "resamples of the clips" in tilt.caption
+    assert "With one seed only clips are drawn" in tilt.caption
 
 
 def test_the_table_of_a_figure_is_in_shares_as_in_the_file(evidence):
@@ -79,6 +89,51 @@ def test_runs_without_such_scores_have_no_table(folders):
     found = AttitudeEvidence([read_run(folders["weights", 0])])
     assert found.experiments == []
     assert attitude_tables(found) == []
+
+
+def pair(tmp_path):
+    """A baseline and an attitude run, each with scores by attitude."""
+    runs = [write_run(tmp_path, name) for name in ("baseline", "attitude")]
+    for run in runs:
+        write_attitude(run)
+    return runs
+
+
+def test_scores_under_other_conditions_are_not_put_beside_each_other(tmp_path):
+    runs = pair(tmp_path)
+    path = runs[1] / "attitude/attitude.csv"
+    table = pd.read_csv(path).assign(noise_seed=1)
+    table.to_csv(path, index=False)
+    with pytest.raises(
+        UserError, match=r"attitude\.csv: .* has noise_seed=1, and elsewhere 0; sco"
+    ):
+        AttitudeEvidence([read_run(run) for run in runs])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"protocol": protocol("tiny-4567")},
+            r"noise_3deg\.npz: was scored with dataset=tiny-4567",
+        ),
+        ({"clips": [f"x/{n}" for n in range(len(CLIPS))]}, r"was scored on other frames than "),
+        ({"frames": FRAMES[::-1]}, r"was scored on other frames than "),
+    ],
+)
+def test_scores_of_other_frames_are_not_put_beside_each_other(tmp_path, change, message):
+    runs = pair(tmp_path)
+    path = runs[1] / "attitude/tallies/noise_3deg.npz"
+    dataclasses.replace(Tally.read(path), **change).write(path)
+    with pytest.raises(UserError, match=message):
+        AttitudeEvidence([read_run(run) for run in runs])
+
+
+def test_a_condition_without_its_counts_is_one_line(tmp_path):
+    runs = pair(tmp_path)[:1]
+    (runs[0] / "attitude/tallies/delay_0.2s.npz").unlink()
+    with pytest.raises(UserError, match=r"delay_0\.2s\.npz: is not there; run task=attitude again"):
+        AttitudeEvidence([read_run(run) for run in runs])
 
 
 def test_what_cannot_be_read_is_one_line(tmp_path):

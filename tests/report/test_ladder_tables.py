@@ -1,12 +1,16 @@
 """The paper's tables: their rows, their columns, and what a missing rung leaves of them."""
 
+import dataclasses
 import math
 from itertools import pairwise
 
 import pytest
 
+from src.errors import UserError
+from src.metrics.safety import BLOCKED
 from src.ontology import CLASSES
 from src.report.evidence import Evidence
+from src.report.ladder import PAPER, ladder_named
 from src.report.ladder_tables import (
     ablation_table,
     beyond_table,
@@ -15,7 +19,7 @@ from src.report.ladder_tables import (
     main_table,
     progression_table,
 )
-from src.report.report_table import Cell
+from src.report.report_table import Cell, Column, ReportTable
 from src.report.scored_part import ScoredPart
 from tests.report.ladder_runs import CLIPS, RIGHT, predicted, tally
 
@@ -152,6 +156,60 @@ def test_scores_beyond_the_paper_say_which_end_is_better(part):
     rates = numbers(table, "false_free_rate")
     (marked,) = table.best_rows(4)
     assert rates[table.rows[marked][0]] == min(rates.values())
+
+
+def test_the_caption_says_how_many_frames_have_something_in_the_way(part, tallies):
+    frames = tallies["skyocc"][0].tables["safety"]["frames"][:, BLOCKED]
+    of_clips = int((frames > 0).sum())
+    words = f"rests on the {int(frames.sum())} frames, of {of_clips} clips, with something in the"
+    assert words in beyond_table([part]).caption
+    assert of_clips
+
+
+def test_the_best_row_is_one_of_those_that_were_scored_alike():
+    cells = [("a", (Cell(1.0),)), ("b", (Cell(2.0),)), ("elsewhere", (Cell(3.0),))]
+    column = Column("score", "Score", best="high")
+    assert ReportTable("k", "t", "c", (column,), tuple(cells), ranked=2).best_rows(0) == {1}
+
+
+# ----------------------------------------------------------------------------------- an own ladder
+
+
+def test_an_own_ladder_has_its_own_rungs_and_reference(tallies):
+    ladder = ladder_named(["weights", "skyocc", "lss"])
+    part = dataclasses.replace(part_of(tallies), ladder=ladder)
+    marks = MARKS | {"lss": ("✓", "✓", "✓")}
+    table = ablation_table(part, marks)
+    rows = [name for name, _ in table.rows]
+    assert rows == ["+ Safety-prior class weights", "SkyShield", "lss"]
+    assert "relative to + Safety-prior class weights." in table.caption
+    changes = column(table, "delta_kar_miou")
+    expected = part.evidence.difference("lss", "weights", "kar_miou")
+    assert changes["lss"] == expected
+    assert changes["+ Safety-prior class weights"].value == 0
+    steps = incremental_table(part)
+    assert [name for name, _ in steps.rows] == ["Lovász-Softmax", "lss"]
+    assert column(steps, "delta_miou")["lss"] == part.evidence.difference("lss", "skyocc", "miou")
+    names = [name for name, _ in progression_table(part, 4).rows]
+    assert names == ["+ Safety-prior class weights", "+ Lovász-Softmax", "lss"]
+    assert "lss" in {name for name, _ in main_table([part]).rows}
+    assert part.others == ["attitude", "baseline", "bilinear"]
+
+
+def test_a_step_that_the_paper_does_not_take_has_not_its_name(tallies):
+    part = dataclasses.replace(part_of(tallies), ladder=ladder_named(["baseline", "skyocc"]))
+    assert [name for name, _ in incremental_table(part).rows] == ["SkyShield"]
+    assert next(name for name, _ in progression_table(part, 4).rows) == "Multi-frame baseline"
+
+
+@pytest.mark.parametrize("names", [["skyocc", "skyocc"], ["skyocc", "all_free"]])
+def test_a_rung_twice_or_an_anchor_is_refused(names):
+    with pytest.raises(UserError, match=r"^task\.rungs: "):
+        ladder_named(names)
+
+
+def test_without_names_it_is_the_papers():
+    assert ladder_named([]) == PAPER == ladder_named(list(PAPER.names))
 
 
 def test_scores_that_no_run_has_are_no_columns():

@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from src.errors import UserError
+from src.report.ladder_tables import main_table
 from src.report.run_group import groups_of
 from src.report.scored_runs import read_run
 from src.tasks.scoring import parts_of
@@ -76,6 +77,13 @@ def test_a_mixed_report_keeps_other_protocols_apart_and_the_ladder_first(tmp_pat
     assert first.label == ""
     assert names(second) == ["attitude seed 0"]
     assert second.label == " (2: dataset=tiny-4567)"
+    parts = [group.scored_parts(parts_of)[0] for group in (first, second)]
+    table = main_table(parts)
+    assert [name for name, _ in table.rows][
+        -3
+    ] == "+ Attitude-aware projection (2: dataset=tiny-4567)"
+    assert table.best_rows(0) <= {*range(table.ranked)}, "no rival of what others were scored on"
+    assert table.ranked == len(table.rows) - 3
 
 
 @pytest.mark.parametrize("mixed", [False, True])

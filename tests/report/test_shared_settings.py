@@ -3,7 +3,7 @@
 import pytest
 from omegaconf import OmegaConf
 
-from src.report.ladder import FACTORS, LADDER, factors_of
+from src.report.ladder import FACTORS, PAPER, factors_of, ladder_named
 from src.report.scored_runs import read_run
 from src.report.shared_settings import (
     code_lines,
@@ -23,16 +23,16 @@ def run(tmp_path):
     return lambda *words, **changes: read_run(write_run(tmp_path, *words, **changes))
 
 
-@pytest.mark.parametrize("experiment", LADDER)
+@pytest.mark.parametrize("experiment", PAPER.names)
 def test_the_factors_are_read_from_what_an_experiment_composes(experiment):
     cfg = compose_config("scale=tiny", f"+experiment={experiment}")
     config = OmegaConf.to_container(cfg, resolve=True)
-    assert factors_of(config) == LADDER[experiment].factors
+    assert factors_of(config) == PAPER.rungs[experiment].factors
     assert config["name"] == experiment
 
 
 def test_a_clean_ladder_shares_all_but_its_factors_and_the_seed(run):
-    runs = [run(name, seed) for name in LADDER for seed in (0, 1)]
+    runs = [run(name, seed) for name in PAPER.names for seed in (0, 1)]
     assert list(differing(runs)) == [*FACTORS, "seed"]
     assert surprises(runs) == []
     said = statement(runs)
@@ -68,12 +68,46 @@ def test_a_setting_beside_the_factors_is_no_clean_comparison(run):
     assert "AdamW" not in said
     assert "8 epochs" not in said
     assert "tuned" not in said
-    assert "same order" in said
 
 
-def test_another_order_of_the_data_is_not_called_the_same(run):
-    runs = [run("baseline", 0), run("skyocc", 0, data__order="streams")]
+@pytest.mark.parametrize(
+    ("same", "changes"),
+    [
+        (True, {"optimizer__lr": 0.01}),
+        (False, {"data__order": "streams"}),
+        (False, {"trainer__max_epochs": 9}),
+        (False, {"code": "other"}),
+    ],
+)
+def test_the_same_frames_in_the_same_order_is_said_where_it_is_so(run, same, changes):
+    runs = [run("baseline", 0), run("skyocc", 0, **changes)]
+    assert ("see the same frames in the same order" in statement(runs)) is same
+
+
+def test_unknown_code_is_not_called_the_same(run):
+    runs = [run(name, code=None) for name in ("baseline", "skyocc")]
     assert "same order" not in statement(runs)
+
+
+def test_an_own_rung_may_differ_and_is_told_by_how(run):
+    runs = [run("weights"), run("skyocc"), run("mine", 0, optimizer__lr=0.01)]
+    ladder = ladder_named(["weights", "skyocc", "mine"])
+    assert surprises(runs, ladder) == []
+    (line,) = other_experiments(runs, ladder)
+    assert line == "mine is skyocc but for optimizer.lr = 0.01 (0.002)"
+    said = statement(runs, ladder)
+    assert said.startswith("All 3 runs of the ladder share every setting but: ")
+    assert "tuned" not in said
+    runs.append(run("attitude", 0, optimizer__lr=0.03))
+    ladder = ladder_named(["attitude", *ladder.names])
+    (line,) = surprises(runs, ladder)
+    assert line.startswith("the rungs differ in optimizer.lr: ")
+
+
+def test_of_a_ladder_without_any_of_the_papers_rungs_the_lowest_is_the_reference(run):
+    runs = [run("one"), run("two", 0, optimizer__lr=0.01)]
+    lines = other_experiments(runs, ladder_named(["one", "two"]))
+    assert lines == ["two is one but for optimizer.lr = 0.01 (0.002)"]
 
 
 def test_a_difference_that_only_two_later_rungs_show_is_found(run):

@@ -52,6 +52,12 @@ def test_a_runs_network_flies_without_the_data(words):
 
 
 @pytest.mark.slow
+def test_the_file_that_the_encoder_began_with_need_not_be_there(words):
+    cfg = compose_config(*words, "ckpt_path=best", "model.backbone.weights=gone.pth")
+    assert trained(cfg, "test").module is not None
+
+
+@pytest.mark.slow
 def test_what_cannot_be_exported_is_refused(words):
     with pytest.raises(UserError, match="ckpt_path: task=export needs a checkpoint"):
         export(compose_config(*words), formats=["onnx"], frames=5, tolerance=1e-3)

@@ -1,6 +1,7 @@
 """task=pretrain: weights for the image encoder, the same however often it was interrupted."""
 
 import hashlib
+import os
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from src.models.backbone import ResNet
 from src.models.image_pretraining import ImagePretraining
 from src.tasks.dataset import data_of, ready_dataset
 from src.tasks.model import module_of, prior_of
-from src.tasks.pretrain import pretrain
+from src.tasks.pretrain import pretrain, write_weights
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 SETTINGS = {"epochs": 2, "batch_size": 4, "lr": 2e-3}
@@ -35,7 +36,11 @@ def weights(cfg, tmp_path_factory):
     """The file of an undisturbed pretraining."""
     folder = tmp_path_factory.mktemp("whole")
     pretrain(cfg, str(folder), **SETTINGS)
-    (path,) = folder.glob("*.pth")
+    return written(folder)
+
+
+def written(folder):
+    (path,) = folder.glob("tiny-*/*.pth")
     return path
 
 
@@ -64,14 +69,32 @@ def test_it_goes_on_where_it_was_interrupted(weights, cfg, tmp_path, monkeypatch
         patched.setattr(ImagePretraining, "training_step", stopping)
         with pytest.raises(Stop):
             pretrain(cfg, str(tmp_path), **SETTINGS)
-    assert not list(tmp_path.glob("*.pth"))
+    assert not list(tmp_path.rglob("*.pth"))
     steps = []
     monkeypatch.setattr(
         ImagePretraining, "training_step", lambda *a: steps.append(a[0].current_epoch) or step(*a)
     )
     pretrain(cfg, str(tmp_path), **SETTINGS)
     assert set(steps) == {1}
-    assert (tmp_path / weights.name).read_bytes() == weights.read_bytes()
+    again = written(tmp_path)
+    assert again.name == weights.name
+    assert again.read_bytes() == weights.read_bytes()
+
+
+def test_the_file_does_not_depend_on_the_process_that_writes_it(tmp_path, monkeypatch):
+    """A sweep that is given a file of another name begins anew."""
+    backbone, names = torch.nn.Linear(2, 2), set()
+    for process in (11, 22):
+        monkeypatch.setattr(os, "getpid", lambda process=process: process)
+        names.add(write_weights(tmp_path, backbone).name)
+    assert len(names) == 1
+
+
+def test_another_schedule_leaves_the_file_where_it_is(weights, cfg):
+    place = weights.parents[1]
+    pretrain(cfg, str(place), **{**SETTINGS, "epochs": 1})
+    assert weights.is_file()
+    assert len(list(place.glob("tiny-*/*.pth"))) == 2
 
 
 def test_no_frame_of_the_test_split_is_read(cfg, tmp_path, monkeypatch):

@@ -28,11 +28,11 @@ def runs(ladder, tmp_path):
     return shutil.copytree(ladder, tmp_path / "runs/tiny")
 
 
-def reported(runs, *places, out=None, mixed=False, scenes=0):
+def reported(runs, *places, out=None, mixed=False, scenes=0, rungs=()):
     """The folder of the report on a scale's runs, whose networks do not exist."""
     cfg = compose_config("task=report", "scale=tiny", f"paths.runs={runs.parent}")
     out = out or cfg.task.out
-    report(cfg, [str(place) for place in places], out, mixed, scenes)
+    report(cfg, [str(place) for place in places], out, mixed, scenes, rungs)
     return runs.parent / "tiny/report" if out == cfg.task.out else out
 
 
@@ -130,6 +130,36 @@ def test_scores_by_tilt_are_reported_where_they_are(runs):
 
 
 # -------------------------------------------------------------------------------- what is missing
+
+
+def test_scores_by_tilt_of_rungs_without_a_common_seed_have_no_gains(tmp_path):
+    runs = tmp_path / "runs/tiny"
+    for name, seed in (("baseline", 0), ("attitude", 1)):
+        write_attitude(write_run(runs, name, seed))
+    out = reported(runs)
+    assert (out / "figures/attitude.png").is_file()
+    assert table(out, "attitude_tilt")["tilt_0_5deg"].notna().tolist() == [True, True, False]
+
+
+def test_many_experiments_have_scores_by_tilt(tmp_path):
+    runs = tmp_path / "runs/tiny"
+    for n in range(8):
+        write_attitude(write_run(runs, f"own{n}"))
+    assert (reported(runs) / "figures/attitude.png").is_file()
+
+
+def test_an_own_ladder_is_reported_as_the_papers_is(runs):
+    for seed in range(3):
+        write_run(runs, "mine", seed, optimizer__lr=0.01)
+    out = reported(runs, rungs=["baseline", "skyocc", "mine"])
+    ablation, main = table(out, "ablation"), table(out, "main")
+    assert ablation.index.tolist() == ["Baseline", "SkyShield", "mine"]
+    expected = main.loc["mine", "kar_miou"] - main.loc["Baseline", "kar_miou"]
+    assert ablation.loc["mine", "delta_kar_miou"] == pytest.approx(expected)
+    page = (out / "report.md").read_text().replace("\\_", "_")
+    assert "mine is skyocc but for optimizer.lr = 0.01 (0.002)" in page
+    assert "Not a clean comparison" not in page
+    assert "weights seed" not in page
 
 
 def test_without_data_set_or_checkpoints_it_says_so_and_has_no_scenes(runs):

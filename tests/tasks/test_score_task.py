@@ -1,5 +1,8 @@
 """task=score and task=compare as their user meets them."""
 
+import dataclasses
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -177,6 +180,15 @@ def test_other_protocols_are_not_compared(dataset, runs, tmp_path):
     with pytest.raises(UserError, match=r"^other: was scored with metric.horizon_s=4.0, and blind"):
         compare(config_for(dataset, "none"), [runs[0], str(folder)], str(tmp_path / "out"))
     assert not (tmp_path / "out").exists()
+
+
+def test_other_frames_of_the_same_clips_are_not_compared(dataset, runs, tmp_path):
+    (path,) = Path(runs[1]).glob("tallies/perfect.npz")
+    tally = Tally.read(path)
+    first, second = tally.frames
+    dataclasses.replace(tally, frames=[first - 1, second + 1]).write(path)
+    with pytest.raises(UserError, match=r"^perfect: has other clips or frames than blind; score"):
+        compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
 
 
 def test_runs_of_one_name_are_told_apart_by_their_folders(dataset, tmp_path):
