@@ -16,6 +16,9 @@ from .scores import TALLIES
 ATTITUDE, TABLE = "attitude", "attitude.csv"
 FACTS = ["tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s", "noise_seed"]
 """What tells the conditions apart; the columns of ``attitude.csv`` that are no scores."""
+TRUE, OCCUPANCY = "true", "occupancy"
+TOLERANCE = 1e-3
+"""Another machine, or another batch, may tip a voxel."""
 AGAIN = "score both alike with task=attitude"
 
 
@@ -34,6 +37,8 @@ class AttitudeEvidence:
         conditions = pd.concat(tables.values()) if tables else pd.DataFrame(columns=FACTS)
         self.conditions = conditions[~conditions.index.duplicated()]
         _require_alike(tables, self.conditions)
+        for run in scored:
+            _require_own(run)
         self.evidence = {name: self._evidence(name, scored) for name in self.conditions.index}
         self.experiments = list(dict.fromkeys(run.experiment for run in scored))
 
@@ -88,8 +93,29 @@ class AttitudeEvidence:
         return pd.DataFrame(rows)
 
 
+def _require_own(run: ScoredRun) -> None:
+    """Scores under the true attitude are those of the run."""
+    path = run.path / ATTITUDE / TALLIES / f"{TRUE}.npz"
+    if not path.is_file():
+        return
+    tables = {key: table.sum(0) for key, table in Tally.read(path).tables[OCCUPANCY].items()}
+    found = float(run.tally.suite().metric(OCCUPANCY).scores(tables)["miou"])
+    if abs(found - run.row["miou"]) > TOLERANCE:
+        raise UserError(
+            f"{path}: has mIoU {100 * found:.2f} %, and the run {100 * run.row['miou']:.2f} %; "
+            "run task=attitude on the run's best checkpoint again"
+        )
+
+
 def _require_alike(tables: Mapping[Path, pd.DataFrame], conditions: pd.DataFrame) -> None:
-    """Conditions of one name are one condition in all runs."""
+    """Conditions of one name are one condition in all runs, and all have the same bins of tilt."""
+    bins = {
+        path: [name for name in table.index if "tilt" in name] for path, table in tables.items()
+    }
+    for path, names in bins.items():
+        first = next(iter(bins))
+        if sorted(names) != sorted(bins[first]):
+            raise UserError(f"{path}: has other bins of tilt than {first}; {AGAIN}")
     for path, table in tables.items():
         same = table.eq(conditions.loc[table.index])
         for name, key in [(name, key) for name in table.index for key in FACTS]:

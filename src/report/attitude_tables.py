@@ -53,7 +53,7 @@ def _table(
         lines = (len(rows),)
         rows += [
             (
-                f"Gain of {name}",
+                f"Gain of {ladder.row_name(name).removeprefix('+ ')}",
                 tuple(found.gain(column.key, name, first, SCORE) for column in columns),
             )
             for name in experiments

@@ -39,8 +39,7 @@ class LadderReport:
     and ``others`` what the experiments that are no rung are. ``differing`` has the values of every
     setting in which the runs of the ladder differ, and ``seeds`` a row for each run and part."""
 
-    ladder: Ladder
-    runs: tuple[ScoredRun, ...]
+    groups: tuple[RunGroup, ...]
     tables: tuple[ReportTable, ...]
     settings: str
     differing: Values
@@ -48,6 +47,23 @@ class LadderReport:
     missing: tuple[str, ...]
     others: tuple[str, ...]
     seeds: pd.DataFrame
+
+    @property
+    def ladder(self) -> Ladder:
+        return self.groups[0].ladder
+
+    @property
+    def runs(self) -> list[ScoredRun]:
+        return [run for group in self.groups for run in group.runs]
+
+    @property
+    def named_runs(self) -> list[tuple[str, ScoredRun]]:
+        """Every run, and what its experiment is called in the tables."""
+        return [
+            (group.ladder.row_name(run.experiment) + group.label, run)
+            for group in self.groups
+            for run in group.runs
+        ]
 
     def table(self, key: str) -> ReportTable | None:
         """The table of a key, if it is there."""
@@ -58,10 +74,12 @@ def ladder_report(
     groups: Sequence[RunGroup],
     unfinished: Sequence[UnfinishedRun],
     parts_of: Callable[[Sequence[str]], Parts],
+    seeds: Sequence[int] = (),
 ) -> LadderReport:
     """The report of finished runs, and of what is missing beside them.
 
-    ``parts_of`` gives the parts of the test split for the clips that were never trained on. Raises
+    ``parts_of`` gives the parts of the test split for the clips that were never trained on, and
+    ``seeds`` are those that every rung is to have, beside the ones that are there. Raises
     `UserError` for tallies and results that do not belong together.
     """
     runs = [run for group in groups for run in group.runs]
@@ -74,13 +92,12 @@ def ladder_report(
         for table in _tables(part, [p for g, p in scored if g is not group], rungs)
     ]
     return LadderReport(
-        ladder=ladder,
-        runs=tuple(runs),
+        groups=tuple(groups),
         tables=tuple(table for table in tables if table.rows and table.columns),
         settings=statement(rungs or groups[0].runs, ladder),
         differing=differing(rungs or groups[0].runs),
         warnings=(*surprises(rungs, ladder), *code_lines(runs), *_mixed(groups)),
-        missing=tuple(_missing(groups, unfinished)),
+        missing=tuple(_missing(groups, unfinished, seeds)),
         others=tuple(other_experiments(groups[0].runs, ladder)),
         seeds=_seeds(scored),
     )
@@ -94,13 +111,15 @@ def _tables(
     tables = [main_table(parts), ablation_table(part, marks_of(rungs))]
     # The paper has these of the whole split alone.
     if part.name == "test" and rungs:
-        frames = rungs[0].config["data"]["frames"]
+        frames = {run.config["data"]["frames"] for run in rungs}
         tables += [long_tail_table(part, frames), incremental_table(part)]
         tables.append(progression_table(part, frames))
     return [*tables, beyond_table(parts)]
 
 
-def _missing(groups: Sequence[RunGroup], unfinished: Sequence[UnfinishedRun]) -> list[str]:
+def _missing(
+    groups: Sequence[RunGroup], unfinished: Sequence[UnfinishedRun], planned: Sequence[int]
+) -> list[str]:
     """Runs of the ladder that a full sweep over the seeds would have, and other unfinished ones."""
     there, apart = (
         {(run.experiment, run.seed) for group in some for run in group.runs}
@@ -110,7 +129,7 @@ def _missing(groups: Sequence[RunGroup], unfinished: Sequence[UnfinishedRun]) ->
     begun = {(run.experiment, run.seed): run for run in unfinished}
     of_ladder = {key for key in (*there, *begun) if key[0] in ladder}
     lines = []
-    seeds = sorted({seed for _, seed in of_ladder})
+    seeds = sorted({*planned, *(seed for _, seed in of_ladder)})
     for key in product(ladder.names, seeds):
         if key not in there | apart:
             run = begun.pop(key, None)
@@ -139,7 +158,7 @@ def _mixed(groups: Sequence[RunGroup]) -> list[str]:
     """What stands in the report although it cannot be compared."""
     return [
         f"scored unlike the others{group.label}, so without differences: "
-        f"{', '.join(map(str, group.runs))}"
+        f"{', '.join(map(str, group.runs))}. {statement(group.runs, group.ladder)}"
         for group in groups[1:]
     ]
 
@@ -149,7 +168,7 @@ def _seeds(scored: Sequence[tuple[RunGroup, ScoredPart]]) -> pd.DataFrame:
     scores = [*SCORES, *(score for score in BEYOND if score not in SCORES)]
     rows = [
         {
-            **{"experiment": run.experiment, "seed": run.seed, "split": part.name},
+            **{"experiment": run.experiment + group.label, "seed": run.seed, "split": part.name},
             **{"dataset": part.dataset, "clips": part.evidence.clips},
             **{name: part.evidence.value(run.experiment, run.seed, name) for name in scores},
         }

@@ -4,7 +4,7 @@ Numbers are percentages, differences percentage points. Each function leaves out
 not there; a difference from one of these is an empty cell.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 
 from ..ontology import CLASSES, NUM_CLASSES
@@ -96,7 +96,7 @@ def ablation_table(part: ScoredPart, marks: Mapping[str, Sequence[str]]) -> Repo
     return _of_rungs(part, "ablation", "Ablation study", text, [*factors, *columns], rows)
 
 
-def long_tail_table(part: ScoredPart, frames: int) -> ReportTable:
+def long_tail_table(part: ScoredPart, frames: Collection[int]) -> ReportTable:
     """The paper's table of thin structures, large vehicles, cars and VRUs, and what the full model
     gains."""
     columns = [_score(f"iou/{name}", CLASS_NAMES[name]) for name in LONG_TAIL]
@@ -135,16 +135,17 @@ def incremental_table(part: ScoredPart) -> ReportTable:
     return _of_rungs(part, *table, columns, rows, head="Added component")
 
 
-def progression_table(part: ScoredPart, frames: int) -> ReportTable:
-    """The paper's multi-frame progression, with the gap between its two means."""
+def progression_table(part: ScoredPart, frames: Collection[int]) -> ReportTable:
+    """The paper's multi-frame progression, with the gap between its two means; ``frames`` are the
+    numbers of frames that predictions see, which is one number for the paper's rungs."""
     changes = {"miou": "mIoU", "kar_miou": "KAR"}
     columns = [*_means(), *(_change(*change, best="high") for change in changes.items())]
-    columns.append(Column("gap", "Gap"))
+    columns.append(Column("gap", "Gap", best="low"))
     rows = [(_added(part, name, frames), _cells(part, name, columns)) for name in part.rungs]
     text = (
-        f"Each prediction sees {frames} frame{'s' * (frames > 1)}. Δ values are relative to "
-        f"{part.ladder.reference}. All numbers are percentages. The gap is mIoU less KAR-mIoU: "
-        "what leaving free space out and weighing by time to collision take together."
+        f"Each prediction sees {_either(frames)} frame{'s' * (max(frames) > 1)}. Δ values are "
+        f"relative to {part.ladder.reference}. All numbers are percentages. The gap is mIoU less "
+        "KAR-mIoU: what leaving free space out and weighing by time to collision take together."
     )
     return _of_rungs(part, "progression", f"{_kind(frames)} progression", text, columns, rows)
 
@@ -215,11 +216,15 @@ def _change(score: str, name: str, best: str | None = None) -> Column:
     return Column(DELTA + score, f"Δ {name}", signed=True, best=best)
 
 
-def _kind(frames: int) -> str:
-    return "Multi-frame" if frames > 1 else "Single-frame"
+def _either(numbers: Collection[int]) -> str:
+    return " or ".join(map(str, sorted(numbers)))
 
 
-def _added(part: ScoredPart, name: str, frames: int) -> str:
+def _kind(frames: Collection[int]) -> str:
+    return "Multi-frame" if max(frames) > 1 else "Single-frame"
+
+
+def _added(part: ScoredPart, name: str, frames: Collection[int]) -> str:
     """A rung by what it adds, as the paper's appendix names them."""
     if name == part.ladder.first == PAPER.first:
         return f"{_kind(frames)} baseline"

@@ -6,7 +6,6 @@ from pathlib import Path
 from ..run_folder import METRICS
 from .curve_plot import CurvePlot
 from .curves import TRAIN_LOSS, read_curve
-from .ladder import Ladder
 from .ladder_report import LadderReport
 from .page import write_page
 from .picture import Picture
@@ -36,31 +35,28 @@ def write_report_page(
     """
     facts = {
         name.replace("`", ""): value
-        for name, value in (facts_of(report.runs) | {"Settings": report.settings}).items()
+        for name, value in (facts_of(report) | {"Settings": report.settings}).items()
     }
     write_page(
         path,
         heading,
         list(facts.items()),
         report.tables,
-        _plots(report.runs, report.ladder),
+        _plots(report.named_runs),
         [Picture(picture.read_bytes(), caption) for picture, caption in figures.items()],
         scenes,
         [*report.warnings, *report.missing],
     )
 
 
-def _plots(runs: Sequence[ScoredRun], ladder: Ladder) -> list[CurvePlot]:
+def _plots(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[CurvePlot]:
     """The learning curves of the runs that have a log."""
-    logs = [(run, log) for run in runs if (log := run.path / METRICS).is_file()]
+    logs = [(name, log) for name, run in named_runs if (log := run.path / METRICS).is_file()]
     return [
         CurvePlot(
             title,
             unit,
-            tuple(
-                read_curve(log, column, ladder.row_name(run.experiment), 100 if unit == "%" else 1)
-                for run, log in logs
-            ),
+            tuple(read_curve(log, column, name, 100 if unit == "%" else 1) for name, log in logs),
         )
         for column, (title, unit) in PLOTS.items()
         if logs

@@ -15,7 +15,7 @@ def report_text(report: LadderReport, heading: str, figures: Mapping[str, str]) 
     """
     blocks = [
         f"# {heading}",
-        "\n".join(f"- {name}: {escaped(value)}" for name, value in facts_of(report.runs).items()),
+        "\n".join(f"- {name}: {escaped(value)}" for name, value in facts_of(report).items()),
         *_list("Not a clean comparison", report.warnings),
         *_list("Missing", report.missing),
         *_settings(report),
@@ -33,11 +33,13 @@ def report_text(report: LadderReport, heading: str, figures: Mapping[str, str]) 
     return "\n\n".join(blocks) + "\n"
 
 
-def facts_of(runs: Sequence[ScoredRun]) -> dict[str, str]:
+def facts_of(report: LadderReport) -> dict[str, str]:
     """Which runs, data and code the numbers rest on."""
     by_experiment: dict[str, list[str]] = {}
-    for run in runs:
-        by_experiment.setdefault(run.experiment, []).append(str(run.seed))
+    for group in report.groups:
+        for run in group.runs:
+            by_experiment.setdefault(run.experiment + group.label, []).append(str(run.seed))
+    runs = report.runs
     facts = {
         "Runs": [f"{name}, seed {', '.join(seeds)}" for name, seeds in by_experiment.items()],
         "Data set": [run.tally.protocol.dataset for run in runs],

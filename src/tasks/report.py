@@ -42,19 +42,21 @@ def report(
     mixed: bool,
     scenes: int,
     rungs: Sequence[str] = (),
+    seeds: Sequence[int] = (),
 ) -> None:
     """Writes the tables, figures and pages of `_write` to ``out``, and prints the main tables.
 
-    Without ``runs`` it takes all of the scale, and without ``rungs`` the ladder is the paper's. Of
-    so many ``scenes`` it shows what the lowest and the highest rung predict, where the data set and
-    their checkpoints are there. Raises `UserError` where no run is finished, a run cannot be read,
-    or runs may not be put beside each other and ``mixed`` does not allow it.
+    Without ``runs`` it takes all of the scale, and without ``rungs`` the ladder is the paper's;
+    runs of ``seeds`` that are not there are named as missing. Of so many ``scenes`` it shows what
+    the lowest and the highest rung predict, where the data set and their checkpoints are there.
+    Raises `UserError` where no run is finished, a run cannot be read, or runs may not be put beside
+    each other and ``mixed`` does not allow it.
     """
     folder, ladder = Path(out), ladder_named(list(rungs))
     finished, unfinished = _found(cfg, runs, folder)
     groups = groups_of(finished, mixed, ladder)
     with Console().status("resampling"):
-        made = ladder_report(groups, unfinished, parts_of)
+        made = ladder_report(groups, unfinished, parts_of, list(seeds))
         attitude = AttitudeEvidence(groups[0].runs)
     shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes, ladder)
     tables = (*made.tables, *attitude_tables(attitude, ladder))

@@ -1,7 +1,10 @@
 """What task=attitude leaves in run folders, with random predictions instead of networks."""
 
+import dataclasses
+
 import pandas as pd
 
+from src.metrics.tally import Tally
 from tests.report.ladder_runs import predicted, tally
 
 CONDITIONS = [  # name, tilt from and to, noise, delay
@@ -16,12 +19,18 @@ RIGHT = {"true": 0.5, "tilt_0_5deg": 0.5, "tilt_5_infdeg": 0.3, "noise_3deg": 0.
 
 
 def write_attitude(run, gain=0.0, seed=0):
-    """``<run>/attitude/``; ``gain`` more of the voxels are right where the UAV is tilted."""
+    """``<run>/attitude/``; ``gain`` more of the voxels are right where the UAV is tilted. Under the
+    true attitude they are those of the run."""
     folder = run / "attitude"
     (folder / "tallies").mkdir(parents=True)
     for name, *_ in CONDITIONS:
         right = RIGHT.get(name, 0.2) + gain * (name == "tilt_5_infdeg")
-        counted = tally(name, lambda target, n, r=right: predicted(target, r, 10 * seed + n))
+        own = Tally.read(run / f"tallies/{run.parent.name}.npz")
+        counted = (
+            dataclasses.replace(own, name=name)
+            if name == "true"
+            else tally(name, lambda target, n, r=right: predicted(target, r, 10 * seed + n))
+        )
         counted.write(folder / "tallies" / f"{name}.npz")
     columns = ["condition", "tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s"]
     table = pd.DataFrame(CONDITIONS, columns=columns).assign(noise_seed=0)

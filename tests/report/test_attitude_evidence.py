@@ -11,7 +11,7 @@ from src.report.attitude_evidence import AttitudeEvidence
 from src.report.attitude_tables import attitude_tables
 from src.report.scored_runs import read_run
 from tests.report.attitude_runs import write_attitude
-from tests.report.ladder_runs import CLIPS, FRAMES, protocol, write_run
+from tests.report.ladder_runs import CLIPS, FRAMES, predicted, protocol, tally, write_run
 
 SEEDS = (0, 1)
 
@@ -63,7 +63,7 @@ def test_tables_have_scores_and_below_them_the_gains(evidence):
     tilt, faults = attitude_tables(evidence)
     assert [column.name for column in tilt.columns] == ["0–5° (7 frames)", "from 5° (7 frames)"]
     assert [column.name for column in faults.columns] == ["true", "3° noise", "0.2 s late"]
-    names = ["Baseline", "+ Attitude-aware projection", "Gain of attitude"]
+    names = ["Baseline", "+ Attitude-aware projection", "Gain of Attitude-aware projection"]
     for table in (tilt, faults):
         assert [name for name, _ in table.rows] == names
         assert table.lines == (2,)
@@ -126,6 +126,25 @@ def test_scores_of_other_frames_are_not_put_beside_each_other(tmp_path, change, 
     path = runs[1] / "attitude/tallies/noise_3deg.npz"
     dataclasses.replace(Tally.read(path), **change).write(path)
     with pytest.raises(UserError, match=message):
+        AttitudeEvidence([read_run(run) for run in runs])
+
+
+def test_scores_of_another_checkpoint_are_refused(tmp_path):
+    run = pair(tmp_path)[0]
+    other = tally("true", lambda target, n: predicted(target, 0.9, n))
+    other.write(run / "attitude/tallies/true.npz")
+    with pytest.raises(
+        UserError, match=r"true\.npz: has mIoU .* %, and the run .* best checkpoint"
+    ):
+        AttitudeEvidence([read_run(run)])
+
+
+def test_other_bins_of_tilt_are_refused(tmp_path):
+    runs = pair(tmp_path)
+    path = runs[1] / "attitude/attitude.csv"
+    table = pd.read_csv(path)
+    table[table["condition"] != "tilt_0_5deg"].to_csv(path, index=False)
+    with pytest.raises(UserError, match=r"attitude\.csv: has other bins of tilt than "):
         AttitudeEvidence([read_run(run) for run in runs])
 
 

@@ -120,7 +120,7 @@ def test_the_ablation_has_the_factors_and_what_they_gain(part):
 
 
 def test_the_long_tail_ends_with_the_gain_of_the_full_model(part):
-    table = long_tail_table(part, frames=4)
+    table = long_tail_table(part, frames={4})
     *rungs, (name, gain) = table.rows
     assert name == "Gain of full model"
     assert [row for row, _ in rungs] == [
@@ -137,10 +137,10 @@ def test_the_long_tail_ends_with_the_gain_of_the_full_model(part):
 
 
 def test_the_progression_has_the_gap(part):
-    table = progression_table(part, frames=4)
+    table = progression_table(part, frames={4})
     miou, kar, gap = (numbers(table, key) for key in ("miou", "kar_miou", "gap"))
     assert gap == pytest.approx({name: miou[name] - kar[name] for name in miou})
-    alone = progression_table(part, frames=1)
+    alone = progression_table(part, frames={1})
     assert alone.rows[0][0] == "Single-frame baseline"
     assert "sees 1 frame." in alone.caption
 
@@ -190,7 +190,7 @@ def test_an_own_ladder_has_its_own_rungs_and_reference(tallies):
     steps = incremental_table(part)
     assert [name for name, _ in steps.rows] == ["Lovász-Softmax", "lss"]
     assert column(steps, "delta_miou")["lss"] == part.evidence.difference("lss", "skyocc", "miou")
-    names = [name for name, _ in progression_table(part, 4).rows]
+    names = [name for name, _ in progression_table(part, {4}).rows]
     assert names == ["+ Safety-prior class weights", "+ Lovász-Softmax", "lss"]
     assert "lss" in {name for name, _ in main_table([part]).rows}
     assert part.others == ["attitude", "baseline", "bilinear"]
@@ -199,7 +199,7 @@ def test_an_own_ladder_has_its_own_rungs_and_reference(tallies):
 def test_a_step_that_the_paper_does_not_take_has_not_its_name(tallies):
     part = dataclasses.replace(part_of(tallies), ladder=ladder_named(["baseline", "skyocc"]))
     assert [name for name, _ in incremental_table(part).rows] == ["SkyShield"]
-    assert next(name for name, _ in progression_table(part, 4).rows) == "Multi-frame baseline"
+    assert next(name for name, _ in progression_table(part, {4}).rows) == "Multi-frame baseline"
 
 
 @pytest.mark.parametrize("names", [["skyocc", "skyocc"], ["skyocc", "all_free"]])
@@ -237,11 +237,11 @@ def test_without_a_baseline_there_is_no_gain(tallies):
     table = ablation_table(part, MARKS)
     assert all(entries[5:] == (None,) * 4 for _, entries in table.rows)
     assert all(not math.isnan(entries[3].value) for _, entries in table.rows)
-    assert long_tail_table(part, 4).rows[-1] == ("Gain of full model", (None,) * 5)
+    assert long_tail_table(part, {4}).rows[-1] == ("Gain of full model", (None,) * 5)
 
 
 def test_without_the_full_model_its_gain_is_no_row(tallies):
-    table = long_tail_table(part_of(tallies, "skyocc"), 4)
+    table = long_tail_table(part_of(tallies, "skyocc"), {4})
     assert [name for name, _ in table.rows][-1] == "+ Safety-prior class weights"
     assert table.lines == ()
 

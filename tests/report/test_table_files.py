@@ -3,8 +3,6 @@
 import io
 import math
 import re
-import shutil
-import subprocess
 
 import pandas as pd
 import pytest
@@ -14,6 +12,7 @@ from src.report.latex import escaped, latex_of
 from src.report.report_table import Cell, Column, ReportTable, bounds, number
 from src.report.table_files import csv_of, markdown_of, write_files
 from src.report.table_print import print_table
+from tests.report.typesetting import typeset
 
 NASTY = 'a|b_c & 100 % of #1 {x} ~^ \\n $2 <"é"> *[z], Δ'
 TABLE = ReportTable(
@@ -152,26 +151,14 @@ def test_a_wide_table_spans_the_page():
     assert latex_of(wide).startswith("\\begin{table*}[t]")
 
 
-@pytest.mark.skipif(not shutil.which("pdflatex"), reason="no LaTeX here")
-@pytest.mark.parametrize("packages", ["booktabs", "booktabs,graphicx"])
+@pytest.mark.slow
+@pytest.mark.parametrize("packages", [("booktabs",), ("booktabs", "graphicx")])
 def test_it_compiles_and_fits_the_page_where_graphicx_is_there(tmp_path, packages):
     columns = tuple(Column(f"k{n}", "KAR-mIoU", best="high") for n in range(11))
     rows = tuple((f"Row {n}", (Cell(88.8 + n, 77.7, 99.9),) * 11) for n in range(3))
     wide = ReportTable("wide", "Wide", "Wider than the page.", columns, rows)
-    document = (
-        f"\\documentclass{{article}}\n\\usepackage{{{packages}}}\n\\begin{{document}}\n"
-        f"{latex_of(TABLE)}\n{latex_of(wide)}\\end{{document}}\n"
-    )
-    (tmp_path / "a.tex").write_text(document)
-    done = subprocess.run(
-        ["pdflatex", "-halt-on-error", "-interaction=nonstopmode", "a.tex"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        errors="replace",
-    )
-    assert done.returncode == 0, done.stdout[-2000:]
-    assert ("Overfull" in done.stdout) == ("graphicx" not in packages)
+    said = typeset(tmp_path, f"{latex_of(TABLE)}\n{latex_of(wide)}", packages)
+    assert ("Overfull" in said) == ("graphicx" not in packages)
 
 
 # ----------------------------------------------------------------------------- what they share

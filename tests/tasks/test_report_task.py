@@ -10,6 +10,7 @@ from src.errors import UserError
 from src.tasks.report import report
 from tests.report.attitude_runs import write_attitude
 from tests.report.ladder_runs import protocol, write_ladder, write_run
+from tests.report.typesetting import typeset
 from tests.synthetic import compose_config
 
 KEYS = ("main", "ablation", "long_tail", "incremental", "progression", "beyond")
@@ -28,11 +29,11 @@ def runs(ladder, tmp_path):
     return shutil.copytree(ladder, tmp_path / "runs/tiny")
 
 
-def reported(runs, *places, out=None, mixed=False, scenes=0, rungs=()):
+def reported(runs, *places, out=None, mixed=False, scenes=0, rungs=(), seeds=()):
     """The folder of the report on a scale's runs, whose networks do not exist."""
     cfg = compose_config("task=report", "scale=tiny", f"paths.runs={runs.parent}")
     out = out or cfg.task.out
-    report(cfg, [str(place) for place in places], out, mixed, scenes, rungs)
+    report(cfg, [str(place) for place in places], out, mixed, scenes, rungs, seeds)
     return runs.parent / "tiny/report" if out == cfg.task.out else out
 
 
@@ -65,6 +66,17 @@ def test_a_ladder_leaves_every_table_in_three_forms(ladder, tmp_path, capsys):
     for words in ("Main results, test", "Ablation study, test", "SkyShield", "All 12 runs"):
         assert words in said
     assert said.splitlines()[-1] == str(out)
+
+
+@pytest.mark.slow
+def test_a_paper_takes_its_tables_in(ladder, tmp_path):
+    write_attitude(shutil.copytree(ladder, tmp_path / "runs/tiny") / "skyocc/seed0")
+    out = reported(tmp_path / "runs/tiny", out=tmp_path / "out")
+    tables = sorted((out / "tables").glob("*.tex"))
+    assert len(tables) == len(KEYS) + 2 * len(OF_PARTS) + 2
+    packages = ("booktabs", "graphicx", "hyperref")
+    said = typeset(tmp_path, "".join(path.read_text() for path in tables), packages)
+    assert "Overfull" not in said
 
 
 def test_seeds_are_the_rows_of_the_runs_in_percent(ladder, tmp_path):
@@ -117,7 +129,7 @@ def test_scores_by_tilt_are_reported_where_they_are(runs):
     write_attitude(runs / "baseline/seed0")
     write_attitude(runs / "attitude/seed0", gain=0.4)
     out = reported(runs)
-    gains = table(out, "attitude_tilt").loc["Gain of attitude"]
+    gains = table(out, "attitude_tilt").loc["Gain of Attitude-aware projection"]
     assert gains["tilt_0_5deg"] == 0
     assert gains["tilt_5_infdeg"] > 5
     assert (out / "figures/attitude.png").stat().st_size > 1000
@@ -186,6 +198,23 @@ def test_an_interrupted_sweep_says_what_is_missing_and_reports_the_rest(runs, ca
     expected = (change["weights"] - change["baseline"]).mean()
     found = table(out, "ablation").loc["+ Safety-prior class weights", "delta_miou"]
     assert found == pytest.approx(expected)
+
+
+def test_seeds_that_have_not_begun_are_missing_where_the_sweep_is_known(ladder, tmp_path):
+    out = reported(ladder, out=tmp_path / "out", seeds=range(4))
+    missing = (out / "report.md").read_text().split("## Missing")[1].split("##")[0]
+    assert missing.split("\n")[2:6] == [
+        f"- {rung} seed 3: no run" for rung in ("baseline", "attitude", "weights", "skyocc")
+    ]
+
+
+def test_predictions_of_different_numbers_of_frames_are_said_to_be(tmp_path):
+    runs = tmp_path / "runs/tiny"
+    for name, frames in {"one": 1, "two": 2, "skyocc": 4}.items():
+        write_run(runs, name, 0, data__frames=frames)
+    text = (reported(runs, rungs=["one", "two", "skyocc"]) / "report.md").read_text()
+    assert "Each prediction sees 1 or 2 or 4 frames. Δ values are relative to one." in text
+    assert "two is skyocc but for data.frames = 2 (4)" in text
 
 
 def test_a_missing_rung_leaves_no_row_and_an_empty_step(runs):
@@ -258,3 +287,19 @@ def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs):
     assert "different code: code c0de (" in warned
     assert "code 0ther (attitude seed 0)" in warned
     assert re.search(r"scored unlike the others .*attitude seed 0", warned)
+    assert set(pd.read_csv(out / "seeds.csv")["experiment"]) == {
+        *("baseline", "weights", "skyocc", "attitude (2: dataset=tiny-4567)")
+    }
+
+
+def test_curves_of_other_protocols_are_no_seeds_of_one(tmp_path):
+    runs = tmp_path / "runs"
+    log = "step,epoch,val/kar_miou,val/miou\n1,0,0.2,0.3\n2,1,0.25,0.35\n"
+    one = write_run(runs / "a", "skyocc", 0)
+    other = write_run(runs / "b", "skyocc", 1, of=protocol("tiny-4567"))
+    for run in (one, other):
+        (run / "metrics.csv").write_text(log)
+    out = reported(runs / "a", one, other, out=tmp_path / "out", mixed=True)
+    page = (out / "report.html").read_text()
+    assert "2 seeds" not in page
+    assert "SkyShield (2: dataset=tiny-4567)" in page

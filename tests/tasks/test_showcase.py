@@ -15,6 +15,7 @@ from src.tasks.fit import fit
 from src.tasks.model import network_of_run
 from src.tasks.report import report
 from src.tasks.showcase import ends_of
+from tests.report.browser import opened
 from tests.report.ladder_runs import ladder_of, write_ladder
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
@@ -75,6 +76,13 @@ def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path
         with Image.open(tmp_path / "out/figures" / name) as figure:
             assert np.ptp(np.asarray(figure)) > 100
     assert page.count("data:image/png") == 2
+    with opened() as browser:
+        browser.open(tmp_path / "out/report.html")
+        browser.wait("document.documentElement.dataset.ready === 'true'")
+        told = browser.evaluate("({...document.documentElement.dataset})")
+        assert (told["pictures"], told["scenes"], told["viewer"]) == ("2", "1", "3d")
+        assert int(told["tables"]) == page.count('id="table-')
+        assert browser.errors == []
 
 
 @pytest.mark.slow
