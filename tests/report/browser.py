@@ -123,11 +123,13 @@ class Page:
         encoded = self.send("Page.captureScreenshot", captureBeyondViewport=whole)["data"]
         path.write_bytes(base64.b64decode(encoded))
 
-    def press(self, key: str) -> None:
+    def press(self, key: str, shift: bool = False) -> None:
         """A key, by its DOM name."""
         text = {"text": key} if len(key) == 1 else {"text": "\r"} if key == "Enter" else {}
         for kind in ("keyDown", "keyUp"):
-            self.send("Input.dispatchKeyEvent", type=kind, key=key, code=key, **text)
+            self.send(
+                "Input.dispatchKeyEvent", type=kind, key=key, code=key, modifiers=8 * shift, **text
+            )
             text = {}
 
     def drag(self, start: tuple[float, float], end: tuple[float, float], **options) -> None:

@@ -90,6 +90,22 @@ def test_hiding_a_class_removes_its_pixels_and_no_others(page):
     assert (view(page, 0) == before).all()
 
 
+def test_shift_leaves_one_class_alone_and_brings_the_others_back(page):
+    """With the mouse or from the keyboard, which has no second press."""
+    pressed = (
+        "[...document.querySelector('.legend.classes').children]"
+        ".map(c => c.getAttribute('aria-pressed'))"
+    )
+    before = page.evaluate(pressed)
+    page.evaluate(f"document.querySelector('.legend.classes').children[{CAR}].focus()")
+    page.press("Enter", shift=True)
+    assert page.evaluate(pressed) == ["false"] * CAR + ["true"] + ["false"] * (
+        len(before) - CAR - 1
+    )
+    page.press("Enter", shift=True)
+    assert page.evaluate(pressed) == ["true"] * len(before) == before
+
+
 def test_views_show_what_differs_and_hide_what_nobody_knows(page):
     truth, baseline, skyocc = (view(page, n) for n in range(3))
     assert len(pixels_of(truth, PALETTE[VRU])) > 50
