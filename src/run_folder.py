@@ -18,6 +18,8 @@ from .provenance import code_version, source_digest
 CONFIG = "config.yaml"
 METRICS = "metrics.csv"
 RESULTS = "results.csv"
+SCORES = "scores.csv"
+TALLIES = "tallies"
 SESSIONS = "sessions"
 VERSION = ".version"
 CODE = ".code"
@@ -75,8 +77,10 @@ class RunFolder:
         return path
 
     def is_finished(self) -> bool:
-        """Whether the results of this very configuration and code are there."""
-        return self.results.is_file() and self._recorded_version() == self.version
+        """Whether the results of this very configuration and code are there, all of them."""
+        files = (RESULTS, SCORES, f"{TALLIES}/{self.config['name']}.npz")
+        whole = all((self.path / name).is_file() for name in files)
+        return whole and self._recorded_version() == self.version
 
     @contextmanager
     def alone(self) -> Iterator[None]:

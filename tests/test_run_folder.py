@@ -137,9 +137,17 @@ def test_afresh_moves_the_same_run_aside_too(tmp_path):
 
 def test_finished_means_results_of_this_very_configuration(tmp_path):
     folder = half_done(tmp_path / "seed0")
-    folder.results.write_text("experiment\n")
+    files = [folder.path / name for name in ("results.csv", "scores.csv", "tallies/skyocc.npz")]
+    files[2].parent.mkdir()
+    for file in files:
+        file.write_text("experiment\n")
     assert folder_of(tmp_path / "seed0").is_finished()
     assert not folder_of(tmp_path / "seed0", seed=1).is_finished()
+    for file in files:
+        file.rename(tmp_path / "away")
+        assert not folder_of(tmp_path / "seed0").is_finished(), f"{file.name} is a part of them"
+        (tmp_path / "away").rename(file)
+    assert folder_of(tmp_path / "seed0").is_finished()
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ import pandas as pd
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
 from ..metrics.tally import Tally
+from ..run_folder import TALLIES
 from .evidence import Evidence
 from .report_table import Cell
 from .scored_runs import ScoredRun
-from .scores import TALLIES
 
 ATTITUDE, TABLE = "attitude", "attitude.csv"
 FACTS = ["tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s", "noise_seed"]

@@ -10,10 +10,9 @@ import pandas as pd
 
 from ..errors import UserError
 from ..metrics.tally import Tally
-from ..run_folder import CONFIG, METRICS, RESULTS, SESSIONS, code_of, read_config
+from ..run_folder import CONFIG, METRICS, RESULTS, SESSIONS, TALLIES, code_of, read_config
 from .ladder import ANCHORS, value_at
 from .results import read_results
-from .scores import TALLIES
 
 SEED, ASIDE = re.compile(r"seed\d+"), re.compile(r"\.before\d+$")
 DEPTH = 3

@@ -8,9 +8,10 @@ import pandas as pd
 from ..atomic import replacing
 from ..metrics.suite import intervals_of
 from ..metrics.tally import Tally
+from ..run_folder import SCORES as LONG
+from ..run_folder import TALLIES
 from .results import SCORES
 
-TALLIES, LONG = "tallies", "scores.csv"
 Parts = Mapping[str, Callable[[str], bool]]
 
 

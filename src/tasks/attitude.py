@@ -17,7 +17,8 @@ from ..data.datamodule import SkyShieldData
 from ..data.dataset import history_stride
 from ..metrics.tally import Tally
 from ..report.attitude import SCORE, draw_attitude, print_attitude
-from ..report.scores import TALLIES, score_table, write_table
+from ..report.scores import score_table, write_table
+from ..run_folder import TALLIES
 from .condition import Condition, ConditionCount, conditions_of
 from .fit import trainer_of
 from .predictor import Predictor, predictor
