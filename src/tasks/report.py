@@ -18,6 +18,7 @@ from ..report.attitude_tables import attitude_tables
 from ..report.ladder import Ladder, ladder_named
 from ..report.ladder_report import LadderReport, ladder_report
 from ..report.ladder_tables import KEYS
+from ..report.published_runs import publish_runs
 from ..report.report_page import write_report_page
 from ..report.report_text import report_text
 from ..report.run_group import groups_of
@@ -31,6 +32,7 @@ from .showcase import COMPARISON, TILT, showcase
 
 WIDTH = 110
 TEXT, PAGE, SEEDS, TABLES, FIGURES = "report.md", "report.html", "seeds.csv", "tables", "figures"
+RUNS = "runs"
 ATTITUDE = "attitude.png"
 PRINTED = ("main", "ablation")
 
@@ -43,11 +45,13 @@ def report(
     scenes: int,
     rungs: Sequence[str] = (),
     seeds: Sequence[int] = (),
+    publish: bool = False,
 ) -> None:
     """Writes the tables, figures and pages of `_write` to ``out``, and prints the main tables.
 
     Without ``runs`` it takes all of the scale, and without ``rungs`` the ladder is the paper's;
-    runs of ``seeds`` that are not there are named as missing. Of so many ``scenes`` it shows what
+    runs of ``seeds`` that are not there are named as missing. With ``publish`` it leaves what the
+    tables are made from as well (`publish_runs`). Of so many ``scenes`` it shows what
     the lowest and the highest rung predict, where the data set and their checkpoints are there.
     Raises `UserError` where no run is finished, a run cannot be read, or runs may not be put beside
     each other and ``mixed`` does not allow it.
@@ -63,6 +67,8 @@ def report(
     made = replace(made, tables=tables, missing=(*made.missing, *shown.missing))
     figures = shown.figures | _attitude_figure(attitude, ladder, folder / FIGURES)
     _write(made, figures, shown.scenes, folder)
+    if publish:
+        publish_runs(made.groups, folder / RUNS)
     _print(made, folder)
 
 

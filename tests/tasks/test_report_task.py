@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from src.errors import UserError
+from src.metrics.tally import Tally
 from src.tasks.report import report
 from tests.report.attitude_runs import write_attitude
 from tests.report.ladder_runs import protocol, write_ladder, write_run
@@ -29,11 +30,11 @@ def runs(ladder, tmp_path):
     return shutil.copytree(ladder, tmp_path / "runs/tiny")
 
 
-def reported(runs, *places, out=None, mixed=False, scenes=0, rungs=(), seeds=()):
+def reported(runs, *places, out=None, mixed=False, scenes=0, rungs=(), seeds=(), publish=False):
     """The folder of the report on a scale's runs, whose networks do not exist."""
     cfg = compose_config("task=report", "scale=tiny", f"paths.runs={runs.parent}")
     out = out or cfg.task.out
-    report(cfg, [str(place) for place in places], out, mixed, scenes, rungs, seeds)
+    report(cfg, [str(place) for place in places], out, mixed, scenes, rungs, seeds, publish)
     return runs.parent / "tiny/report" if out == cfg.task.out else out
 
 
@@ -98,6 +99,28 @@ def test_the_same_runs_give_the_same_bytes(ladder, tmp_path):
     first, second = (reported(ladder, out=tmp_path / name) for name in "ab")
     for path in first.rglob("*.*"):
         assert path.read_bytes() == (second / path.relative_to(first)).read_bytes()
+
+
+def test_what_is_published_gives_the_same_report_again(runs, tmp_path):
+    write_attitude(runs / "baseline/seed0")
+    (runs / "skyocc/seed1/metrics.csv").write_text("step,epoch,val/kar_miou\n1,0,0.2\n2,1,0.25\n")
+    (runs / "skyocc/seed1/checkpoints").mkdir()
+    (runs / "skyocc/seed1/checkpoints/best.ckpt").write_text("heavy")
+    out = reported(runs, out=tmp_path / "out", publish=True)
+    assert not list(out.rglob("*.ckpt"))
+    again = reported(runs, out / "runs", out=tmp_path / "again")
+    ours, theirs = (
+        {path.relative_to(place): path.read_bytes() for path in place.rglob("*.*")
+         if path.is_file() and "runs" not in path.relative_to(place).parts[:1]}
+        for place in (out, again)
+    )  # fmt: skip
+    assert ours.keys() == theirs.keys()
+    assert ours == theirs
+    reported(runs, out / "runs", out=out, publish=True)
+    assert (out / "report.md").read_bytes() == (again / "report.md").read_bytes(), "onto itself too"
+    heavy = Tally.read(runs / "skyocc/seed1/tallies/skyocc.npz").tables.keys()
+    light = Tally.read(out / "runs/skyocc/seed1/tallies/skyocc.npz").tables.keys()
+    assert light < heavy
 
 
 def test_runs_may_be_named_and_nothing_else_is_then_taken(ladder, tmp_path):
@@ -270,7 +293,7 @@ def test_a_broken_run_is_one_line_and_leaves_nothing(runs):
     assert not (runs / "report").exists()
 
 
-def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs):
+def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs, tmp_path):
     shutil.rmtree(runs / "attitude")
     unlike = {"of": protocol("tiny-4567"), "code": "0ther", "data__test_clips": []}
     write_run(runs, "attitude", 0, **unlike)
@@ -287,6 +310,9 @@ def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs):
     assert "different code: code c0de (" in warned
     assert "code 0ther (attitude seed 0)" in warned
     assert re.search(r"scored unlike the others .*attitude seed 0", warned)
+    reported(runs, out=tmp_path / "public", mixed=True, publish=True)
+    again = reported(runs, tmp_path / "public/runs", out=tmp_path / "again", mixed=True)
+    assert (again / "report.md").read_bytes() == (out / "report.md").read_bytes()
     assert set(pd.read_csv(out / "seeds.csv")["experiment"]) == {
         *("baseline", "weights", "skyocc", "attitude (2: dataset=tiny-4567)")
     }
