@@ -56,11 +56,14 @@ def said_by(process):
     return said
 
 
-def kill_after(moment_s, process):
-    """Kills a sweep and all its processes when they have spent that many processor seconds."""
-    while process.poll() is None and spent_s(process.pid) < moment_s:
+def kill_in(stage, delay_s, process):
+    """Kills a sweep and all its processes, so many processor seconds after a stage has begun."""
+    begun_s = None
+    while begun_s is None or spent_s(process.pid) - begun_s < delay_s:
+        assert process.poll() is None, process.communicate()[0]
+        if begun_s is None and stage():
+            begun_s = spent_s(process.pid)
         time.sleep(0.02)
-    assert process.poll() is None
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
 
@@ -95,24 +98,30 @@ def outcomes(said):
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
-    """The folder of a whole sweep, and the processor seconds that it took."""
+    """The folder of a whole sweep."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    before = os.times()
     assert outcomes(said_by(start(folder))) == ["finished", "finished"]
-    after = os.times()
-    return folder, sum(after[2:4]) - sum(before[2:4])
+    return folder
 
 
 @pytest.mark.slow
 def test_killed_at_three_random_moments_it_ends_as_if_undisturbed(undisturbed, tmp_path):
-    folder, whole_s = undisturbed
-    # A moment for each start; their sum is less than the whole, so that none comes to the end.
-    for moment_s in np.random.default_rng(0).uniform(0, whole_s, 3):
-        kill_after(moment_s, start(tmp_path))
-    ends = outcomes(said_by(start(tmp_path)))
+    """Before there are data, with the first rung in training, and with the last one."""
+    baseline, skyocc = (tmp_path / f"runs/tiny/{rung}/seed0/checkpoints" for rung in RUNGS)
+    stages = [
+        lambda: True,
+        lambda: any(baseline.glob("*.ckpt")),
+        lambda: any(skyocc.glob("*.ckpt")),
+    ]
+    # Longest for the first stage: a start alone takes seconds, the rest of a training little more.
+    delays_s = np.random.default_rng(0).uniform(0, [10, 2, 2])
+    for stage, delay_s in zip(stages, delays_s, strict=True):
+        kill_in(stage, delay_s, start(tmp_path))
+    first, last = outcomes(said_by(start(tmp_path)))
     # Otherwise nothing of what was there had been used.
-    assert any(end == SKIPPED or "went on from epoch" in end for end in ends), ends
-    require_same(tmp_path, folder)
+    assert first == SKIPPED
+    assert "went on from epoch" in last
+    require_same(tmp_path, undisturbed)
     assert outcomes(said_by(start(tmp_path))) == [SKIPPED, SKIPPED]
     assert not list(tmp_path.rglob("*.before*"))
     assert not list(tmp_path.rglob("*.tmp"))
@@ -125,4 +134,4 @@ def test_two_jobs_at_once_come_out_as_one_after_the_other(undisturbed, tmp_path)
     said = said_by(start(tmp_path, *launcher))
     assert outcomes(said) == ["finished", "finished"]
     assert "another process is making this data set" in " ".join(said.split())
-    require_same(tmp_path, undisturbed[0])
+    require_same(tmp_path, undisturbed)

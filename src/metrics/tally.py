@@ -39,6 +39,10 @@ class Tally:
         """Rows of the chosen clips that have a frame."""
         return [n for n, clip in enumerate(self.clips) if self.frames[n] and chosen(clip)]
 
+    def has_frames_of(self, other: "Tally") -> bool:
+        """Whether both count the same clips, and of each as many frames."""
+        return (self.clips, self.frames) == (other.clips, other.frames)
+
     def write(self, path: Path) -> None:
         """Write an ``.npz`` of plain arrays; the file is replaced as a whole or not at all."""
         arrays = {

@@ -130,7 +130,7 @@ def _require_same_frames(tallies: Mapping[Path, Tally]) -> None:
     require_same_protocol({str(path): tally.protocol for path, tally in tallies.items()})
     (first, reference), *others = tallies.items()
     for path, tally in others:
-        if (tally.clips, tally.frames) != (reference.clips, reference.frames):
+        if not tally.has_frames_of(reference):
             raise UserError(f"{path}: was scored on other frames than {first}; {AGAIN}")
 
 

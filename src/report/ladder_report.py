@@ -35,9 +35,10 @@ from .shared_settings import (
 
 @dataclass(frozen=True)
 class LadderReport:
-    """``warnings`` say why the rungs may not be comparable, ``missing`` which runs are not there,
-    and ``others`` what the experiments that are no rung are. ``differing`` has the values of every
-    setting in which the runs of the ladder differ, and ``seeds`` a row for each run and part."""
+    """``groups`` are the finished runs, those of the tables of differences first. ``warnings`` say
+    why the rungs may not be comparable, ``missing`` which runs are not there, and ``others`` what
+    the experiments that are no rung are. ``differing`` has the values of every setting in which the
+    runs of the ladder differ, and ``seeds`` a row for each run and part."""
 
     groups: tuple[RunGroup, ...]
     tables: tuple[ReportTable, ...]

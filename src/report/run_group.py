@@ -126,7 +126,7 @@ def _difference(first: ScoredRun, second: ScoredRun) -> str:
     if found := one.protocol.difference(other.protocol):
         key, _, value = found
         return f"{key}={value}"
-    if (one.clips, one.frames) != (other.clips, other.frames):
+    if not one.has_frames_of(other):
         return "other clips"
     # The counts of a prediction that is always the same are those of the labels.
     truths = [run.anchors[ALL_FREE] for run in (first, second) if ALL_FREE in run.anchors]

@@ -66,8 +66,8 @@ def statement(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> str:
     known = of_ladder and all(ladder.rungs[run.experiment].factors for run in runs)
     if known and not surprises(runs, ladder):
         said += (
-            " No rung has a setting of its own beside its factors, so what was tuned was tuned for "
-            "all; of trials that left no run here, nothing is known."
+            " No rung has a setting of its own beside its factors. Of trials that left no run here "
+            "nothing is known."
         )
     return said
 

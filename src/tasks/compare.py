@@ -35,8 +35,7 @@ def compare(cfg: DictConfig, runs: list[str], out: str) -> None:
     first, *others = tallies
     require_same_protocol({name: tally.protocol for name, tally in tallies.items()})
     for name in others:
-        one, other = tallies[first], tallies[name]
-        if (one.clips, one.frames) != (other.clips, other.frames):
+        if not tallies[name].has_frames_of(tallies[first]):
             raise UserError(f"{name}: has other clips or frames than {first}; score both alike")
     table = _differences(tallies)
     folder = Path(out)

@@ -51,10 +51,10 @@ def report(
 
     Without ``runs`` it takes all of the scale, and without ``rungs`` the ladder is the paper's;
     runs of ``seeds`` that are not there are named as missing. With ``publish`` it leaves what the
-    tables are made from as well (`publish_runs`). Of so many ``scenes`` it shows what
-    the lowest and the highest rung predict, where the data set and their checkpoints are there.
-    Raises `UserError` where no run is finished, a run cannot be read, or runs may not be put beside
-    each other and ``mixed`` does not allow it.
+    tables are made from as well (`publish_runs`). Of so many ``scenes`` it shows what the lowest
+    and the highest rung predict, where the data set and their checkpoints are there. Raises
+    `UserError` where no run is finished, a run cannot be read, or runs may not be put beside each
+    other and ``mixed`` does not allow it.
     """
     folder, ladder = Path(out), ladder_named(list(rungs))
     finished, unfinished = _found(cfg, runs, folder)
