@@ -20,8 +20,8 @@ SHOWN = {"miou_occupied": "mIoU occupied", "kar_miou": "KAR-mIoU", "iou/thin_str
 SCORE = "kar_miou"
 COLORS = ("#2962ff", "#d1495b", "#00898a", "#8a5a00", "#6a3fb5", "#5a606a")
 SIZE_INCHES, DPI = (11.0, 3.8), 130
-TILT = "tilt |roll| + |pitch| (°)"
-FAULTS = ("noise of roll and pitch (°)", "delay of the attitude (s)")
+TILT = "tilt |roll| + |pitch| (°), number of frames"
+FAULTS = {"noise_deg": "noise of roll and pitch (°)", "delay_s": "delay of the attitude (s)"}
 
 
 def print_attitude(table: pd.DataFrame, console: Console | None = None) -> None:
@@ -59,41 +59,52 @@ def draw_attitude(
     ``high`` in [0, 1]. Bars are the intervals. Raises `UserError` for a path that cannot be
     written.
     """
+    figure = attitude_figure(tables, gains or {}, reference)
+    with replacing(path) as temporary:
+        FigureCanvasAgg(figure).print_png(temporary)
+
+
+def attitude_figure(
+    tables: Mapping[str, pd.DataFrame], gains: Mapping[str, pd.DataFrame], reference: str
+) -> Figure:
+    """What `draw_attitude` writes."""
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
     grid = figure.add_gridspec(1, 3 + bool(gains), width_ratios=[1.4, *[1.4] * bool(gains), 1, 1])
-    first = figure.add_subplot(grid[0])
-    others = [figure.add_subplot(grid[-2 + n], sharey=first) for n in range(2)]
     colors = dict(zip(tables, cycle(COLORS)))
-    for run, rows in tables.items():
-        color = colors[run]
-        _draw_tilt(first, rows, run, color)
-        whole = rows[rows["condition"] == "true"]
-        for axes, key in zip(others, ("noise_deg", "delay_s")):
-            faulty = pd.concat([whole, rows[rows[key] > 0].sort_values(key)])
-            _line(axes, faulty[key], faulty, run, color)
-            axes.set_xticks(faulty[key])
+    first = figure.add_subplot(grid[0])
+    for name, rows in tables.items():
+        _draw_tilt(first, rows, name, colors[name])
+    first.set_ylabel("KAR-mIoU (%)", color=INK)
     if gains:
         axes = figure.add_subplot(grid[1])
         axes.axhline(0, color=MUTED, linewidth=0.8)
         # Each in the colour of its run.
         for name, rows in gains.items():
             _draw_tilt(axes, rows, name, colors[name])
-        _finish(axes, TILT)
         axes.set_ylabel(f"gain over {reference} (points)", color=INK)
-    for axes, name in zip((first, *others), (TILT, *FAULTS)):
-        _finish(axes, name)
-    first.set_ylabel("KAR-mIoU (%)", color=INK)
+    for n, (key, label) in enumerate(FAULTS.items()):
+        axes = figure.add_subplot(grid[n - 2], sharey=first)
+        for name, rows in tables.items():
+            _draw_fault(axes, rows, key, name, colors[name])
+        _finish(axes, label)
     first.set_ylim(bottom=0)
     if len(tables) > 1:
         first.legend(frameon=False)
-    with replacing(path) as temporary:
-        FigureCanvasAgg(figure).print_png(temporary)
+    return figure
 
 
 def _draw_tilt(axes: Axes, rows: pd.DataFrame, name: str, color: str) -> None:
     binned = rows[(rows["tilt_low_deg"] > 0) | np.isfinite(rows["tilt_high_deg"])]
     _line(axes, range(len(binned)), binned, name, color)
     axes.set_xticks(range(len(binned)), [_bin_name(row) for _, row in binned.iterrows()])
+    _finish(axes, TILT)
+
+
+def _draw_fault(axes: Axes, rows: pd.DataFrame, key: str, name: str, color: str) -> None:
+    whole = rows[rows["condition"] == "true"]
+    faulty = pd.concat([whole, rows[rows[key] > 0].sort_values(key)])
+    _line(axes, faulty[key], faulty, name, color)
+    axes.set_xticks(faulty[key])
 
 
 def _line(axes: Axes, places, rows: pd.DataFrame, name: str, color: str) -> None:
@@ -106,7 +117,7 @@ def _line(axes: Axes, places, rows: pd.DataFrame, name: str, color: str) -> None
 def _bin_name(row: pd.Series) -> str:
     low, high = row["tilt_low_deg"], row["tilt_high_deg"]
     bounds = f"{low:g}–{high:g}" if np.isfinite(high) else f"from {low:g}"
-    return f"{bounds}\n{row['frames']} frames"
+    return f"{bounds}\n{row['frames']}"
 
 
 def _finish(axes: Axes, name: str) -> None:
