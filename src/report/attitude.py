@@ -72,39 +72,38 @@ def attitude_figure(
     grid = figure.add_gridspec(1, 3 + bool(gains), width_ratios=[1.4, *[1.4] * bool(gains), 1, 1])
     colors = dict(zip(tables, cycle(COLORS)))
     first = figure.add_subplot(grid[0])
-    for name, rows in tables.items():
-        _draw_tilt(first, rows, name, colors[name])
+    _draw_tilt(first, tables, colors)
     first.set_ylabel("KAR-mIoU (%)", color=INK)
     if gains:
         axes = figure.add_subplot(grid[1])
         axes.axhline(0, color=MUTED, linewidth=0.8)
-        # Each in the colour of its run.
-        for name, rows in gains.items():
-            _draw_tilt(axes, rows, name, colors[name])
+        _draw_tilt(axes, gains, colors)
         axes.set_ylabel(f"gain over {reference} (points)", color=INK)
-    for n, (key, label) in enumerate(FAULTS.items()):
-        axes = figure.add_subplot(grid[n - 2], sharey=first)
-        for name, rows in tables.items():
-            _draw_fault(axes, rows, key, name, colors[name])
-        _finish(axes, label)
+    for n, key in enumerate(FAULTS):
+        _draw_fault(figure.add_subplot(grid[n - 2], sharey=first), tables, colors, key)
     first.set_ylim(bottom=0)
     if len(tables) > 1:
         first.legend(frameon=False)
     return figure
 
 
-def _draw_tilt(axes: Axes, rows: pd.DataFrame, name: str, color: str) -> None:
-    binned = rows[(rows["tilt_low_deg"] > 0) | np.isfinite(rows["tilt_high_deg"])]
-    _line(axes, range(len(binned)), binned, name, color)
-    axes.set_xticks(range(len(binned)), [_bin_name(row) for _, row in binned.iterrows()])
+def _draw_tilt(axes: Axes, tables: Mapping[str, pd.DataFrame], colors: Mapping[str, str]) -> None:
+    for name, rows in tables.items():
+        binned = rows[(rows["tilt_low_deg"] > 0) | np.isfinite(rows["tilt_high_deg"])]
+        _line(axes, range(len(binned)), binned, name, colors[name])
+        axes.set_xticks(range(len(binned)), [_bin_name(row) for _, row in binned.iterrows()])
     _finish(axes, TILT)
 
 
-def _draw_fault(axes: Axes, rows: pd.DataFrame, key: str, name: str, color: str) -> None:
-    whole = rows[rows["condition"] == "true"]
-    faulty = pd.concat([whole, rows[rows[key] > 0].sort_values(key)])
-    _line(axes, faulty[key], faulty, name, color)
-    axes.set_xticks(faulty[key])
+def _draw_fault(
+    axes: Axes, tables: Mapping[str, pd.DataFrame], colors: Mapping[str, str], key: str
+) -> None:
+    for name, rows in tables.items():
+        whole = rows[rows["condition"] == "true"]
+        faulty = pd.concat([whole, rows[rows[key] > 0].sort_values(key)])
+        _line(axes, faulty[key], faulty, name, colors[name])
+        axes.set_xticks(faulty[key])
+    _finish(axes, FAULTS[key])
 
 
 def _line(axes: Axes, places, rows: pd.DataFrame, name: str, color: str) -> None:
