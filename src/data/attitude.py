@@ -1,4 +1,4 @@
-"""Roll and pitch as an autopilot might report them: late, and with noise."""
+"""Roll and pitch as an autopilot might report them: late, with noise, or not at all."""
 
 import math
 from collections.abc import Mapping
@@ -27,6 +27,7 @@ class MeasuredAttitude:
         delay_s: how old the reported attitude is; between frames it is interpolated, and at a
             clip's beginning its first one is held.
         seed: of the noise, which is the same for a frame whatever else is asked for.
+        level: whether what is reported, before the noise, is a UAV that always flies level.
 
     Raises `UserError` for a noise or a delay below zero.
     """
@@ -38,6 +39,7 @@ class MeasuredAttitude:
         noise_deg: float = 0.0,
         delay_s: float = 0.0,
         seed: int = 0,
+        level: bool = False,
     ) -> None:
         for name, value in {"noise_deg": noise_deg, "delay_s": delay_s}.items():
             if not (math.isfinite(value) and value >= 0):
@@ -47,6 +49,8 @@ class MeasuredAttitude:
         self.roll_pitch_rad = {}
         for clip_id in sorted(clips):
             reported = delayed(*roll_pitch_of(clips[clip_id]), delay_s)
+            if level:
+                reported = torch.zeros_like(reported)
             noise = torch.randn(reported.shape, generator=generator, dtype=reported.dtype)
             self.roll_pitch_rad[clip_id] = reported + math.radians(noise_deg) * noise
 

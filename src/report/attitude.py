@@ -8,19 +8,21 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
 from ..atomic import replacing
+from .attitude_evidence import is_binned
 from .canvas import INK, MUTED
 
 SHOWN = {"miou_occupied": "mIoU occupied", "kar_miou": "KAR-mIoU", "iou/thin_structure": "thin"}
 SCORE = "kar_miou"
 COLORS = ("#2962ff", "#d1495b", "#00898a", "#8a5a00", "#6a3fb5", "#5a606a")
-SIZE_INCHES, DPI = (11.0, 3.8), 130
+SIZE_INCHES, DPI = (11.0, 6.8), 130
 TILT = "tilt |roll| + |pitch| (°), number of frames"
+TOLD = "dashed: told level flight"
 FAULTS = {"noise_deg": "noise of roll and pitch (°)", "delay_s": "delay of the attitude (s)"}
 
 
@@ -51,48 +53,78 @@ def draw_attitude(
     path: str | Path,
     gains: Mapping[str, pd.DataFrame] | None = None,
     reference: str = "the baseline",
+    worths: Mapping[str, pd.DataFrame] | None = None,
 ) -> None:
-    """Write a PNG of KAR-mIoU by tilt, by noise and by delay, a line for each run's table; with
-    ``gains``, tables of differences from a ``reference`` in the same form, these by tilt as well.
+    """Write a PNG of KAR-mIoU by tilt, by noise and by delay, a line for each run's table, and a
+    dashed one for what it has by tilt when told a level attitude. ``gains`` are tables of the
+    differences from a ``reference`` in the same form, and ``worths`` of those from a level
+    attitude; these stand by tilt as well.
 
     A table has a row a condition: ``condition``, its facts, ``frames``, and ``value``, ``low`` and
     ``high`` in [0, 1]. Bars are the intervals. Raises `UserError` for a path that cannot be
     written.
     """
-    figure = attitude_figure(tables, gains or {}, reference)
+    figure = attitude_figure(tables, gains or {}, reference, worths or {})
     with replacing(path) as temporary:
         FigureCanvasAgg(figure).print_png(temporary)
 
 
 def attitude_figure(
-    tables: Mapping[str, pd.DataFrame], gains: Mapping[str, pd.DataFrame], reference: str
+    tables: Mapping[str, pd.DataFrame],
+    gains: Mapping[str, pd.DataFrame],
+    reference: str,
+    worths: Mapping[str, pd.DataFrame],
 ) -> Figure:
-    """What `draw_attitude` writes."""
+    """What `draw_attitude` writes: above by tilt, below by fault."""
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
-    grid = figure.add_gridspec(1, 3 + bool(gains), width_ratios=[1.4, *[1.4] * bool(gains), 1, 1])
+    above, below = figure.subfigures(2, 1)
     colors = dict(zip(tables, cycle(COLORS)))
-    first = figure.add_subplot(grid[0])
+    differences = {
+        f"gain over {reference} (points)": gains,
+        "gain over told level (points)": worths,
+    }
+    differences = {said: found for said, found in differences.items() if found}
+    first, *others = above.subplots(1, 1 + len(differences), squeeze=False)[0]
     _draw_tilt(first, tables, colors)
-    first.set_ylabel("KAR-mIoU (%)", color=INK)
-    if gains:
-        axes = figure.add_subplot(grid[1])
+    _draw_level(first, tables, colors)
+    _draw_legend(above, first)
+    for axes, (said, found) in zip(others, differences.items()):
         axes.axhline(0, color=MUTED, linewidth=0.8)
-        _draw_tilt(axes, gains, colors)
-        axes.set_ylabel(f"gain over {reference} (points)", color=INK)
-    for n, key in enumerate(FAULTS):
-        _draw_fault(figure.add_subplot(grid[n - 2], sharey=first), tables, colors, key)
+        _draw_tilt(axes, found, colors)
+        axes.set_ylabel(said, color=INK)
+    faults = below.subplots(1, len(FAULTS))
+    for axes, key in zip(faults, FAULTS):
+        axes.sharey(first)
+        _draw_fault(axes, tables, colors, key)
+    for axes in (first, faults[0]):
+        axes.set_ylabel("KAR-mIoU (%)", color=INK)
     first.set_ylim(bottom=0)
-    if len(tables) > 1:
-        first.legend(frameon=False)
     return figure
 
 
 def _draw_tilt(axes: Axes, tables: Mapping[str, pd.DataFrame], colors: Mapping[str, str]) -> None:
     for name, rows in tables.items():
-        binned = rows[(rows["tilt_low_deg"] > 0) | np.isfinite(rows["tilt_high_deg"])]
+        binned = rows[is_binned(rows) & ~rows["level"]]
         _line(axes, range(len(binned)), binned, name, colors[name])
         axes.set_xticks(range(len(binned)), [_bin_name(row) for _, row in binned.iterrows()])
     _finish(axes, TILT)
+
+
+def _draw_level(axes: Axes, tables: Mapping[str, pd.DataFrame], colors: Mapping[str, str]) -> None:
+    said = TOLD
+    for name, rows in tables.items():
+        binned = rows[is_binned(rows) & rows["level"]]
+        if len(binned):
+            values = 100 * binned["value"]
+            axes.plot(range(len(binned)), values, "--", color=colors[name], label=said)
+            said = f"_{TOLD}"
+
+
+def _draw_legend(figure: SubFigure, axes: Axes) -> None:
+    """Above the panels; runs in their order, and what is dashed last."""
+    pairs = sorted(zip(*axes.get_legend_handles_labels()), key=lambda pair: pair[1] == TOLD)
+    if len(pairs) > 1:
+        figure.legend(*zip(*pairs), loc="outside upper center", ncols=4, frameon=False)
 
 
 def _draw_fault(

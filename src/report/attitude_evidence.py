@@ -1,6 +1,6 @@
 """What task=attitude scored of several runs, put together: by tilt, and under a wrong attitude."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -14,7 +14,8 @@ from .report_table import Cell
 from .scored_runs import ScoredRun
 
 ATTITUDE, TABLE = "attitude", "attitude.csv"
-FACTS = ["tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s", "noise_seed"]
+TILT = ["tilt_low_deg", "tilt_high_deg"]
+FACTS = [*TILT, "noise_deg", "delay_s", "level", "noise_seed"]
 """What tells the conditions apart; the columns of ``attitude.csv`` that are no scores."""
 TRUE, OCCUPANCY = "true", "occupancy"
 TOLERANCE = 1e-3
@@ -39,30 +40,19 @@ class AttitudeEvidence:
         _require_alike(tables, self.conditions)
         for run in scored:
             _require_own(run)
-        self.evidence = {name: self._evidence(name, scored) for name in self.conditions.index}
+        self.tallies = {name: _tallies(name, scored) for name in self.conditions.index}
+        self.evidence = {name: Evidence(tallies) for name, tallies in self.tallies.items()}
         self.experiments = list(dict.fromkeys(run.experiment for run in scored))
 
-    def _evidence(self, condition: str, runs: Sequence[ScoredRun]) -> Evidence:
-        found: dict[Path, Tally] = {}
-        tallies: dict[str, dict[int, Tally]] = {}
-        for run in runs:
-            path = run.path / ATTITUDE / TALLIES / f"{condition}.npz"
-            if path.is_file():
-                found[path] = Tally.read(path)
-                tallies.setdefault(run.experiment, {})[run.seed] = found[path]
-        if not found:
-            raise UserError(f"{path}: is not there; run task=attitude again")
-        _require_same_frames(found)
-        return Evidence(tallies)
-
     def names(self, which: str) -> list[str]:
-        """The conditions of the bins of ``tilt``, or of faults by ``noise_deg`` or ``delay_s``, in
-        their order; faults begin with the true attitude."""
-        if which == "tilt":
-            binned = (self.conditions["tilt_low_deg"] > 0) | (
-                self.conditions["tilt_high_deg"] < float("inf")
-            )
-            return list(self.conditions[binned].sort_values("tilt_low_deg").index)
+        """The conditions of the bins of ``tilt``; of all frames and then each bin told a ``level``
+        attitude; or of faults by ``noise_deg`` or ``delay_s``; in their order. Faults begin with
+        the true attitude."""
+        level = self.conditions["level"].astype(bool)
+        binned = is_binned(self.conditions)
+        if which in ("tilt", "level"):
+            found = self.conditions[level if which == "level" else binned & ~level]
+            return list(found.sort_values(TILT, ascending=[True, False]).index)
         faulty = self.conditions[self.conditions[which] > 0].sort_values(which)
         return [*(name for name in ("true",) if name in self.evidence), *faulty.index]
 
@@ -77,20 +67,56 @@ class AttitudeEvidence:
         """Paired, over the seeds that both have."""
         return self.evidence[condition].difference(experiment, reference, score)
 
+    def worth(self, condition: str, experiment: str, score: str) -> Cell | None:
+        """What the true attitude gains over a ``level`` one on the same frames, paired."""
+        same = (self.conditions[TILT] == self.conditions.loc[condition, TILT]).all(axis=1)
+        (true,) = self.conditions.index[same].intersection([TRUE, *self.names("tilt")])
+        pair = {name: self.tallies[name].get(experiment, {}) for name in (true, condition)}
+        return Evidence(pair).difference(true, condition, score) if all(pair.values()) else None
+
     def table(self, score: str, experiment: str, reference: str | None = None) -> pd.DataFrame:
         """A row for each condition with `FACTS`, ``frames``, and ``value``, ``low`` and ``high`` of
         a score or, with a ``reference``, of its gain; as shares of 1, as in ``attitude.csv``."""
+        if reference is None:
+            return self._table(lambda name: self.cell(name, experiment, score))
+        return self._table(lambda name: self.gain(name, experiment, reference, score))
+
+    def worths(self, score: str, experiment: str) -> pd.DataFrame:
+        """What the true attitude gains over a level one, as `table` has gains."""
+        levels = set(self.names("level"))
+        table = self._table(
+            lambda name: self.worth(name, experiment, score) if name in levels else None
+        )
+        return table.assign(level=False)
+
+    def _table(self, cell: Callable[[str], Cell | None]) -> pd.DataFrame:
         rows = []
         for name, facts in self.conditions.iterrows():
-            if reference is None:
-                cell = self.cell(name, experiment, score)
-            else:
-                cell = self.gain(name, experiment, reference, score)
-            if cell is not None:
-                found = {end: getattr(cell, end) / 100 for end in ("value", "low", "high")}
+            if (one := cell(name)) is not None:
+                found = {end: getattr(one, end) / 100 for end in ("value", "low", "high")}
                 frames = self.evidence[name].frames
                 rows.append({"condition": name, **facts, "frames": frames, **found})
         return pd.DataFrame(rows)
+
+
+def is_binned(conditions: pd.DataFrame) -> pd.Series:
+    """Which conditions hold for the frames of some tilt alone."""
+    return (conditions["tilt_low_deg"] > 0) | (conditions["tilt_high_deg"] < float("inf"))
+
+
+def _tallies(condition: str, runs: Sequence[ScoredRun]) -> dict[str, dict[int, Tally]]:
+    """Of every experiment that was scored under a condition, by its seeds."""
+    found: dict[Path, Tally] = {}
+    tallies: dict[str, dict[int, Tally]] = {}
+    for run in runs:
+        path = run.path / ATTITUDE / TALLIES / f"{condition}.npz"
+        if path.is_file():
+            found[path] = Tally.read(path)
+            tallies.setdefault(run.experiment, {})[run.seed] = found[path]
+    if not found:
+        raise UserError(f"{path}: is not there; run task=attitude again")
+    _require_same_frames(found)
+    return tallies
 
 
 def _require_own(run: ScoredRun) -> None:
@@ -110,7 +136,8 @@ def _require_own(run: ScoredRun) -> None:
 def _require_alike(tables: Mapping[Path, pd.DataFrame], conditions: pd.DataFrame) -> None:
     """Conditions of one name are one condition in all runs, and all have the same bins of tilt."""
     bins = {
-        path: [name for name in table.index if "tilt" in name] for path, table in tables.items()
+        path: [name for name in table.index if name.startswith("tilt")]
+        for path, table in tables.items()
     }
     for path, names in bins.items():
         first = next(iter(bins))

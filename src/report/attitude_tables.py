@@ -1,6 +1,6 @@
-"""Tables of what attitude does to a score: by tilt, and where it is measured wrongly."""
+"""Tables of what attitude does to a score: by tilt, and where it is not measured as it is."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import pandas as pd
 
@@ -14,24 +14,76 @@ TILT = (
     "KAR-mIoU of the test frames of each tilt |roll| + |pitch|, and below it what a rung gains "
     "over {reference} on the same frames. All numbers are percentages."
 )
+LEVEL = (
+    "KAR-mIoU of the test frames of each tilt where the model is told that the UAV flies level, "
+    "and below it what the true attitude is worth to it: the gain over that on the same frames. "
+    "All numbers are percentages."
+)
 FAULTS = (
     "KAR-mIoU of the whole test split where the model is told a wrong attitude: noise of a "
     "standard deviation on roll and pitch, drawn once for all runs, or the attitude of some time "
     "ago. All numbers are percentages."
 )
 
+Row = tuple[str, tuple[Cell | None, ...]]
+
 
 def attitude_tables(found: AttitudeEvidence, ladder: Ladder = PAPER) -> list[ReportTable]:
-    """One by tilt and one by fault, of what there is."""
-    tilts, faults = found.names("tilt"), [*found.names("noise_deg"), *found.names("delay_s")[1:]]
+    """One by tilt, one of the same frames told a level attitude, and one by fault, of what there
+    is."""
+    tilts, levels = (
+        [Column(name, _tilt(found, name), best="high") for name in found.names(which)]
+        for which in ("tilt", "level")
+    )
+    faults = [
+        Column(name, _fault(found.conditions.loc[name]), best="high")
+        for name in [*found.names("noise_deg"), *found.names("delay_s")[1:]]
+    ]
     tables = []
     if tilts:
-        columns = [Column(name, _tilt(found, name), best="high") for name in tilts]
-        tables.append(_table(found, "attitude_tilt", "By tilt", TILT, columns, ladder))
+        gains = _gains(found, tilts, ladder)
+        tables.append(_table(found, "attitude_tilt", "By tilt", TILT, tilts, gains, ladder))
+    if levels:
+        name, worths = "Told level flight", _worths(found, levels, ladder)
+        tables.append(_table(found, "attitude_level", name, LEVEL, levels, worths, ladder))
     if len(faults) > 1:
-        columns = [Column(name, _fault(found.conditions.loc[name]), best="high") for name in faults]
-        tables.append(_table(found, "attitude_faults", "Wrong attitude", FAULTS, columns, ladder))
+        gains = _gains(found, faults, ladder)
+        tables.append(
+            _table(found, "attitude_faults", "Wrong attitude", FAULTS, faults, gains, ladder)
+        )
     return tables
+
+
+def _gains(found: AttitudeEvidence, columns: Sequence[Column], ladder: Ladder) -> list[Row]:
+    """Over the lowest rung; none where that is not there."""
+    first = ladder.first
+    above = [name for name in found.experiments if name != first and first in found.experiments]
+    return _rows(
+        lambda key, name: found.gain(key, name, first, SCORE), above, columns, ladder, "Gain of "
+    )
+
+
+def _worths(found: AttitudeEvidence, columns: Sequence[Column], ladder: Ladder) -> list[Row]:
+    names = found.experiments
+    return _rows(
+        lambda key, name: found.worth(key, name, SCORE), names, columns, ladder, "Worth to "
+    )
+
+
+def _rows(
+    cell: Callable[[str, str], Cell | None],
+    experiments: Sequence[str],
+    columns: Sequence[Column],
+    ladder: Ladder,
+    prefix: str = "",
+) -> list[Row]:
+    """A row for each experiment, of the ``cell`` of each condition and it."""
+    rows = []
+    for name in ladder.in_order(experiments):
+        said = ladder.row_name(name)
+        said = prefix + said.removeprefix("+ ") if prefix else said
+        rows.append((said, tuple(cell(column.key, name) for column in columns)))
+    return rows
 
 
 def _table(
@@ -40,29 +92,17 @@ def _table(
     title: str,
     text: str,
     columns: Sequence[Column],
+    differences: Sequence[Row],
     ladder: Ladder,
 ) -> ReportTable:
-    """Scores, and below a line the gains over the lowest rung, if that is there."""
-    experiments, first = ladder.in_order(found.experiments), ladder.first
-    rows: list[tuple[str, tuple[Cell | None, ...]]] = [
-        (ladder.row_name(name), tuple(found.cell(column.key, name, SCORE) for column in columns))
-        for name in experiments
-    ]
-    lines = ()
-    if first in experiments and len(experiments) > 1:
-        lines = (len(rows),)
-        rows += [
-            (
-                f"Gain of {ladder.row_name(name).removeprefix('+ ')}",
-                tuple(found.gain(column.key, name, first, SCORE) for column in columns),
-            )
-            for name in experiments
-            if name != first
-        ]
-    seeds = {name: found.seeds(name) for name in experiments}
+    """Scores, and below a line the differences."""
+    names = found.experiments
+    scores = _rows(lambda key, name: found.cell(key, name, SCORE), names, columns, ladder)
+    seeds = {name: found.seeds(name) for name in ladder.in_order(names)}
     text = text.format(reference=ladder.reference)
     caption = f"{text} {_resampling(found, seeds)} {listed_seeds(seeds, differences=True)}"
-    return ReportTable(key, title, caption, tuple(columns), tuple(rows), lines=lines)
+    lines = (len(scores),) if differences else ()
+    return ReportTable(key, title, caption, tuple(columns), (*scores, *differences), lines=lines)
 
 
 def _resampling(found: AttitudeEvidence, seeds: Mapping[str, Sequence[int]]) -> str:
@@ -79,7 +119,7 @@ def _resampling(found: AttitudeEvidence, seeds: Mapping[str, Sequence[int]]) -> 
 
 def _tilt(found: AttitudeEvidence, name: str) -> str:
     low, high = found.conditions.loc[name, ["tilt_low_deg", "tilt_high_deg"]]
-    bounds = f"{low:g}–{high:g}°" if high < float("inf") else f"from {low:g}°"
+    bounds = f"{low:g}–{high:g}°" if high < float("inf") else f"from {low:g}°" if low else "all"
     return f"{bounds} ({found.evidence[name].frames} frames)"
 
 

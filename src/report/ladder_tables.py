@@ -30,7 +30,7 @@ BEYOND = {
 
 KEYS = (
     *("main", "ablation", "long_tail", "incremental", "progression", "beyond"),
-    *("attitude_tilt", "attitude_faults"),
+    *("attitude_tilt", "attitude_level", "attitude_faults"),
 )
 """Of the tables of the whole test split; those of its parts have the part's name after it."""
 

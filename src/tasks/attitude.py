@@ -34,12 +34,13 @@ def attitude(
     noise_deg: Sequence[float],
     delay_s: Sequence[float],
     seed: int,
+    level: bool,
 ) -> None:
     """Writes ``<run>/attitude/``: ``attitude.csv``, a tally a condition, and a figure.
 
     Raises `UserError` as `trained` and `conditions_of` do.
     """
-    conditions = list(conditions_of(tilt_edges_deg, noise_deg, delay_s))
+    conditions = list(conditions_of(tilt_edges_deg, noise_deg, delay_s, level))
     run, data, _, module, precision = trained(cfg, "attitude")
     trainer = trainer_of(cfg, precision)
     counts = _counts(conditions, cfg, data)
@@ -69,11 +70,14 @@ def _count(
     """Counts the test split under every condition; each wrong attitude is predicted with once."""
     of_fault = defaultdict(list)
     for count in counts:
-        of_fault[count.condition.noise_deg, count.condition.delay_s].append(count)
+        of_fault[count.condition.fault].append(count)
     clips = {clip: data.clips[clip] for clip in clips_of(data.split["test"])}
     capture_hz = next(iter(clips.values())).meta.capture_hz
     step = history_stride(data.history_step_s, capture_hz)
-    told = {fault: MeasuredAttitude(clips, step, *fault, seed) for fault in of_fault}
+    told = {
+        (noise_deg, delay_s, level): MeasuredAttitude(clips, step, noise_deg, delay_s, seed, level)
+        for noise_deg, delay_s, level in of_fault
+    }
     quiet = not sys.stdout.isatty()
     for batch in track(data.in_order("test"), "scoring", transient=True, disable=quiet):
         for fault, measured in told.items():

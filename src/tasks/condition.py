@@ -21,19 +21,28 @@ from ..metrics.tally import Tally
 @dataclass(frozen=True)
 class Condition:
     """Frames with a tilt from ``low_deg`` on and below ``high_deg``, told an attitude with
-    ``noise_deg`` and ``delay_s`` (`MeasuredAttitude`). The tilt is |roll| + |pitch|, the true ones.
+    ``noise_deg`` and ``delay_s``, or a ``level`` one (`MeasuredAttitude`). The tilt is
+    |roll| + |pitch|, the true ones.
     """
 
     low_deg: float = 0.0
     high_deg: float = math.inf
     noise_deg: float = 0.0
     delay_s: float = 0.0
+    level: bool = False
+
+    @property
+    def fault(self) -> tuple[float, float, bool]:
+        """What is wrong with the attitude that is told."""
+        return self.noise_deg, self.delay_s, self.level
 
     @property
     def name(self) -> str:
-        """For files: ``true``, ``tilt_5_10deg``, ``noise_3deg``, ``delay_0.2s``."""
+        """For files: ``true``, ``tilt_5_10deg``, ``noise_3deg``, ``delay_0.2s``, ``level``,
+        ``level_tilt_5_10deg``."""
         parts = [f"noise_{self.noise_deg:g}deg"] if self.noise_deg else []
         parts += [f"delay_{self.delay_s:g}s"] if self.delay_s else []
+        parts += ["level"] if self.level else []
         if self.low_deg > 0 or self.high_deg < math.inf:
             parts += [f"tilt_{self.low_deg:g}_{self.high_deg:g}deg"]
         return "_".join(parts) or "true"
@@ -45,9 +54,13 @@ class Condition:
 
 
 def conditions_of(
-    tilt_edges_deg: Sequence[float], noise_deg: Sequence[float], delay_s: Sequence[float]
+    tilt_edges_deg: Sequence[float],
+    noise_deg: Sequence[float],
+    delay_s: Sequence[float],
+    level: bool,
 ) -> Iterator[Condition]:
-    """All frames; each bin of tilt; all frames under each noise, and under each delay.
+    """All frames; each bin of tilt; all frames under each noise, and under each delay; and, with
+    ``level``, all frames and each bin once more, told a UAV that flies level.
 
     Raises `UserError` for edges that do not ascend from above zero, and for values that are not
     above zero.
@@ -58,11 +71,14 @@ def conditions_of(
     for name, values in {"noise_deg": noise_deg, "delay_s": delay_s}.items():
         if any(not 0 < value < math.inf for value in values):
             raise UserError(f"task.{name}: {list(values)}; give values above 0")
-    yield Condition()
+    bins = [Condition()]
     if len(edges) > 1:
-        yield from (Condition(*bounds) for bounds in zip(edges, [*edges[1:], math.inf]))
+        bins += [Condition(*bounds) for bounds in zip(edges, [*edges[1:], math.inf])]
+    yield from bins
     yield from (Condition(noise_deg=value) for value in noise_deg)
     yield from (Condition(delay_s=value) for value in delay_s)
+    if level:
+        yield from (replace(condition, level=True) for condition in bins)
 
 
 class ConditionCount:

@@ -99,10 +99,13 @@ def _attitude_figure(found: AttitudeEvidence, ladder: Ladder, folder: Path) -> d
     gains = {ladder.row_name(name): found.table(SCORE, name, first) for name in above}
     # Of rungs that have no seed in common there is no difference.
     gains = {name: table for name, table in gains.items() if len(table)}
-    draw_attitude(tables, folder / ATTITUDE, gains, ladder.reference)
+    worths = {ladder.row_name(name): found.worths(SCORE, name) for name in names}
+    worths = {name: table for name, table in worths.items() if len(table)}
+    draw_attitude(tables, folder / ATTITUDE, gains, ladder.reference, worths)
     return {
-        folder / ATTITUDE: f"KAR-mIoU by tilt and what it gains over {ladder.reference}, and under "
-        "a wrongly measured attitude; bars are intervals, as in the tables."
+        folder / ATTITUDE: f"KAR-mIoU by tilt, what it gains over {ladder.reference}, and what the "
+        "true attitude gains over being told that the UAV flies level; below, under a wrongly "
+        "measured attitude. Bars are intervals, as in the tables."
     }
 
 

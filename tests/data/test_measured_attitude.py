@@ -44,6 +44,15 @@ def test_every_frame_of_the_queue_is_told_what_was_true_before(clips):
     torch.testing.assert_close(told["attitude_rad"], before["attitude_rad"], atol=1e-6, rtol=0)
 
 
+def test_told_a_level_attitude_the_camera_is_said_to_look_straight_ahead(clips):
+    batch = batch_of(clips, ("town/a", 9), ("town/b", 4))
+    told = MeasuredAttitude(clips, step=2, level=True)(batch)
+    straight = torch.eye(4).expand_as(batch["occ_from_body"])
+    torch.testing.assert_close(told["occ_from_body"], straight, atol=1e-6, rtol=0)
+    assert not torch.allclose(batch["occ_from_body"], straight, atol=0.05)
+    assert told["attitude_rad"].eq(0).all()
+
+
 def test_labels_and_motion_stay_as_they_are(clips):
     batch = batch_of(clips, ("town/a", 9))
     told = MeasuredAttitude(clips, step=2, noise_deg=5.0, delay_s=0.2)(batch)

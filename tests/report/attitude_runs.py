@@ -7,14 +7,21 @@ import pandas as pd
 from src.metrics.tally import Tally
 from tests.report.ladder_runs import predicted, tally
 
-CONDITIONS = [  # name, tilt from and to, noise, delay
-    ("true", 0.0, float("inf"), 0.0, 0.0),
-    ("tilt_0_5deg", 0.0, 5.0, 0.0, 0.0),
-    ("tilt_5_infdeg", 5.0, float("inf"), 0.0, 0.0),
-    ("noise_3deg", 0.0, float("inf"), 3.0, 0.0),
-    ("delay_0.2s", 0.0, float("inf"), 0.0, 0.2),
+INF = float("inf")
+CONDITIONS = [  # name, tilt from and to, noise, delay, told a level attitude
+    ("true", 0.0, INF, 0.0, 0.0, False),
+    ("tilt_0_5deg", 0.0, 5.0, 0.0, 0.0, False),
+    ("tilt_5_infdeg", 5.0, INF, 0.0, 0.0, False),
+    ("noise_3deg", 0.0, INF, 3.0, 0.0, False),
+    ("delay_0.2s", 0.0, INF, 0.0, 0.2, False),
+    ("level", 0.0, INF, 0.0, 0.0, True),
+    ("level_tilt_0_5deg", 0.0, 5.0, 0.0, 0.0, True),
+    ("level_tilt_5_infdeg", 5.0, INF, 0.0, 0.0, True),
 ]
-RIGHT = {"true": 0.5, "tilt_0_5deg": 0.5, "tilt_5_infdeg": 0.3, "noise_3deg": 0.4}
+RIGHT = {
+    **{"true": 0.5, "tilt_0_5deg": 0.5, "tilt_5_infdeg": 0.3, "noise_3deg": 0.4},
+    **{"level": 0.4, "level_tilt_0_5deg": 0.5, "level_tilt_5_infdeg": 0.2},
+}
 """Share of the voxels that are predicted as they are; elsewhere 0.2."""
 
 
@@ -32,7 +39,7 @@ def write_attitude(run, gain=0.0, seed=0):
             else tally(name, lambda target, n, r=right: predicted(target, r, 10 * seed + n))
         )
         counted.write(folder / "tallies" / f"{name}.npz")
-    columns = ["condition", "tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s"]
+    columns = ["condition", "tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s", "level"]
     table = pd.DataFrame(CONDITIONS, columns=columns).assign(noise_seed=0)
     scored = [table.assign(score=score, value=0.5) for score in ("miou", "kar_miou")]
     pd.concat(scored).sort_values("condition").to_csv(folder / "attitude.csv", index=False)

@@ -45,6 +45,7 @@ def test_conditions_stand_in_their_order_with_the_true_attitude_first(evidence):
     assert evidence.names("tilt") == ["tilt_0_5deg", "tilt_5_infdeg"]
     assert evidence.names("noise_deg") == ["true", "noise_3deg"]
     assert evidence.names("delay_s") == ["true", "delay_0.2s"]
+    assert evidence.names("level") == ["level", "level_tilt_0_5deg", "level_tilt_5_infdeg"]
     assert evidence.experiments == ["baseline", "attitude"]
 
 
@@ -59,8 +60,46 @@ def test_a_gain_is_the_mean_of_the_differences_of_each_seed(evidence, folders):
     assert (level.low, level.value, level.high) == (0, 0, 0), "the same predictions"
 
 
+def test_what_the_attitude_is_worth_is_of_the_same_frames_and_seeds(evidence, folders):
+    for name in ("baseline", "attitude"):
+        for true in ("true", "tilt_0_5deg", "tilt_5_infdeg"):
+            told = "level" if true == "true" else f"level_{true}"
+            mine, theirs = (score(folders, name, condition) for condition in (true, told))
+            expected = sum(a - b for a, b in zip(mine, theirs)) / len(SEEDS)
+            worth = evidence.worth(told, name, "kar_miou")
+            assert worth.value == pytest.approx(expected, abs=1e-4)
+    nothing = evidence.worth("level_tilt_0_5deg", "attitude", "kar_miou")
+    assert (nothing.low, nothing.value, nothing.high) == (0, 0, 0), "the same predictions"
+    rows = evidence.worths("kar_miou", "attitude").set_index("condition")
+    assert list(rows.index) == evidence.names("level")
+    assert rows.loc["level_tilt_5_infdeg", "value"] == pytest.approx(worth.value / 100)
+    assert not rows["level"].any()
+
+
+def test_runs_that_were_not_told_a_level_attitude_have_no_such_table(tmp_path):
+    runs = pair(tmp_path)
+    for run in runs:
+        path = run / "attitude/attitude.csv"
+        table = pd.read_csv(path)
+        table[~table["level"]].to_csv(path, index=False)
+        evidence = AttitudeEvidence([read_run(run) for run in runs])
+        keys = [table.key for table in attitude_tables(evidence)]
+        told = ["attitude_level"] * (run == runs[0])
+        assert keys == ["attitude_tilt", *told, "attitude_faults"], "the other one still has it"
+    assert len(evidence.worths("kar_miou", "attitude")) == 0
+
+
 def test_tables_have_scores_and_below_them_the_gains(evidence):
-    tilt, faults = attitude_tables(evidence)
+    tilt, level, faults = attitude_tables(evidence)
+    assert [column.name for column in level.columns] == [
+        "all (7 frames)", "0–5° (7 frames)", "from 5° (7 frames)"
+    ]  # fmt: skip
+    assert [name for name, _ in level.rows] == [
+        *("Baseline", "+ Attitude-aware projection"),
+        *("Worth to Baseline", "Worth to Attitude-aware projection"),
+    ]
+    assert level.rows[3][1][2].value > 5
+    assert level.lines == (2,)
     assert [column.name for column in tilt.columns] == ["0–5° (7 frames)", "from 5° (7 frames)"]
     assert [column.name for column in faults.columns] == ["true", "3° noise", "0.2 s late"]
     names = ["Baseline", "+ Attitude-aware projection", "Gain of Attitude-aware projection"]
@@ -73,7 +112,7 @@ def test_tables_have_scores_and_below_them_the_gains(evidence):
 
 
 def test_with_one_seed_it_is_not_said_that_seeds_were_drawn(folders):
-    tilt, _ = attitude_tables(AttitudeEvidence([read_run(folders["baseline", 0])]))
+    tilt, *_ = attitude_tables(AttitudeEvidence([read_run(folders["baseline", 0])]))
     assert "resamples of the clips" in tilt.caption
     assert "With one seed only clips are drawn" in tilt.caption
 

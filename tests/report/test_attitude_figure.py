@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from src.report.attitude import attitude_figure
+from src.report.attitude import TOLD, attitude_figure
 
 TILTS_DEG = (0, 5, 10, 15, 20, np.inf)
 FRAMES = 12345
@@ -21,9 +21,13 @@ def table(level):
         facts.append(
             {"condition": f"tilt_{low}_{high}deg", "tilt_low_deg": low, "tilt_high_deg": high}
         )
+    told = facts[: len(TILTS_DEG)]
+    facts += [{**each, "condition": f"level_{each['condition']}", "level": True} for each in told]
     facts += [{"condition": f"noise_{x}deg", "noise_deg": x} for x in (1, 3, 5)]
     facts += [{"condition": f"delay_{x}s", "delay_s": x} for x in (0.1, 0.2)]
-    none = {"tilt_low_deg": 0, "tilt_high_deg": np.inf, "noise_deg": 0, "delay_s": 0}
+    none = {
+        "tilt_low_deg": 0, "tilt_high_deg": np.inf, "noise_deg": 0, "delay_s": 0, "level": False
+    }  # fmt: skip
     scores = {"frames": FRAMES, "value": level, "low": level - 0.02, "high": level + 0.02}
     return pd.DataFrame([{**none, **each, **scores} for each in facts])
 
@@ -33,7 +37,7 @@ def figure():
     levels = {"Baseline": 0.1, "+ Attitude-aware projection": 0.2, "SkyShield": 0.3}
     tables = {name: table(level) for name, level in levels.items()}
     gains = {name: table(level - 0.1) for name, level in levels.items() if level > 0.1}
-    figure = attitude_figure(tables, gains, "the baseline")
+    figure = attitude_figure(tables, gains, "the baseline", gains)
     FigureCanvasAgg(figure).draw()
     return figure
 
@@ -47,10 +51,28 @@ def test_the_names_of_the_bins_can_be_read(figure):
 
 
 def test_every_run_has_a_line_and_every_gain_the_colour_of_its_run(figure):
-    scores, gains, *faults = (
+    scores, gains, worths, *faults = (
         {bars.get_label(): bars.lines[0].get_color() for bars in axes.containers}
         for axes in figure.axes
     )
     assert list(scores) == ["Baseline", "+ Attitude-aware projection", "SkyShield"]
     assert faults == [scores, scores]
     assert gains == {name: color for name, color in scores.items() if name != "Baseline"}
+    assert worths == gains
+
+
+def test_told_a_level_attitude_each_run_has_a_dashed_line_that_is_named_once(figure):
+    first = figure.axes[0]
+    dashed = [line for line in first.lines if line.get_linestyle() == "--"]
+    assert [line.get_color() for line in dashed] == [
+        bars.lines[0].get_color() for bars in first.containers
+    ]
+    assert all(len(line.get_xdata()) == len(TILTS_DEG) - 1 for line in dashed)
+    (legend,) = (legend for part in figure.subfigs for legend in part.legends)
+    named = [text.get_text() for text in legend.get_texts()]
+    assert named == [*(bars.get_label() for bars in first.containers), TOLD]
+
+
+def test_of_one_run_there_are_its_scores_alone():
+    figure = attitude_figure({"mine": table(0.3)}, {}, "the baseline", {})
+    assert len(figure.axes) == 3

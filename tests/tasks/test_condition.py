@@ -28,7 +28,7 @@ def batch_of(roll_deg, pitch_deg, clips):
 
 
 def test_bins_of_tilt_share_all_frames_among_them():
-    conditions = list(conditions_of([5, 10], [], []))
+    conditions = list(conditions_of([5, 10], [], [], False))
     assert [each.name for each in conditions] == [
         "true", "tilt_0_5deg", "tilt_5_10deg", "tilt_10_infdeg"
     ]  # fmt: skip
@@ -39,8 +39,19 @@ def test_bins_of_tilt_share_all_frames_among_them():
 
 
 def test_faults_follow_and_have_names_for_files():
-    names = [each.name for each in conditions_of([], [1.0, 3.0], [0.1])]
+    names = [each.name for each in conditions_of([], [1.0, 3.0], [0.1], False)]
     assert names == ["true", "noise_1deg", "noise_3deg", "delay_0.1s"]
+
+
+def test_told_a_level_attitude_there_are_all_frames_and_each_bin_again():
+    conditions = list(conditions_of([5], [], [0.1], True))
+    assert [each.name for each in conditions] == [
+        *("true", "tilt_0_5deg", "tilt_5_infdeg", "delay_0.1s"),
+        *("level", "level_tilt_0_5deg", "level_tilt_5_infdeg"),
+    ]
+    assert len({each.fault for each in conditions}) == 3
+    batch = batch_of([0, -6], [0, 0], ["a/0"] * 2)
+    assert conditions[-1].holds(batch).tolist() == [False, True], "by the true tilt"
 
 
 @pytest.mark.parametrize(
@@ -56,11 +67,11 @@ def test_faults_follow_and_have_names_for_files():
 )
 def test_values_that_make_no_sense_are_refused(words, key):
     with pytest.raises(UserError, match=rf"task\.{key}: .*; give "):
-        list(conditions_of(*words))
+        list(conditions_of(*words, level=False))
 
 
 def test_the_bins_tallies_add_up_to_that_of_all_frames():
-    conditions = list(conditions_of([5, 10], [], []))
+    conditions = list(conditions_of([5, 10], [], [], False))
     counts = [ConditionCount(each, OccupancyScores(GRID), CLIPS) for each in conditions]
     batch = batch_of([0, 6, 4, 20], [0, 0, 4, 0], ["a/0", "a/0", "b/0", "b/0"])
     labels = batch["semantics"].roll(1, dims=1)

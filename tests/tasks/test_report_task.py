@@ -74,7 +74,7 @@ def test_a_paper_takes_its_tables_in(ladder, tmp_path):
     write_attitude(shutil.copytree(ladder, tmp_path / "runs/tiny") / "skyocc/seed0")
     out = reported(tmp_path / "runs/tiny", out=tmp_path / "out")
     tables = sorted((out / "tables").glob("*.tex"))
-    assert len(tables) == len(KEYS) + 2 * len(OF_PARTS) + 2
+    assert len(tables) == len(KEYS) + 2 * len(OF_PARTS) + 3
     packages = ("booktabs", "graphicx", "hyperref")
     said = typeset(tmp_path, "".join(path.read_text() for path in tables), packages)
     assert "Overfull" not in said
