@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from src.report.attitude import TOLD, attitude_figure
 
-TILTS_DEG = (0, 5, 10, 15, 20, np.inf)
+TILTS_DEG = (0, 2.5, 5, 10, 15, 20, np.inf)
 FRAMES = 12345
 """More than any split has, so that a label is as wide as it can be."""
 
