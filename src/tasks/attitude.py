@@ -12,6 +12,7 @@ from omegaconf import DictConfig
 from rich.console import Console
 from rich.progress import track
 
+from ..atomic_folder import replacing_folder
 from ..data.attitude import MeasuredAttitude
 from ..data.datamodule import SkyShieldData
 from ..data.dataset import history_stride
@@ -45,16 +46,17 @@ def attitude(
     trainer = trainer_of(cfg, precision)
     counts = _counts(conditions, cfg, data)
     _count(counts, data, predictor(module, trainer), seed)
-    folder = run.path / FOLDER
     protocol = protocol_of(cfg, data)
     tallies = [count.tally(protocol) for count in counts]
-    for tally in tallies:
-        tally.write(folder / TALLIES / f"{tally.name}.npz")
     table = _described(tallies, conditions, seed)
-    draw_attitude({cfg.name: table[table["score"] == SCORE]}, folder / "attitude.png")
-    write_table(table, folder / TABLE)
+    # As a whole, so that no tally of an earlier call's conditions stays.
+    with replacing_folder(run.path / FOLDER) as folder:
+        for tally in tallies:
+            tally.write(folder / TALLIES / f"{tally.name}.npz")
+        draw_attitude({cfg.name: table[table["score"] == SCORE]}, folder / "attitude.png")
+        write_table(table, folder / TABLE)
     print_attitude(table)
-    Console().print(f"{folder}", highlight=False, soft_wrap=True)
+    Console().print(f"{run.path / FOLDER}", highlight=False, soft_wrap=True)
 
 
 def _counts(

@@ -1,5 +1,7 @@
 """task=attitude on a trained checkpoint, as a user calls it."""
 
+from pathlib import Path
+
 import pandas as pd
 import pytest
 
@@ -46,6 +48,15 @@ def test_it_scores_every_condition_and_the_true_one_as_the_run_did(words, capsys
     assert kar.loc["level_tilt_6_infdeg", "value"] != kar.loc["tilt_6_infdeg", "value"]
     tally = Tally.read(f"{folder}/tallies/noise_20deg.npz")
     assert tally.protocol.part == "test, noise_20deg"
+
+
+@pytest.mark.slow
+def test_nothing_of_an_earlier_call_stays(words):
+    cfg = compose_config(*words, "ckpt_path=best")
+    for edge, level in ((6.0, True), (7.0, False)):
+        attitude(cfg, **{**SETTINGS, "tilt_edges_deg": [edge], "level": level, "delay_s": []})
+    tallies = sorted(path.stem for path in Path(cfg.paths.run).glob("attitude/tallies/*"))
+    assert tallies == ["noise_20deg", "tilt_0_7deg", "tilt_7_infdeg", "true"]
 
 
 @pytest.mark.slow
