@@ -40,8 +40,7 @@ class AttitudeEvidence:
         _require_alike(tables, self.conditions)
         for run in scored:
             _require_own(run)
-        self.tallies = {name: _tallies(name, scored) for name in self.conditions.index}
-        self.evidence = {name: Evidence(tallies) for name, tallies in self.tallies.items()}
+        self.evidence = {name: _evidence(name, scored) for name in self.conditions.index}
         self.experiments = list(dict.fromkeys(run.experiment for run in scored))
 
     def names(self, which: str) -> list[str]:
@@ -71,8 +70,8 @@ class AttitudeEvidence:
         """What the true attitude gains over a ``level`` one on the same frames, paired."""
         same = (self.conditions[TILT] == self.conditions.loc[condition, TILT]).all(axis=1)
         (true,) = self.conditions.index[same].intersection([TRUE, *self.names("tilt")])
-        pair = {name: self.tallies[name].get(experiment, {}) for name in (true, condition)}
-        return Evidence(pair).difference(true, condition, score) if all(pair.values()) else None
+        told = self.evidence[condition]
+        return self.evidence[true].difference(experiment, experiment, score, told)
 
     def table(self, score: str, experiment: str, reference: str | None = None) -> pd.DataFrame:
         """A row for each condition with `FACTS`, ``frames``, and ``value``, ``low`` and ``high`` of
@@ -104,8 +103,8 @@ def is_binned(conditions: pd.DataFrame) -> pd.Series:
     return (conditions["tilt_low_deg"] > 0) | (conditions["tilt_high_deg"] < float("inf"))
 
 
-def _tallies(condition: str, runs: Sequence[ScoredRun]) -> dict[str, dict[int, Tally]]:
-    """Of every experiment that was scored under a condition, by its seeds."""
+def _evidence(condition: str, runs: Sequence[ScoredRun]) -> Evidence:
+    """Of the experiments that were scored under a condition."""
     found: dict[Path, Tally] = {}
     tallies: dict[str, dict[int, Tally]] = {}
     for run in runs:
@@ -116,7 +115,7 @@ def _tallies(condition: str, runs: Sequence[ScoredRun]) -> dict[str, dict[int, T
     if not found:
         raise UserError(f"{path}: is not there; run task=attitude again")
     _require_same_frames(found)
-    return tallies
+    return Evidence(tallies)
 
 
 def _require_own(run: ScoredRun) -> None:

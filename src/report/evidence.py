@@ -82,16 +82,21 @@ class Evidence:
             [self._sample(experiment, seed, score) for seed in self.seeds(experiment)]
         )
 
-    def difference(self, experiment: str, reference: str, score: str) -> Cell | None:
+    def difference(
+        self, experiment: str, reference: str, score: str, other: "Evidence | None" = None
+    ) -> Cell | None:
         """The mean change from a reference over the seeds that both have; ``None`` without one.
 
-        Of an experiment from itself it is 0, and no resample says otherwise.
+        The reference's scores are those of the ``other`` evidence, of the same frames predicted
+        otherwise, where it is given. Of an experiment from itself the change is 0, and no resample
+        says otherwise.
         """
-        common = [seed for seed in self.seeds(experiment) if seed in self.seeds(reference)]
-        if experiment == reference:
+        theirs = other or self
+        common = [seed for seed in self.seeds(experiment) if seed in theirs.seeds(reference)]
+        if experiment == reference and theirs is self:
             return Cell(0.0, signed=True) if common else None
         pairs = [
-            (self._sample(experiment, seed, score), self._sample(reference, seed, score))
+            (self._sample(experiment, seed, score), theirs._sample(reference, seed, score))
             for seed in common
         ]
         changes = [None if a is None or b is None else a - b for a, b in pairs]
