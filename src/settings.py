@@ -18,8 +18,10 @@ GROUPS = Path(__file__).parent.parent / "conf"
 INTEGER_OR_NULL = ("threads", "sim.workers")
 UNION = ("trainer.devices",)
 """Settings of several types, which Lightning itself checks."""
-ANY_LENGTH = ("suite.",)
-"""Where a list of numbers may be longer or shorter than the configuration's, but not empty."""
+ANY_LENGTH = ("suite.", "task.")
+"""Where a list of numbers may be longer or shorter than the configuration's."""
+NOT_EMPTY = ("suite.",)
+"""Where it may not be empty then."""
 TRAINING = "src.tasks.fit.fit"
 PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
 """Geometry is computed in fp32, so the network has no pure half or double precision."""
@@ -91,7 +93,8 @@ def _require_type(key: str, before: DictConfig, cfg: DictConfig) -> None:
         was = 1
     elif key.endswith(UNITS) and isinstance(was, int):
         was = float(was)
-    if key.startswith(ANY_LENGTH) and isinstance(was, list) and isinstance(now, list) and now:
+    both_lists = isinstance(was, list) and isinstance(now, list)
+    if both_lists and key.startswith(ANY_LENGTH) and (now or not key.startswith(NOT_EMPTY)):
         was = was[:1] * len(now)
     wanted = _mismatch(was, now)
     if wanted:

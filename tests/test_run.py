@@ -478,6 +478,11 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
         (["task=score", "predictions=nowhere", "dataset=nowhere"], "nowhere"),
         (["task=predict"], "ckpt_path: task=predict needs a checkpoint"),
         (["task=compare"], "task.runs: name two or more"),
+        (
+            ["task=attitude", "task.tilt_edges_deg=[5,15]", "task.noise_deg=[]"],
+            "ckpt_path: task=attitude needs a checkpoint",
+        ),
+        (["task=attitude", "task.delay_s=[soon]"], "task.delay_s: ['soon'] is not a list"),
         (["task=report"], "/runs/small: no such folder; train first, or name runs in task.runs"),
     ],
 )

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..atomic import replacing
-from .attitude_evidence import is_binned
+from .attitude_evidence import TRUE, is_binned
 from .canvas import INK, MUTED
 
 SHOWN = {"miou_occupied": "mIoU occupied", "kar_miou": "KAR-mIoU", "iou/thin_structure": "thin"}
@@ -131,7 +131,7 @@ def _draw_fault(
     axes: Axes, tables: Mapping[str, pd.DataFrame], colors: Mapping[str, str], key: str
 ) -> None:
     for name, rows in tables.items():
-        whole = rows[rows["condition"] == "true"]
+        whole = rows[rows["condition"] == TRUE]
         faulty = pd.concat([whole, rows[rows[key] > 0].sort_values(key)])
         _line(axes, faulty[key], faulty, name, colors[name])
         axes.set_xticks(faulty[key])

@@ -38,6 +38,7 @@ class AttitudeEvidence:
         conditions = pd.concat(tables.values()) if tables else pd.DataFrame(columns=FACTS)
         self.conditions = conditions[~conditions.index.duplicated()]
         _require_alike(tables, self.conditions)
+        _require_the_same_of_all_seeds(scored, tables)
         for run in scored:
             _require_own(run)
         self.evidence = {name: _evidence(name, scored) for name in self.conditions.index}
@@ -53,7 +54,7 @@ class AttitudeEvidence:
             found = self.conditions[level if which == "level" else binned & ~level]
             return list(found.sort_values(TILT, ascending=[True, False]).index)
         faulty = self.conditions[self.conditions[which] > 0].sort_values(which)
-        return [*(name for name in ("true",) if name in self.evidence), *faulty.index]
+        return [*(name for name in (TRUE,) if name in self.evidence), *faulty.index]
 
     def seeds(self, experiment: str) -> list[int]:
         """Of an experiment, under any condition."""
@@ -150,6 +151,19 @@ def _require_alike(tables: Mapping[Path, pd.DataFrame], conditions: pd.DataFrame
                     f"{path}: {name} has {key}={table.loc[name, key]:g}, and elsewhere "
                     f"{conditions.loc[name, key]:g}; {AGAIN}"
                 )
+
+
+def _require_the_same_of_all_seeds(
+    runs: Sequence[ScoredRun], tables: Mapping[Path, pd.DataFrame]
+) -> None:
+    """A column of a table is of the same seeds as the next one."""
+    firsts: dict[str, Path] = {}
+    for run, (path, table) in zip(runs, tables.items()):
+        first = firsts.setdefault(run.experiment, path)
+        if other := set(table.index) ^ set(tables[first].index):
+            raise UserError(
+                f"{path}: {min(other)} was scored in one of it and {first} alone; {AGAIN}"
+            )
 
 
 def _require_same_frames(tallies: Mapping[Path, Tally]) -> None:

@@ -6,9 +6,10 @@ import pandas as pd
 
 from .attitude import SCORE
 from .attitude_evidence import AttitudeEvidence
+from .evidence import Evidence
 from .ladder import PAPER, Ladder
 from .report_table import Cell, Column, ReportTable
-from .scored_part import ONE_SEED, listed_seeds
+from .scored_part import ONE_SEED, listed_seeds, lost_classes
 
 TILT = (
     "KAR-mIoU of the test frames of each tilt |roll| + |pitch|, and below it what a rung gains "
@@ -56,17 +57,21 @@ def attitude_tables(found: AttitudeEvidence, ladder: Ladder = PAPER) -> list[Rep
 
 def _gains(found: AttitudeEvidence, columns: Sequence[Column], ladder: Ladder) -> list[Row]:
     """Over the lowest rung; none where that is not there."""
-    first = ladder.first
-    above = [name for name in found.experiments if name != first and first in found.experiments]
+    first, there = ladder.first, _scored(found, columns)
+    above = [name for name in there if name != first and first in there]
+    over = f", over {ladder.reference}"
     return _rows(
-        lambda key, name: found.gain(key, name, first, SCORE), above, columns, ladder, "Gain of "
+        lambda key, name: found.gain(key, name, first, SCORE), above, columns, ladder, over
     )
 
 
 def _worths(found: AttitudeEvidence, columns: Sequence[Column], ladder: Ladder) -> list[Row]:
-    names = found.experiments
     return _rows(
-        lambda key, name: found.worth(key, name, SCORE), names, columns, ladder, "Worth to "
+        lambda key, name: found.worth(key, name, SCORE),
+        _scored(found, columns),
+        columns,
+        ladder,
+        ", over told level",
     )
 
 
@@ -75,15 +80,22 @@ def _rows(
     experiments: Sequence[str],
     columns: Sequence[Column],
     ladder: Ladder,
-    prefix: str = "",
+    over: str = "",
 ) -> list[Row]:
     """A row for each experiment, of the ``cell`` of each condition and it."""
-    rows = []
-    for name in ladder.in_order(experiments):
-        said = ladder.row_name(name)
-        said = prefix + said.removeprefix("+ ") if prefix else said
-        rows.append((said, tuple(cell(column.key, name) for column in columns)))
-    return rows
+    return [
+        (ladder.row_name(name) + over, tuple(cell(column.key, name) for column in columns))
+        for name in ladder.in_order(experiments)
+    ]
+
+
+def _scored(found: AttitudeEvidence, columns: Sequence[Column]) -> list[str]:
+    """The experiments that have a score in any of the columns."""
+    return [
+        name
+        for name in found.experiments
+        if any(found.evidence[column.key].seeds(name) for column in columns)
+    ]
 
 
 def _table(
@@ -96,25 +108,27 @@ def _table(
     ladder: Ladder,
 ) -> ReportTable:
     """Scores, and below a line the differences."""
-    names = found.experiments
+    names = _scored(found, columns)
     scores = _rows(lambda key, name: found.cell(key, name, SCORE), names, columns, ladder)
     seeds = {name: found.seeds(name) for name in ladder.in_order(names)}
     text = text.format(reference=ladder.reference)
-    caption = f"{text} {_resampling(found, seeds)} {listed_seeds(seeds, differences=True)}"
+    drawn = _resampling([found.evidence[column.key] for column in columns], seeds)
+    caption = f"{text} {drawn} {listed_seeds(seeds, differences=True)}"
     lines = (len(scores),) if differences else ()
     return ReportTable(key, title, caption, tuple(columns), (*scores, *differences), lines=lines)
 
 
-def _resampling(found: AttitudeEvidence, seeds: Mapping[str, Sequence[int]]) -> str:
+def _resampling(columns: Sequence[Evidence], seeds: Mapping[str, Sequence[int]]) -> str:
     """How the intervals were drawn; the columns have clips of their own."""
-    evidence, most = next(iter(found.evidence.values())), max(map(len, seeds.values()))
+    evidence, most = columns[0], max(map(len, seeds.values()))
     drawn = f"{most} seeds and, independently, of the" if most > 1 else "the"
     said = (
         f"In brackets: {100 * evidence.level:g} % percentile intervals over "
         f"{evidence.resamples:,} resamples of {drawn} clips that have such frames, the same for "
         "every row."
     )
-    return said if most > 1 else f"{said} {ONE_SEED}."
+    said = said if most > 1 else f"{said} {ONE_SEED}."
+    return f"{said} {lost_classes(*columns)}".rstrip()
 
 
 def _tilt(found: AttitudeEvidence, name: str) -> str:

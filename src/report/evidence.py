@@ -32,8 +32,9 @@ class Evidence:
         tallies: of every experiment by its seeds; of one protocol and the same clips.
         chosen: says which clips belong to the part. At least one with a frame must.
 
-    ``labelled_clips`` has, for each class, the number of clips with a voxel of it, and ``blocked``
-    the numbers of frames and of clips with something in the tube that the UAV's body sweeps.
+    ``labelled_clips`` has, for each class, the number of clips with a voxel of it, ``lost`` the
+    share of the resamples that draw none of a class which is there, and ``blocked`` the numbers of
+    frames and of clips with something in the tube that the UAV's body sweeps.
     """
 
     def __init__(
@@ -56,7 +57,10 @@ class Evidence:
             for name, by_seed in tallies.items()
         }
         truth = reference.tables["occupancy"]["count"][self.rows].sum(-1)
-        self.labelled_clips = dict(zip(CLASSES, (truth > 0).sum(0).tolist()))
+        labelled = truth > 0
+        self.labelled_clips = dict(zip(CLASSES, labelled.sum(0).tolist()))
+        drawn = self.weights @ labelled.to(self.weights) > 0
+        self.lost = float((labelled.any(0) & ~drawn).any(1).double().mean())
         self.blocked = _blocked(reference, self.rows)
 
     @property
@@ -89,9 +93,11 @@ class Evidence:
 
         The reference's scores are those of the ``other`` evidence, of the same frames predicted
         otherwise, where it is given. Of an experiment from itself the change is 0, and no resample
-        says otherwise.
+        says otherwise. Raises `ValueError` where the other one is of other clips.
         """
         theirs = other or self
+        if theirs.rows != self.rows:
+            raise ValueError(f"clips {self.rows} and {theirs.rows} cannot be paired")
         common = [seed for seed in self.seeds(experiment) if seed in theirs.seeds(reference)]
         if experiment == reference and theirs is self:
             return Cell(0.0, signed=True) if common else None

@@ -96,10 +96,13 @@ def ladder_named(names: Sequence[str]) -> Ladder:
 
 
 def _rung(name: str, is_a_step: bool) -> Rung:
-    """A rung of the paper keeps its name and factors, and what it adds if it stands on the same
-    rung as there; another one is called as its experiment is."""
+    """A rung of the paper that stands on the same rung as there has its name and what it adds. On
+    another one it keeps the factors, and the name unless that says what was added; what the paper
+    does not have is called as its experiment is."""
     rung = PAPER.rungs.get(name, Rung(name, ""))
-    return rung if is_a_step else rung._replace(added="")
+    if is_a_step:
+        return rung
+    return rung._replace(row=name if rung.row.startswith("+ ") else rung.row, added="")
 
 
 def factors_of(config: Mapping) -> tuple[bool, bool, bool]:

@@ -103,10 +103,11 @@ def long_tail_table(part: ScoredPart, frames: Collection[int]) -> ReportTable:
     columns.append(_score("long_tail", "Mean"))
     rows = [(_added(part, name, frames), _cells(part, name, columns)) for name in part.rungs]
     lines, first, last = [], part.ladder.first, part.ladder.last
-    if last in part.rungs:
+    if {first, last} <= set(part.rungs) and first != last:
         lines = [len(rows)]
         gain = tuple(part.evidence.difference(last, first, column.key) for column in columns)
-        rows.append(("Gain of full model", gain))
+        full = "full model" if last == PAPER.last else part.ladder.row_name(last)
+        rows.append((f"Gain of {full}", gain))
     labelled = part.evidence.labelled_clips
     clips = ", ".join(f"{CLASS_NAMES[name]} {labelled[name]}" for name in LONG_TAIL)
     text = (
@@ -140,7 +141,8 @@ def progression_table(part: ScoredPart, frames: Collection[int]) -> ReportTable:
     numbers of frames that predictions see, which is one number for the paper's rungs."""
     changes = {"miou": "mIoU", "kar_miou": "KAR"}
     columns = [*_means(), *(_change(*change, best="high") for change in changes.items())]
-    columns.append(Column("gap", "Gap", best="low"))
+    # No best: the lowest gap is that of a model that finds nothing.
+    columns.append(Column("gap", "Gap"))
     rows = [(_added(part, name, frames), _cells(part, name, columns)) for name in part.rungs]
     text = (
         f"Each prediction sees {_either(frames)} frame{'s' * (max(frames) > 1)}. Δ values are "

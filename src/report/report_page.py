@@ -24,14 +24,14 @@ PLOTS = {
 def write_report_page(
     report: LadderReport,
     heading: str,
+    plots: Sequence[CurvePlot],
     figures: Mapping[Path, str],
     scenes: Sequence[Scene],
     path: Path,
 ) -> None:
     """The page. ``figures`` maps pictures on disk to what they show.
 
-    Raises `UserError` for a picture or a log that cannot be read, and where the page cannot be
-    written.
+    Raises `UserError` where the page cannot be written.
     """
     facts = {
         name.replace("`", ""): value
@@ -42,15 +42,15 @@ def write_report_page(
         heading,
         list(facts.items()),
         report.tables,
-        _plots(report.named_runs),
+        plots,
         [Picture(picture.read_bytes(), caption) for picture, caption in figures.items()],
         scenes,
         [*report.warnings, *report.missing],
     )
 
 
-def _plots(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[CurvePlot]:
-    """The learning curves of the runs that have a log."""
+def learning_curves(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[CurvePlot]:
+    """Those of the runs that have a log. Raises `UserError` for one that cannot be read."""
     logs = [(name, log) for name, run in named_runs if (log := run.path / METRICS).is_file()]
     return [
         CurvePlot(

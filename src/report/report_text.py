@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from .ladder_report import LadderReport
 from .scored_runs import ScoredRun
-from .shared_settings import Values
+from .shared_settings import Values, shortened
 from .table_files import escaped, markdown_of
 
 
@@ -76,7 +76,10 @@ def _differing(values: Values) -> str:
     experiments = list(next(iter(values.values())))
     head, *rows = [
         ["setting", *experiments],
-        *([key, *(", ".join(of[name]) for name in experiments)] for key, of in values.items()),
+        *(
+            [key, *(", ".join(map(shortened, of[name])) for name in experiments)]
+            for key, of in values.items()
+        ),
     ]
     lines = [map(escaped, head), [":--"] * len(head), *(map(escaped, row) for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -1,4 +1,4 @@
-"""Scored runs that may stand in one table: of one protocol, the same labels and the same code."""
+"""Scored runs that may stand in one table: of one protocol and the same labels."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

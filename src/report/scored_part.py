@@ -71,7 +71,19 @@ class ScoredPart:
             said += f". {ONE_SEED}"
         elif clips < 2:
             said += ". There is one clip, so only seeds are drawn"
-        return f"{said}. {listed}"
+        return f"{said}. {lost_classes(self.evidence)}{listed}"
+
+
+def lost_classes(*columns: Evidence) -> str:
+    """How often resamples miss a class, where they do: it may move their means."""
+    share = max(evidence.lost for evidence in columns)
+    if not share:
+        return ""
+    at_most = "up to " if len(columns) > 1 else ""
+    return (
+        f"In {at_most}{100 * share:.2g} % of the resamples no voxel of some class is drawn: the "
+        "means leave it out, or count it as 0 where it was predicted. "
+    )
 
 
 def listed_seeds(seeds: Mapping[str, tuple[int, ...]], differences: bool) -> str:

@@ -15,12 +15,13 @@ from .ladder import ANCHORS, value_at
 from .results import read_results
 
 SEED, ASIDE = re.compile(r"seed\d+"), re.compile(r"\.before\d+$")
-DEPTH = 3
-"""Folders between one that is named and its runs, at most: scale and experiment."""
+DEPTH = 4
+"""Levels from a folder that is named down to its runs, at most: those of a published report may lie
+in ``runs/group2/<experiment>/seed<k>``."""
 UNKNOWN_CODE = "unknown code"
 NEEDED = {
-    **{"name": str, "seed": int, "trainer.max_epochs": int},
-    **{"data.frames": int, "data.test_clips": list, "model.encoder.projection": str},
+    **{"name": str, "seed": int, "data.frames": int},
+    **{"data.test_clips": list, "model.encoder.projection": str},
 }
 """What a report reads of a run's configuration."""
 
@@ -59,10 +60,11 @@ class UnfinishedRun(NamedTuple):
     experiment: str
     seed: int
     epochs: int | None
-    of_epochs: int
+    of_epochs: int | None
 
     def __str__(self) -> str:
-        begun = "no epoch" if self.epochs is None else f"{self.epochs} of {self.of_epochs} epochs"
+        whole = "" if self.of_epochs is None else f" of {self.of_epochs}"
+        begun = "no epoch" if self.epochs is None else f"{self.epochs}{whole} epochs"
         return f"{self.experiment} seed {self.seed}: unfinished, {begun} logged"
 
 
@@ -102,8 +104,8 @@ def read_run(path: Path) -> ScoredRun | UnfinishedRun:
             raise UserError(f"{path / CONFIG}: has no {key}, {so}")
     name, seed = config["name"], config["seed"]
     if not (path / RESULTS).is_file():
-        epochs = config["trainer"]["max_epochs"]
-        return UnfinishedRun(path, name, seed, _epochs_logged(path), epochs)
+        of_epochs = value_at(config, "trainer.max_epochs")
+        return UnfinishedRun(path, name, seed, _epochs_logged(path), of_epochs)
     table = read_results(path / RESULTS)
     own = table[(table["experiment"] == name) & (table["split"] == "test")]
     if own.empty:

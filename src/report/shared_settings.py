@@ -9,9 +9,10 @@ from .ladder import FACTORS, PAPER, Ladder, factors_of, value_at
 from .scored_runs import UNKNOWN_CODE, ScoredRun
 
 SEED = "seed"
+LIMIT = "each of {} of the frames"
 SHARED = {
     "{} epochs": "trainer.max_epochs",
-    "each of {} of the frames": "trainer.limit_train_batches",
+    LIMIT: "trainer.limit_train_batches",
     "AdamW at {}": "optimizer.lr",
     "weight decay {}": "optimizer.weight_decay",
     "warm-up over {} of the steps and a cosine to zero": "optimizer.warmup",
@@ -26,7 +27,7 @@ SHARED = {
 ORDERING = ("data.", "sim.", "trainer.")
 """Begin the keys that decide which frames a run sees, in which order and how often."""
 LONGEST = 60
-"""Letters of a value in the table of differences."""
+"""Letters of a value as it is shown; all of it is compared."""
 
 Values = dict[str, dict[str, list[str]]]
 
@@ -49,7 +50,7 @@ def statement(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> str:
     of_ladder = all(run.experiment in ladder for run in runs)
     keys = list(differing(runs))
     told = [
-        text.format(_text(value_at(runs[0].config, key)))
+        _told(text, value_at(runs[0].config, key))
         for text, key in SHARED.items()
         if key not in keys and value_at(runs[0].config, key) is not None
     ]
@@ -109,9 +110,13 @@ def other_experiments(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list
         }
         if found:
             nearest = min(found, key=lambda rung: len(found[rung]))
-            but = "; ".join(f"{k} = {_text(new)} ({_text(old)})" for k, old, new in found[nearest])
+            but = "; ".join(_changed(*one) for one in found[nearest])
             lines.append(f"{name} is {nearest} but for {but or 'its name'}")
     return lines
+
+
+def _changed(key: str, old: object, new: object) -> str:
+    return f"{key} = {shortened(_text(new))} ({shortened(_text(old))})"
 
 
 def code_lines(runs: Sequence[ScoredRun]) -> list[str]:
@@ -156,7 +161,13 @@ def _lists(grouped: Mapping[str, Sequence[str]]) -> str:
 
 
 def _by_experiment(values: Mapping[str, Sequence[str]]) -> str:
-    return "; ".join(f"{name} {' or '.join(texts)}" for name, texts in values.items())
+    return "; ".join(f"{name} {' or '.join(map(shortened, of))}" for name, of in values.items())
+
+
+def shortened(text: str) -> str:
+    """A value for a table or a sentence: of a long one the ends, as paths differ in the last."""
+    half = LONGEST // 2
+    return text if len(text) <= LONGEST else f"{text[:half]}…{text[1 - half :]}"
 
 
 def _text(value: object) -> str:
@@ -164,6 +175,12 @@ def _text(value: object) -> str:
     if isinstance(value, Mapping) and "_target_" in value:
         arguments = {key: one for key, one in value.items() if not key.startswith("_")}
         listed = ", ".join(f"{key}={_text(one)}" for key, one in arguments.items())
-        value = f"{value['_target_'].rpartition('.')[2]}({listed})"
-    text = value if isinstance(value, str) else json.dumps(value)
-    return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
+        return f"{value['_target_'].rpartition('.')[2]}({listed})"
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _told(text: str, value: object) -> str:
+    """A line of `SHARED`. What limits an epoch is a share of the frames, or a number of batches."""
+    if text == LIMIT and isinstance(value, int):
+        return f"each of {value} batches"
+    return text.format(shortened(_text(value)))

@@ -18,6 +18,7 @@ from ..data.datamodule import SkyShieldData
 from ..data.dataset import history_stride
 from ..metrics.tally import Tally
 from ..report.attitude import SCORE, draw_attitude, print_attitude
+from ..report.attitude_evidence import ATTITUDE, TABLE
 from ..report.scores import score_table, write_table
 from ..run_folder import TALLIES
 from .condition import Condition, ConditionCount, conditions_of
@@ -25,8 +26,6 @@ from .fit import trainer_of
 from .predictor import Predictor, predictor
 from .scoring import clips_of, protocol_of
 from .trained import trained
-
-FOLDER, TABLE = "attitude", "attitude.csv"
 
 
 def attitude(
@@ -50,13 +49,13 @@ def attitude(
     tallies = [count.tally(protocol) for count in counts]
     table = _described(tallies, conditions, seed)
     # As a whole, so that no tally of an earlier call's conditions stays.
-    with replacing_folder(run.path / FOLDER) as folder:
+    with replacing_folder(run.path / ATTITUDE) as folder:
         for tally in tallies:
             tally.write(folder / TALLIES / f"{tally.name}.npz")
         draw_attitude({cfg.name: table[table["score"] == SCORE]}, folder / "attitude.png")
         write_table(table, folder / TABLE)
     print_attitude(table)
-    Console().print(f"{run.path / FOLDER}", highlight=False, soft_wrap=True)
+    Console().print(f"{run.path / ATTITUDE}", highlight=False, soft_wrap=True)
 
 
 def _counts(

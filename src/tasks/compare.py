@@ -17,12 +17,12 @@ from ..metrics.intervals import resamplings, score_differences, score_intervals
 from ..metrics.protocol import require_same_protocol
 from ..metrics.suite import FLAT
 from ..metrics.tally import Tally
+from ..report.ladder import ANCHORS
 from ..report.scores import write_table
 from ..report.sensitivity import draw_sensitivity, sensitivity_table
 from ..run_folder import TALLIES
 
 SHOWN = ("miou", "miou_occupied", "kar_miou", "collision_miss_rate", "geometric_iou", "ray_iou")
-ANCHORS = ("all_free", "voxel_prior")
 
 
 def compare(cfg: DictConfig, runs: list[str], out: str) -> None:

@@ -16,6 +16,7 @@ from ..metrics.by_clip import ByClip
 from ..metrics.protocol import Protocol
 from ..metrics.tables import TableMetric
 from ..metrics.tally import Tally
+from ..report.attitude_evidence import TRUE
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Condition:
         parts += ["level"] if self.level else []
         if self.low_deg > 0 or self.high_deg < math.inf:
             parts += [f"tilt_{self.low_deg:g}_{self.high_deg:g}deg"]
-        return "_".join(parts) or "true"
+        return "_".join(parts) or TRUE
 
     def holds(self, batch: Batch) -> Bool[Tensor, "b"]:
         """Which frames of a batch, with its true attitude, belong here."""
@@ -62,8 +63,8 @@ def conditions_of(
     """All frames; each bin of tilt; all frames under each noise, and under each delay; and, with
     ``level``, all frames and each bin once more, told a UAV that flies level.
 
-    Raises `UserError` for edges that do not ascend from above zero, and for values that are not
-    above zero.
+    Raises `UserError` for edges that do not ascend from above zero, for values that are not above
+    zero, and for two that have one name.
     """
     edges = [0.0, *tilt_edges_deg]
     if any(not high > low for low, high in pairwise(edges)):
@@ -71,6 +72,10 @@ def conditions_of(
     for name, values in {"noise_deg": noise_deg, "delay_s": delay_s}.items():
         if any(not 0 < value < math.inf for value in values):
             raise UserError(f"task.{name}: {list(values)}; give values above 0")
+    listed = {"tilt_edges_deg": tilt_edges_deg, "noise_deg": noise_deg, "delay_s": delay_s}
+    for name, values in listed.items():
+        if len({f"{value:g}" for value in values}) < len(values):
+            raise UserError(f"task.{name}: {list(values)}; give values of which no two are alike")
     bins = [Condition()]
     if len(edges) > 1:
         bins += [Condition(*bounds) for bounds in zip(edges, [*edges[1:], math.inf])]

@@ -23,6 +23,7 @@ from ..models.image_pretraining import ImagePretraining
 from ..provenance import code_version
 from ..run_folder import RunFolder, shaping
 from .dataset import data_of, ready_dataset
+from .model import load_weights
 from .precision import FP32
 from .progress import PretrainingLines
 
@@ -38,7 +39,7 @@ def pretrain(cfg: DictConfig, out: str, epochs: int, batch_size: int, lr: float)
     that is named after the scale and all that shapes it, so no other pretraining takes its place.
     Goes on where it was interrupted.
 
-    Raises `UserError` for a backbone that is not a `ResNet`.
+    Raises `UserError` for a backbone that is not a `ResNet`, and a checkpoint that is broken.
     """
     settings = {"epochs": epochs, "batch_size": batch_size, "lr": lr}
     config = {**OmegaConf.to_container(cfg, resolve=True), "pretrain": settings}
@@ -51,6 +52,8 @@ def pretrain(cfg: DictConfig, out: str, epochs: int, batch_size: int, lr: float)
     module = ImagePretraining(backbone, cfg.size.dim, lr, cfg.optimizer.weight_decay)
     with folder.alone():
         checkpoint = folder.open(afresh=cfg.overwrite)
+        if checkpoint:
+            load_weights(module, checkpoint)  # a broken one is refused here, in one line
         trainer = _trainer_of(cfg, folder, epochs)
         loaders = [_loader(cfg, data, part, batch_size) for part in ("train", "val")]
         try:

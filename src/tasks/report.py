@@ -15,11 +15,12 @@ from ..errors import UserError
 from ..report.attitude import SCORE, draw_attitude
 from ..report.attitude_evidence import AttitudeEvidence
 from ..report.attitude_tables import attitude_tables
+from ..report.curve_plot import CurvePlot
 from ..report.ladder import Ladder, ladder_named
 from ..report.ladder_report import LadderReport, ladder_report
 from ..report.ladder_tables import KEYS
 from ..report.published_runs import publish_runs
-from ..report.report_page import write_report_page
+from ..report.report_page import learning_curves, write_report_page
 from ..report.report_text import report_text
 from ..report.run_group import groups_of
 from ..report.scene import Scene
@@ -33,7 +34,7 @@ from .showcase import COMPARISON, TILT, showcase
 WIDTH = 110
 TEXT, PAGE, SEEDS, TABLES, FIGURES = "report.md", "report.html", "seeds.csv", "tables", "figures"
 RUNS = "runs"
-ATTITUDE = "attitude.png"
+ATTITUDE_FIGURE = "attitude.png"
 PRINTED = ("main", "ablation")
 
 
@@ -57,16 +58,19 @@ def report(
     other and ``mixed`` does not allow it.
     """
     folder, ladder = Path(out), ladder_named(list(rungs))
+    if strange := [seed for seed in seeds if type(seed) is not int]:
+        raise UserError(f"task.seeds: {strange[0]!r} is no seed; give whole numbers")
     finished, unfinished = _found(cfg, runs, folder)
     groups = groups_of(finished, mixed, ladder)
     with Console().status("resampling"):
         made = ladder_report(groups, unfinished, parts_of, list(seeds))
         attitude = AttitudeEvidence(groups[0].runs)
+    plots = learning_curves(made.named_runs)
     shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes, ladder)
     tables = (*made.tables, *attitude_tables(attitude, ladder))
     made = replace(made, tables=tables, missing=(*made.missing, *shown.missing))
     figures = shown.figures | _attitude_figure(attitude, ladder, folder / FIGURES)
-    _write(made, figures, shown.scenes, folder)
+    _write(made, plots, figures, shown.scenes, folder)
     if publish:
         publish_runs(made.groups, folder / RUNS)
     _print(made, folder)
@@ -101,22 +105,28 @@ def _attitude_figure(found: AttitudeEvidence, ladder: Ladder, folder: Path) -> d
     gains = {name: table for name, table in gains.items() if len(table)}
     worths = {ladder.row_name(name): found.worths(SCORE, name) for name in names}
     worths = {name: table for name, table in worths.items() if len(table)}
-    draw_attitude(tables, folder / ATTITUDE, gains, ladder.reference, worths)
-    return {
-        folder / ATTITUDE: f"KAR-mIoU by tilt, what it gains over {ladder.reference}, and what the "
-        "true attitude gains over being told that the UAV flies level; below, under a wrongly "
-        "measured attitude. Bars are intervals, as in the tables."
-    }
+    path = folder / ATTITUDE_FIGURE
+    draw_attitude(tables, path, gains, ladder.reference, worths)
+    caption = (
+        f"KAR-mIoU by tilt, what it gains over {ladder.reference}, and what the true attitude "
+        "gains over being told that the UAV flies level; below, under a wrongly measured attitude. "
+        "Bars are intervals, as in the tables."
+    )
+    return {path: caption}
 
 
 def _write(
-    made: LadderReport, figures: Mapping[Path, str], scenes: Sequence[Scene], folder: Path
+    made: LadderReport,
+    plots: Sequence[CurvePlot],
+    figures: Mapping[Path, str],
+    scenes: Sequence[Scene],
+    folder: Path,
 ) -> None:
     """``report.md``, ``report.html``, ``seeds.csv`` and ``tables/``; the figures are there."""
     heading = f"Report of {made.runs[0].tally.protocol.dataset}"
     written = {path for table in made.tables for path in write_files(table, folder / TABLES)}
     # What is of an earlier report would be taken for a part of this one.
-    for name in {COMPARISON, TILT, ATTITUDE} - {path.name for path in figures}:
+    for name in {COMPARISON, TILT, ATTITUDE_FIGURE} - {path.name for path in figures}:
         (folder / FIGURES / name).unlink(missing_ok=True)
     for key, part in product(KEYS, parts_of([])):
         stem = key if part == "test" else f"{key}_{part}"
@@ -126,7 +136,7 @@ def _write(
     beside = {f"{FIGURES}/{path.name}": caption for path, caption in figures.items()}
     with replacing(folder / TEXT) as temporary:
         temporary.write_text(report_text(made, heading, beside), encoding="utf-8", newline="\n")
-    write_report_page(made, heading, figures, scenes, folder / PAGE)
+    write_report_page(made, heading, plots, figures, scenes, folder / PAGE)
 
 
 def _print(made: LadderReport, folder: Path) -> None:

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from ..report.qualitative import qualitative_sheet
 from ..report.scene import Scene
 from ..report.scored_runs import ScoredRun
 from ..report.tilt_figure import draw_tilt
+from ..run_folder import CONFIG
 from .model import network_of_run
 from .scenes import camera_of, scene_of
 
@@ -49,10 +51,20 @@ def showcase(
     root = Path(cfg.paths.dataset or Path(cfg.paths.data) / shown[0].tally.protocol.dataset)
     try:
         networks = {ladder.row_name(run.experiment): network_of_run(run.path) for run in shown}
-        data = SkyShieldData(root, seed=0, **{**shown[0].config["data"], "workers": 0})
+        data = _data_of(shown[0], root)
         return _drawn(data, networks, folder, count, shown[0].seed)
     except UserError as error:
         return Showcase(missing=(f"no pictures and no scenes: {error}",))
+
+
+def _data_of(run: ScoredRun, root: Path) -> SkyShieldData:
+    """A run's data. Raises `UserError` for settings of other code."""
+    settings = {**run.config["data"], "workers": 0}
+    try:
+        signature(SkyShieldData).bind(root, seed=0, **settings)
+    except TypeError as error:
+        raise UserError(f"{run.path / CONFIG}: data are those of other code ({error})") from None
+    return SkyShieldData(root, seed=0, **settings)
 
 
 def ends_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[ScoredRun]:

@@ -5,7 +5,7 @@ import dataclasses
 import pandas as pd
 
 from src.metrics.tally import Tally
-from tests.report.ladder_runs import predicted, tally
+from tests.report.ladder_runs import FRAMES, predicted, tally
 
 INF = float("inf")
 CONDITIONS = [  # name, tilt from and to, noise, delay, told a level attitude
@@ -23,6 +23,18 @@ RIGHT = {
     **{"level": 0.4, "level_tilt_0_5deg": 0.5, "level_tilt_5_infdeg": 0.2},
 }
 """Share of the voxels that are predicted as they are; elsewhere 0.2."""
+LEVEL_CLIPS = 2
+"""So many clips, the first ones, are flown below 5 degrees of tilt, and the others above."""
+
+
+def frames_of(condition):
+    """How many frames of each clip have the tilt of a condition."""
+    level = FRAMES[:LEVEL_CLIPS]
+    if "tilt_0_5deg" in condition:
+        return [*level, *(0 for _ in FRAMES[LEVEL_CLIPS:])]
+    if "tilt_5_infdeg" in condition:
+        return [*(0 for _ in level), *FRAMES[LEVEL_CLIPS:]]
+    return FRAMES
 
 
 def write_attitude(run, gain=0.0, seed=0):
@@ -36,7 +48,11 @@ def write_attitude(run, gain=0.0, seed=0):
         counted = (
             dataclasses.replace(own, name=name)
             if name == "true"
-            else tally(name, lambda target, n, r=right: predicted(target, r, 10 * seed + n))
+            else tally(
+                name,
+                lambda target, n, r=right: predicted(target, r, 10 * seed + n),
+                frames_of=frames_of(name),
+            )
         )
         counted.write(folder / "tallies" / f"{name}.npz")
     columns = ["condition", "tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s", "level"]

@@ -61,13 +61,13 @@ def predicted(target, right, seed):
     return torch.where(kept, target, other)
 
 
-def tally(name, predict, labels=0, of=None, cameras=True):
+def tally(name, predict, labels=0, of=None, cameras=True, frames_of=FRAMES):
     """What ``predict(target, clip number)`` counts on every clip."""
     of = of or protocol()
     suite = ScoreSuite(GRID, CLIPS, of.metric, of.suite)
     level = torch.tensor([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
     lens = torch.tensor([[32.0, 0, 32], [0, 32, 16], [0, 0, 1]])
-    for n, (clip, frames) in enumerate(zip(CLIPS, FRAMES)):
+    for n, (clip, frames) in enumerate(zip(CLIPS, frames_of)):
         if not frames:
             continue
         target = truth(frames, seed=100 * labels + n)
@@ -78,7 +78,7 @@ def tally(name, predict, labels=0, of=None, cameras=True):
             scene["pix_from_camera"] = lens.expand(frames, 3, 3)
             scene["size_pix"] = (64, 32)
         suite.update(predict(target, n), scene)
-    return Tally(name, of, CLIPS, FRAMES, suite.tables())
+    return Tally(name, of, CLIPS, frames_of, suite.tables())
 
 
 def config_of(experiment, seed, **changes):

@@ -92,17 +92,19 @@ def test_runs_that_were_not_told_a_level_attitude_have_no_such_table(tmp_path):
 def test_tables_have_scores_and_below_them_the_gains(evidence):
     tilt, level, faults = attitude_tables(evidence)
     assert [column.name for column in level.columns] == [
-        "all (7 frames)", "0–5° (7 frames)", "from 5° (7 frames)"
+        "all (7 frames)", "0–5° (2 frames)", "from 5° (5 frames)"
     ]  # fmt: skip
     assert [name for name, _ in level.rows] == [
         *("Baseline", "+ Attitude-aware projection"),
-        *("Worth to Baseline", "Worth to Attitude-aware projection"),
+        "Baseline, over told level",
+        "+ Attitude-aware projection, over told level",
     ]
     assert level.rows[3][1][2].value > 5
     assert level.lines == (2,)
-    assert [column.name for column in tilt.columns] == ["0–5° (7 frames)", "from 5° (7 frames)"]
+    assert [column.name for column in tilt.columns] == ["0–5° (2 frames)", "from 5° (5 frames)"]
     assert [column.name for column in faults.columns] == ["true", "3° noise", "0.2 s late"]
-    names = ["Baseline", "+ Attitude-aware projection", "Gain of Attitude-aware projection"]
+    above = "+ Attitude-aware projection"
+    names = ["Baseline", above, f"{above}, over the baseline"]
     for table in (tilt, faults):
         assert [name for name, _ in table.rows] == names
         assert table.lines == (2,)
@@ -176,6 +178,34 @@ def test_scores_of_another_checkpoint_are_refused(tmp_path):
         UserError, match=r"true\.npz: has mIoU .* %, and the run .* best checkpoint"
     ):
         AttitudeEvidence([read_run(run)])
+
+
+def test_seeds_of_one_experiment_have_the_same_conditions(tmp_path):
+    runs = [write_run(tmp_path, "skyocc", seed) for seed in SEEDS]
+    for run in runs:
+        write_attitude(run)
+    path = runs[1] / "attitude/attitude.csv"
+    table = pd.read_csv(path)
+    table[table["condition"] != "noise_3deg"].to_csv(path, index=False)
+    with pytest.raises(UserError, match=r"seed1.*: noise_3deg was scored in one of it and .*seed0"):
+        AttitudeEvidence([read_run(run) for run in runs])
+
+
+def test_an_experiment_that_was_not_told_a_level_attitude_has_no_row_there(tmp_path):
+    runs = pair(tmp_path)
+    path = runs[1] / "attitude/attitude.csv"
+    table = pd.read_csv(path)
+    table[~table["level"]].to_csv(path, index=False)
+    for told in (runs[1] / "attitude/tallies").glob("level*.npz"):
+        told.unlink()
+    _, level, _ = attitude_tables(AttitudeEvidence([read_run(run) for run in runs]))
+    assert [name for name, _ in level.rows] == ["Baseline", "Baseline, over told level"]
+
+
+def test_frames_of_another_tilt_are_not_paired(evidence):
+    true, told = (evidence.evidence[name] for name in ("tilt_0_5deg", "level_tilt_5_infdeg"))
+    with pytest.raises(ValueError, match="cannot be paired"):
+        true.difference("baseline", "baseline", "kar_miou", told)
 
 
 def test_other_bins_of_tilt_are_refused(tmp_path):

@@ -1,5 +1,6 @@
 """Cells of a report: means over seeds, paired differences, and their two-level intervals."""
 
+import dataclasses
 import math
 
 import pytest
@@ -7,6 +8,7 @@ import torch
 
 from src.metrics.intervals import resamplings
 from src.metrics.suite import intervals_of
+from src.ontology import CLASSES
 from src.report.evidence import LONG_TAIL, Evidence
 from src.report.report_table import Cell
 from tests.report.ladder_runs import CLIPS, SUITE, UNSEEN, predicted, tally
@@ -100,6 +102,19 @@ def test_with_one_seed_the_intervals_are_those_of_the_run_itself(tallies):
         cell = evidence.cell("skyocc", score)
         expected = [100 * number for number in alone[score]]
         assert (cell.value, cell.low, cell.high) == pytest.approx(expected)
+
+
+def test_the_share_of_resamples_that_miss_a_class_is_counted(tallies):
+    run = tallies["skyocc"][0]
+    assert Evidence({"skyocc": {0: run}}).lost == 0
+    count = run.tables["occupancy"]["count"].clone()
+    count[1:, CLASSES.index("vru")] = 0
+    occupancy = {**run.tables["occupancy"], "count": count}
+    alone = dataclasses.replace(run, tables={**run.tables, "occupancy": occupancy})
+    drawn = [clips for clips, _ in draws()]
+    missed = sum(0 not in clips for clips in drawn) / len(drawn)
+    assert 0.1 < missed < 0.6
+    assert Evidence({"skyocc": {0: alone}}).lost == pytest.approx(missed)
 
 
 def test_a_part_is_resampled_from_its_own_clips(tallies, by_hand):

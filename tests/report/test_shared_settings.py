@@ -47,6 +47,26 @@ def test_a_clean_ladder_shares_all_but_its_factors_and_the_seed(run):
     assert "No rung has a setting of its own beside its factors." in said
 
 
+@pytest.mark.parametrize(
+    ("limit", "said"), [(0.25, "each of 0.25 of the frames"), (50, "each of 50 batches")]
+)
+def test_what_limits_an_epoch_is_a_share_of_the_frames_or_a_number_of_batches(run, limit, said):
+    assert said in statement([run("baseline", trainer__limit_train_batches=limit)])
+
+
+def test_long_values_are_compared_to_their_end_and_told_short(run):
+    place = "a/place/of/many/words/" * 5
+    runs = [
+        run("baseline", model__weights=f"{place}encoder-a.pth"),
+        run("skyocc", model__weights=f"{place}encoder-b.pth"),
+    ]
+    (line,) = surprises(runs)
+    assert line.startswith("the rungs differ in model.weights: baseline a/place/")
+    assert "encoder-a.pth; skyocc a/place/" in line
+    assert len(line) < 200
+    assert "of its own" not in statement(runs)
+
+
 def test_the_values_of_what_differs_are_told_by_rung(run):
     runs = [run(name, seed) for name in ("baseline", "skyocc") for seed in (0, 1)]
     assert differing(runs) == {

@@ -9,7 +9,7 @@ from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.metrics import OccupancyScores
 from src.metrics.protocol import SUPERVISED, Protocol
-from src.tasks.condition import Condition, ConditionCount, conditions_of
+from src.tasks.condition import ConditionCount, conditions_of
 
 GRID = VoxelGrid(shape=(5, 5, 3), lower_m=(0, -5, -3), upper_m=(10, 5, 3))
 CLIPS = ["a/0", "b/0"]
@@ -63,6 +63,9 @@ def test_told_a_level_attitude_there_are_all_frames_and_each_bin_again():
         (([], [0.0], []), "noise_deg"),
         (([], [], [-0.1]), "delay_s"),
         (([], [], [math.inf]), "delay_s"),
+        (([], [3.0, 3.0], []), "noise_deg"),
+        (([], [], [0.1, 0.10000001]), "delay_s"),
+        (([5.0, 5.0000001], [], []), "tilt_edges_deg"),
     ],
 )
 def test_values_that_make_no_sense_are_refused(words, key):
@@ -85,8 +88,3 @@ def test_the_bins_tallies_add_up_to_that_of_all_frames():
     assert bins[1].protocol.frames == 2
     for name, table in whole.tables["occupancy"].items():
         assert sum(tally.tables["occupancy"][name] for tally in bins).equal(table)
-
-
-def test_the_bin_is_of_the_true_attitude():
-    batch = batch_of([7.0], [0.0], ["a/0"])
-    assert Condition(5.0, 10.0, noise_deg=3.0).holds(batch).all()

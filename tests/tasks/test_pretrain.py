@@ -81,6 +81,14 @@ def test_it_goes_on_where_it_was_interrupted(weights, cfg, tmp_path, monkeypatch
     assert again.read_bytes() == weights.read_bytes()
 
 
+def test_a_broken_checkpoint_is_one_line(cfg, tmp_path):
+    pretrain(cfg, str(tmp_path), **{**SETTINGS, "epochs": 1})
+    (checkpoint,) = tmp_path.rglob("last.ckpt")
+    checkpoint.write_bytes(checkpoint.read_bytes()[:1000])
+    with pytest.raises(UserError, match=r"last\.ckpt is no readable checkpoint"):
+        pretrain(cfg, str(tmp_path), **{**SETTINGS, "epochs": 1})
+
+
 def test_the_file_does_not_depend_on_the_process_that_writes_it(tmp_path, monkeypatch):
     """A sweep that is given a file of another name begins anew."""
     backbone, names = torch.nn.Linear(2, 2), set()

@@ -152,7 +152,7 @@ def test_scores_by_tilt_are_reported_where_they_are(runs):
     write_attitude(runs / "baseline/seed0")
     write_attitude(runs / "attitude/seed0", gain=0.4)
     out = reported(runs)
-    gains = table(out, "attitude_tilt").loc["Gain of Attitude-aware projection"]
+    gains = table(out, "attitude_tilt").loc["+ Attitude-aware projection, over the baseline"]
     assert gains["tilt_0_5deg"] == 0
     assert gains["tilt_5_infdeg"] > 5
     assert (out / "figures/attitude.png").stat().st_size > 1000
@@ -293,11 +293,30 @@ def test_a_broken_run_is_one_line_and_leaves_nothing(runs):
     assert not (runs / "report").exists()
 
 
+def test_a_broken_log_is_one_line_and_leaves_nothing(runs):
+    (runs / "weights/seed1/metrics.csv").write_text("")
+    with pytest.raises(UserError, match=r"metrics\.csv: not a readable table"):
+        reported(runs)
+    assert not (runs / "report").exists()
+
+
+def test_seeds_that_are_no_numbers_are_one_line(ladder, tmp_path):
+    with pytest.raises(UserError, match=r"^task\.seeds: 'a' is no seed"):
+        reported(ladder, out=tmp_path / "out", seeds=[0, "a"])
+
+
+def test_a_run_without_a_number_of_epochs_is_reported(runs):
+    write_run(runs, "streams", 0, trainer__max_epochs=None)
+    (write_run(runs, "streams", 1, trainer__max_epochs=None) / "results.csv").unlink()
+    page = (reported(runs) / "report.md").read_text()
+    assert "streams seed 1: unfinished, no epoch logged" in page
+
+
 def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs, tmp_path):
     shutil.rmtree(runs / "attitude")
     unlike = {"of": protocol("tiny-4567"), "code": "0ther", "data__test_clips": []}
     write_run(runs, "attitude", 0, **unlike)
-    with pytest.raises(UserError, match=r"attitude/seed0.* or .*; .*task\.mixed=true|task\.mixed"):
+    with pytest.raises(UserError, match=r"trained by code .*; .*task\.mixed=true"):
         reported(runs)
     out = reported(runs, mixed=True)
     main = table(out, "main")
@@ -312,7 +331,9 @@ def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs, tm
     assert re.search(r"scored unlike the others .*attitude seed 0", warned)
     reported(runs, out=tmp_path / "public", mixed=True, publish=True)
     again = reported(runs, tmp_path / "public/runs", out=tmp_path / "again", mixed=True)
-    assert (again / "report.md").read_bytes() == (out / "report.md").read_bytes()
+    above = reported(runs, tmp_path / "public", out=tmp_path / "above", mixed=True)
+    for place in (again, above):
+        assert (place / "report.md").read_bytes() == (out / "report.md").read_bytes()
     assert set(pd.read_csv(out / "seeds.csv")["experiment"]) == {
         *("baseline", "weights", "skyocc", "attitude (2: dataset=tiny-4567)")
     }

@@ -2,10 +2,12 @@
 
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
 import torch
+import yaml
 from PIL import Image
 
 from src.data.clip import Clip
@@ -92,6 +94,19 @@ def test_without_checkpoints_or_data_the_tables_are_still_written(trained, tmp_p
     assert "no pictures and no scenes: nowhere" in capsys.readouterr().out
     assert (tmp_path / "out/tables/main.csv").is_file()
     assert not list(tmp_path.rglob("*.png"))
+
+
+@pytest.mark.slow
+def test_data_settings_of_other_code_leave_the_pictures_out(trained, tmp_path, capsys):
+    cfg = compose_config(*trained["baseline"])
+    runs = shutil.copytree(cfg.paths.runs, tmp_path / "runs")
+    for path in runs.rglob("config.yaml"):
+        config = yaml.safe_load(path.read_text())
+        del config["data"]["run_frames"]
+        path.write_text(yaml.safe_dump(config))
+    report(cfg, [str(runs)], str(tmp_path / "out"), mixed=False, scenes=1)
+    assert "data are those of other code" in capsys.readouterr().out
+    assert (tmp_path / "out/report.html").is_file()
 
 
 @pytest.mark.slow
