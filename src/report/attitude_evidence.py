@@ -161,9 +161,7 @@ def _require_the_same_of_all_seeds(
     for run, (path, table) in zip(runs, tables.items()):
         first = firsts.setdefault(run.experiment, path)
         if other := set(table.index) ^ set(tables[first].index):
-            raise UserError(
-                f"{path}: {min(other)} was scored in one of it and {first} alone; {AGAIN}"
-            )
+            raise UserError(f"{path}: has other conditions than {first} ({min(other)}); {AGAIN}")
 
 
 def _require_same_frames(tallies: Mapping[Path, Tally]) -> None:

@@ -79,9 +79,7 @@ def test_what_the_attitude_is_worth_is_of_the_same_frames_and_seeds(evidence, fo
 def test_runs_that_were_not_told_a_level_attitude_have_no_such_table(tmp_path):
     runs = pair(tmp_path)
     for run in runs:
-        path = run / "attitude/attitude.csv"
-        table = pd.read_csv(path)
-        table[~table["level"]].to_csv(path, index=False)
+        rewrite(run, not_told_level)
         evidence = AttitudeEvidence([read_run(run) for run in runs])
         keys = [table.key for table in attitude_tables(evidence)]
         told = ["attitude_level"] * (run == runs[0])
@@ -140,11 +138,23 @@ def pair(tmp_path):
     return runs
 
 
+def rewrite(run, change):
+    """Puts ``change(table)`` in the place of a run's ``attitude.csv``."""
+    path = run / "attitude/attitude.csv"
+    change(pd.read_csv(path)).to_csv(path, index=False)
+
+
+def not_told_level(table):
+    return table[~table["level"]]
+
+
+def without(condition):
+    return lambda table: table[table["condition"] != condition]
+
+
 def test_scores_under_other_conditions_are_not_put_beside_each_other(tmp_path):
     runs = pair(tmp_path)
-    path = runs[1] / "attitude/attitude.csv"
-    table = pd.read_csv(path).assign(noise_seed=1)
-    table.to_csv(path, index=False)
+    rewrite(runs[1], lambda table: table.assign(noise_seed=1))
     with pytest.raises(
         UserError, match=r"attitude\.csv: .* has noise_seed=1, and elsewhere 0; sco"
     ):
@@ -184,18 +194,16 @@ def test_seeds_of_one_experiment_have_the_same_conditions(tmp_path):
     runs = [write_run(tmp_path, "skyocc", seed) for seed in SEEDS]
     for run in runs:
         write_attitude(run)
-    path = runs[1] / "attitude/attitude.csv"
-    table = pd.read_csv(path)
-    table[table["condition"] != "noise_3deg"].to_csv(path, index=False)
-    with pytest.raises(UserError, match=r"seed1.*: noise_3deg was scored in one of it and .*seed0"):
+    rewrite(runs[1], without("noise_3deg"))
+    with pytest.raises(
+        UserError, match=r"seed1.*: has other conditions than .*seed0.* \(noise_3deg\); score both"
+    ):
         AttitudeEvidence([read_run(run) for run in runs])
 
 
 def test_an_experiment_that_was_not_told_a_level_attitude_has_no_row_there(tmp_path):
     runs = pair(tmp_path)
-    path = runs[1] / "attitude/attitude.csv"
-    table = pd.read_csv(path)
-    table[~table["level"]].to_csv(path, index=False)
+    rewrite(runs[1], not_told_level)
     for told in (runs[1] / "attitude/tallies").glob("level*.npz"):
         told.unlink()
     _, level, _ = attitude_tables(AttitudeEvidence([read_run(run) for run in runs]))
@@ -210,9 +218,7 @@ def test_frames_of_another_tilt_are_not_paired(evidence):
 
 def test_other_bins_of_tilt_are_refused(tmp_path):
     runs = pair(tmp_path)
-    path = runs[1] / "attitude/attitude.csv"
-    table = pd.read_csv(path)
-    table[table["condition"] != "tilt_0_5deg"].to_csv(path, index=False)
+    rewrite(runs[1], without("tilt_0_5deg"))
     with pytest.raises(UserError, match=r"attitude\.csv: has other bins of tilt than "):
         AttitudeEvidence([read_run(run) for run in runs])
 
