@@ -106,15 +106,20 @@ def test_with_one_seed_the_intervals_are_those_of_the_run_itself(tallies):
 
 def test_the_share_of_resamples_that_miss_a_class_is_counted(tallies):
     run = tallies["skyocc"][0]
-    assert Evidence({"skyocc": {0: run}}).lost == 0
-    count = run.tables["occupancy"]["count"].clone()
-    count[1:, CLASSES.index("vru")] = 0
-    occupancy = {**run.tables["occupancy"], "count": count}
-    alone = dataclasses.replace(run, tables={**run.tables, "occupancy": occupancy})
+
+    def lost(clips_with_vru):
+        count = run.tables["occupancy"]["count"].clone()
+        count[clips_with_vru:, CLASSES.index("vru")] = 0
+        occupancy = {**run.tables["occupancy"], "count": count}
+        tables = {**run.tables, "occupancy": occupancy}
+        return Evidence({"skyocc": {0: dataclasses.replace(run, tables=tables)}}).lost
+
+    assert lost(len(CLIPS)) == 0
+    assert lost(0) == 0, "of a class that is nowhere nothing is missed"
     drawn = [clips for clips, _ in draws()]
     missed = sum(0 not in clips for clips in drawn) / len(drawn)
     assert 0.1 < missed < 0.6
-    assert Evidence({"skyocc": {0: alone}}).lost == pytest.approx(missed)
+    assert lost(1) == pytest.approx(missed)
 
 
 def test_a_part_is_resampled_from_its_own_clips(tallies, by_hand):
