@@ -1,7 +1,7 @@
 """The integer tables of a scored run, clip by clip, on disk: all scores can be computed again."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tokenize import TokenError
 
@@ -38,6 +38,16 @@ class Tally:
     def rows(self, chosen: Callable[[str], bool] = lambda clip: True) -> list[int]:
         """Rows of the chosen clips that have a frame."""
         return [n for n, clip in enumerate(self.clips) if self.frames[n] and chosen(clip)]
+
+    def of_clips(self, chosen: Callable[[str], bool]) -> "Tally":
+        """The same of the chosen clips that have a frame, which may be none."""
+        rows = self.rows(chosen)
+        tables = {
+            metric: {name: table[rows] for name, table in tables.items()}
+            for metric, tables in self.tables.items()
+        }
+        clips, frames = ([column[row] for row in rows] for column in (self.clips, self.frames))
+        return replace(self, clips=clips, frames=frames, tables=tables)
 
     def has_frames_of(self, other: "Tally") -> bool:
         """Whether both count the same clips, and of each as many frames."""

@@ -2,6 +2,8 @@
 depends on the parameters of KAR-mIoU."""
 
 from collections import defaultdict
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pandas as pd
@@ -25,11 +27,13 @@ from ..run_folder import TALLIES
 SHOWN = ("miou", "miou_occupied", "kar_miou", "collision_miss_rate", "geometric_iou", "ray_iou")
 
 
-def compare(cfg: DictConfig, runs: list[str], out: str) -> None:
+def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = ()) -> None:
     """Writes ``differences.csv``, ``sensitivity.csv`` and ``sensitivity.png`` to ``out``, and
     prints the scores of all runs and their differences from the first.
 
-    Raises `UserError` for fewer than two runs, and for runs of other protocols or clips.
+    Only the clips like one of the patterns in ``clips`` count, as ``old_town/*``; without a
+    pattern, all. Raises `UserError` for fewer than two runs, for runs of other protocols or clips,
+    and for a pattern that no scored clip is like.
     """
     tallies = _tallies(runs)
     first, *others = tallies
@@ -37,6 +41,9 @@ def compare(cfg: DictConfig, runs: list[str], out: str) -> None:
     for name in others:
         if not tallies[name].has_frames_of(tallies[first]):
             raise UserError(f"{name}: has other clips or frames than {first}; score both alike")
+    if clips:
+        like = _clips_like(list(map(str, clips)), tallies[first])
+        tallies = {name: tally.of_clips(like.__contains__) for name, tally in tallies.items()}
     table = _differences(tallies)
     folder = Path(out)
     write_table(table, folder / "differences.csv")
@@ -44,7 +51,7 @@ def compare(cfg: DictConfig, runs: list[str], out: str) -> None:
     write_table(ranked, folder / "sensitivity.csv")
     draw_sensitivity(ranked, list(tallies), folder / "sensitivity.png")
     console = Console(width=110)
-    console.print(_printed(table, list(tallies)))
+    console.print(_printed(table, list(tallies), len(tallies[first].rows())))
     always = ranked[[f"rank {name}" for name in tallies]].drop_duplicates()
     console.print(
         f"{len(ranked)} settings of KAR-mIoU rank the runs in {len(always)} order"
@@ -68,6 +75,21 @@ def _tallies(runs: list[str]) -> dict[str, Tally]:
         found.append(Tally.read(own[0]))
         folders.append(own[0].parent.parent)
     return dict(zip(_names(found, folders), found))
+
+
+def _clips_like(patterns: Sequence[str], tally: Tally) -> set[str]:
+    """The scored clips that are like one of the patterns."""
+    scored = [tally.clips[row] for row in tally.rows()]
+    found: set[str] = set()
+    for pattern in patterns:
+        like = {clip for clip in scored if fnmatchcase(clip, pattern)}
+        if not like:
+            raise UserError(
+                f"task.clips: no scored clip is like {pattern!r}; there are {scored[0]} to "
+                f"{scored[-1]} ({len(scored)} clips)"
+            )
+        found |= like
+    return found
 
 
 def _names(tallies: list[Tally], folders: list[Path]) -> list[str]:
@@ -115,11 +137,12 @@ def _differences(tallies: dict[str, Tally]) -> pd.DataFrame:
     return pd.DataFrame(lines, columns=columns)
 
 
-def _printed(table: pd.DataFrame, runs: list[str]) -> Table:
+def _printed(table: pd.DataFrame, runs: list[str], clips: int) -> Table:
     """The main scores in percent, with their intervals."""
     first = runs[0]
     printed = Table(box=box.SIMPLE_HEAD, padding=(0, 1), title_justify="left")
-    printed.title = f"Scores (%) with intervals over clips, and differences from {first}"
+    over = f"{clips} clip{'s' * (clips > 1)}"
+    printed.title = f"Scores (%) with intervals over {over}, and differences from {first}"
     printed.add_column("score", no_wrap=True)
     printed.add_column("run", overflow="fold")
     for name in ("value", "difference", "same sign"):

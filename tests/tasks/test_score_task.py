@@ -202,6 +202,30 @@ def test_runs_of_one_name_are_told_apart_by_their_folders(dataset, tmp_path):
     assert set(table["run"]) == {"skyocc seed0", "skyocc seed1"}
 
 
+def test_a_comparison_of_some_clips_is_of_these_alone(dataset, runs, tmp_path, capsys):
+    tallies = [Tally.read(next(Path(run).glob("tallies/*.npz"))) for run in runs]
+    clip = tallies[0].clips[1]
+    for name, tally in zip("ab", tallies):
+        tally.of_clips(lambda each: each == clip).write(tmp_path / f"{name}.npz")
+    alone = [str(tmp_path / f"{name}.npz") for name in "ab"]
+    cfg = config_for(dataset, "none")
+    compare(cfg, runs, str(tmp_path / "some"), [f"{clip[:-1]}?", clip])
+    assert "intervals over 1 clip," in " ".join(capsys.readouterr().out.split())
+    compare(cfg, alone, str(tmp_path / "alone"))
+    compare(cfg, runs, str(tmp_path / "all"), ["*"])
+    some, one, whole = (
+        pd.read_csv(tmp_path / name / "differences.csv") for name in ("some", "alone", "all")
+    )
+    pd.testing.assert_frame_equal(some, one)
+    assert not some["value"].equals(whole["value"])
+
+
+def test_clips_that_nothing_is_like_are_refused(dataset, runs, tmp_path):
+    with pytest.raises(UserError, match=r"^task.clips: no scored clip is like 'town/x'; there are"):
+        compare(config_for(dataset, "none"), runs, str(tmp_path / "out"), ["*", "town/x"])
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_comparison_needs_two_runs_that_are_there(dataset, runs, tmp_path):
     cfg = config_for(dataset, "none")
     with pytest.raises(UserError, match=r"^task.runs: name two or more"):
