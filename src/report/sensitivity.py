@@ -20,6 +20,9 @@ from .canvas import INK, MUTED
 SYMBOLS = dict(zip(PARAMETERS, ("$v_{min}$ (m/s)", "$T_h$ (s)", r"$\lambda$ (1/s)", r"$\gamma$")))
 CELL_INCHES, DPI = 0.62, 110
 PANELS_A_ROW = 2
+DECIMALS = 9
+"""To which scores are ranked: the same labels, scored by a run and by task=score, differ by some
+1e-11, as each takes the velocity to the occ frame in its own order of operations."""
 
 
 def sensitivity_table(tallies: Mapping[str, Tally]) -> pd.DataFrame:
@@ -33,7 +36,7 @@ def sensitivity_table(tallies: Mapping[str, Tally]) -> pd.DataFrame:
         columns[name] = [float(value) for value in metric.scores(summed).values()]
         table = metric.settings
     scores = pd.DataFrame(columns)
-    ranks = scores.rank(axis=1, ascending=False, method="min").astype("Int64")
+    ranks = scores.round(DECIMALS).rank(axis=1, ascending=False, method="min").astype("Int64")
     return pd.concat([table, scores, ranks.add_prefix("rank ")], axis=1)
 
 

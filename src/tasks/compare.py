@@ -1,6 +1,7 @@
 """task=compare: scored runs beside each other, with paired intervals, and how far their ranking
 depends on the parameters of KAR-mIoU."""
 
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
@@ -150,10 +151,18 @@ def _printed(table: pd.DataFrame, runs: list[str], clips: int) -> Table:
     for score in SHOWN:
         for n, row in enumerate(table[table["score"] == score].itertuples(index=False)):
             run, _, value, low, high, minus, minus_low, minus_high, same = row
-            cells = [f"{100 * value:.1f} [{100 * low:.1f}, {100 * high:.1f}]"]
+            cells = [_with_bounds(value, low, high)]
             if run != first:
-                bounds = f"[{100 * minus_low:+.1f}, {100 * minus_high:+.1f}]"
-                cells += [f"{100 * minus:+.1f} {bounds}", f"{same:.2f}"]
+                sure = "–" if math.isnan(same) else f"{same:.2f}"
+                cells += [_with_bounds(minus, minus_low, minus_high, "+"), sure]
             printed.add_row("" if n else score, run, *map(escape, cells))
         printed.add_section()
     return printed
+
+
+def _with_bounds(value: float, low: float, high: float, sign: str = "") -> str:
+    """In percent; of one clip there are no bounds, and a score may not exist."""
+    if math.isnan(value):
+        return "–"
+    texts = [format(100 * number, f"{sign}.1f") for number in (value, low, high)]
+    return texts[0] if math.isnan(low) else "{} [{}, {}]".format(*texts)

@@ -210,7 +210,9 @@ def test_a_comparison_of_some_clips_is_of_these_alone(dataset, runs, tmp_path, c
     alone = [str(tmp_path / f"{name}.npz") for name in "ab"]
     cfg = config_for(dataset, "none")
     compare(cfg, runs, str(tmp_path / "some"), [f"{clip[:-1]}?", clip])
-    assert "intervals over 1 clip," in " ".join(capsys.readouterr().out.split())
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "intervals over 1 clip," in printed
+    assert "nan" not in printed
     compare(cfg, alone, str(tmp_path / "alone"))
     compare(cfg, runs, str(tmp_path / "all"), ["*"])
     some, one, whole = (
@@ -218,6 +220,24 @@ def test_a_comparison_of_some_clips_is_of_these_alone(dataset, runs, tmp_path, c
     )
     pd.testing.assert_frame_equal(some, one)
     assert not some["value"].equals(whole["value"])
+
+
+def with_every_other_slice(labels):
+    return torch.where(torch.arange(len(labels))[:, None, None] % 2 > 0, labels, FREE).byte()
+
+
+def test_what_rounding_alone_tells_apart_shares_a_rank(dataset, tmp_path):
+    half = write_predictions(dataset, tmp_path / "half", with_every_other_slice)
+    first = scored(dataset, half) / "tallies" / "half.npz"
+    tally = Tally.read(first)
+    excess = tally.tables["sensitivity"]["excess"]
+    excess += excess > 0  # the least step of these fixed-point numbers
+    tally.write(tmp_path / "again.npz")
+    runs = [str(first), str(tmp_path / "again.npz")]
+    compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
+    ranks = pd.read_csv(tmp_path / "out" / "sensitivity.csv").filter(like="rank")
+    assert ranks.shape == (81, 2)
+    assert (ranks == 1).all(axis=None)
 
 
 def test_clips_that_nothing_is_like_are_refused(dataset, runs, tmp_path):
