@@ -21,8 +21,8 @@ SYMBOLS = dict(zip(PARAMETERS, ("$v_{min}$ (m/s)", "$T_h$ (s)", r"$\lambda$ (1/s
 CELL_INCHES, DPI = 0.62, 110
 PANELS_A_ROW = 2
 DECIMALS = 9
-"""To which scores are ranked: the same labels, scored by a run and by task=score, differ by some
-1e-11, as each takes the velocity to the occ frame in its own order of operations."""
+"""To which scores are ranked: those of the same labels differ by some 1e-11 between a run, whose
+batches hold the velocity in float32, and task=score, which has it in float64."""
 
 
 def sensitivity_table(tallies: Mapping[str, Tally]) -> pd.DataFrame:
