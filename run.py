@@ -19,7 +19,8 @@ def run(cfg: DictConfig) -> None:
     """Calls the configured task with the composed configuration."""
     # In here too, or Hydra adds lines of its own.
     with told_in_one_line():
-        require_sound(cfg, list(HydraConfig.get().overrides.task))
+        words = HydraConfig.get().overrides
+        require_sound(cfg, words.task, words.hydra)
         instantiate(cfg.task)(cfg)
 
 

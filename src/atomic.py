@@ -1,5 +1,6 @@
 """Writing a result file whole or not at all."""
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,7 +32,6 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 def unwritable(path: Path, error: OSError) -> UserError:
     """What to say where a file or a folder cannot be written."""
-    return UserError(
-        f"{path}: cannot be written ({error.strerror or error}); free some space or choose "
-        "another folder"
-    )
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    way_out = f"{'free some space or ' * full}choose another folder"
+    return UserError(f"{path}: cannot be written ({error.strerror or error}); {way_out}")

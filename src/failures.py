@@ -9,7 +9,13 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 import torch
-from hydra.errors import ConfigCompositionException, HydraException, MissingConfigException
+import yaml
+from hydra.errors import (
+    ConfigCompositionException,
+    HydraException,
+    MissingConfigException,
+    OverrideParseException,
+)
 from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
@@ -40,6 +46,8 @@ HOST_MEMORY = (
 )
 """What PyTorch calls it where it has no class for it. Linux kills the process that wants more than
 there is, and ends one with a bus error whose shared memory is full."""
+BARE_WORD = "Unsupported item value in defaults : bool"
+"""How Hydra begins its complaint about one."""
 
 
 @contextmanager
@@ -88,6 +96,9 @@ def one_line(error: BaseException) -> str | None:
                 f"out of memory: in training {SMALLER}; with many processes lower data.workers "
                 "(the loader) or sim.workers (the generation)"
             )
+    for cause in chain:
+        if told := _unreadable_words(cause):
+            return told
     composing = any(isinstance(cause, ConfigCompositionException) for cause in chain)
     for cause in reversed(chain):
         if isinstance(cause, MissingConfigException) and cause.missing_cfg_file:
@@ -99,6 +110,21 @@ def one_line(error: BaseException) -> str | None:
             return None  # the program asks for a key that no configuration has
         if isinstance(cause, HydraException | OmegaConfBaseException):
             return " ".join(str(cause).split())
+    return None
+
+
+def _unreadable_words(error: BaseException) -> str | None:
+    """What to say of a word of the command line, or a file of ``conf/``, that cannot be read."""
+    if isinstance(error, OverrideParseException):
+        return f"{error.override!r}: cannot be read; write key=value, and lists without spaces"
+    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark:
+        mark = error.problem_mark
+        return f"{mark.name}, line {mark.line + 1}: cannot be read as YAML ({error.problem})"
+    if isinstance(error, ValueError) and str(error).startswith(BARE_WORD):
+        return (
+            "a chosen file has a bare on, off, yes or no in its defaults, which YAML takes "
+            'for true or false; write it in quotes, as in override /loss/lovasz: "off"'
+        )
     return None
 
 

@@ -220,6 +220,8 @@ def read_config(path: Path, so: str) -> dict:
         return config
     except (OSError, ValueError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
         reason = " ".join(str(getattr(error, "strerror", None) or error).split())
+        if isinstance(error, AttributeError | KeyError | TypeError):
+            reason = "it does not say where its run lies"
         raise UserError(f"{path}: cannot be read ({reason}), {so}") from None
 
 

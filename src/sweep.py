@@ -34,11 +34,12 @@ def require_sound_jobs(jobs: Sequence[DictConfig]) -> None:
     words = [list(cfg.hydra.overrides.task) for cfg in jobs]
     trained: dict[str, str] = {}
     for cfg, mine, label in zip(jobs, words, labels_of(words)):
-        require_sound(cfg, mine)
+        require_sound(cfg, mine, cfg.hydra.overrides.hydra)
         if cfg.task._target_ == TRAINING and trained.setdefault(cfg.paths.run, label) != label:
             raise UserError(
                 f"paths.run: {trained[cfg.paths.run]!r} and {label!r} would both train in "
-                f"{cfg.paths.run}; let name tell them apart, as 'name=lr${{optimizer.lr}}' does"
+                f"{cfg.paths.run}; let name tell them apart, in the files of the experiments or as "
+                "'name=lr${optimizer.lr}' does"
             )
 
 
@@ -82,8 +83,9 @@ def _as_if_alone(words: Sequence[str]) -> Iterator[None]:
 def launcher_failure(error: Exception) -> UserError:
     """What to say where a launcher itself fails, as when a process of its own has been killed."""
     reason = one_line(error) or next(iter(f"{type(error).__name__}: {error}".splitlines()))
+    of_launcher = "hydra/launcher: " * (not isinstance(error, OSError))
     return UserError(
-        f"hydra/launcher: {reason}; what is finished is kept: the same command goes on from it"
+        f"{of_launcher}{reason}; what is finished is kept: the same command goes on from it"
     )
 
 

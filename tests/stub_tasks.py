@@ -19,7 +19,7 @@ def remember(cfg):
 
 def resume(cfg):
     remember(cfg)
-    return "finished, went on from epoch 1 of 2"
+    return "finished, went on after epoch 1 of 2"
 
 
 def fail_between_others(cfg):

@@ -1,5 +1,6 @@
 """Every experiment at every scale composes and instantiates; the rungs differ in their factors."""
 
+import re
 from pathlib import Path
 
 import lightning
@@ -12,6 +13,7 @@ from torchmetrics import Metric
 
 from src.data.dataset import history_stride
 from src.errors import UserError
+from src.failures import one_line
 from src.geometry import VoxelGrid
 from src.models import BilinearLift, DeformableCrossAttention, LiftSplat, OccupancyLoss
 from src.ontology import NUM_CLASSES
@@ -207,6 +209,82 @@ def test_runs_are_named_after_scale_experiment_and_seed():
 def test_a_batch_of_one_is_sound_but_for_training_on_the_smallest_image(words):
     with initialize_config_dir(str(CONF), version_base="1.3"):
         require_sound(compose("config", list(words)), list(words))
+
+
+WHOLE = "# @package _global_\ndefaults: [skyocc, _self_]\nname: mine\n"
+
+
+@pytest.fixture
+def experiment(tmp_path):
+    """Writes an experiment of one's own and checks its configuration."""
+
+    def checked(text, *words):
+        (tmp_path / "experiment").mkdir(exist_ok=True)
+        (tmp_path / "experiment/mine.yaml").write_text(text)
+        words, where = ["+experiment=mine", *words], [f"hydra.searchpath=[file://{tmp_path}]"]
+        with initialize_config_dir(str(CONF), version_base="1.3"):
+            cfg = compose("config", [*words, *where])
+            require_sound(cfg, words, where)
+        return cfg
+
+    return checked
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "size: { layers: 3 }\noptimizer: { lr: 1 }\n",
+        "trainer: { val_check_interval: 0.5, devices: auto }\n",  # arguments of the class
+        "callbacks: { mine: { _target_: lightning.pytorch.callbacks.Timer } }\n",
+        "model: { decoder: { _target_: src.mine.Decoder, width: wide } }\n",  # of another class
+        "data: { test_clips: [park/clip00], frames: 2 }\nthreads: 1\n",
+    ],
+)
+def test_an_experiment_of_ones_own_may_set_what_there_is(experiment, text):
+    assert experiment(WHOLE + text).name == "mine"
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_a_scale_and_a_debug_run_set_what_there_is(experiment, scale):
+    cfg = experiment(WHOLE, f"scale={scale}", "+debug=fast", "+split=towns")
+    assert cfg.trainer.limit_test_batches == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("size: { layer: 3 }\n", r"size\.layer: nothing reads this key; did you mean 'layers'\?"),
+        ("optimiser: { lr: 1.0 }\n", r"optimiser: nothing .* did you mean 'optimizer'\?"),
+        ("optimizer: { lr: fast }\n", r"optimizer\.lr: 'fast' is not a number"),
+        ("trainer: { max_epoch: 4 }\n", r"trainer\.max_epoch: .* did you mean 'max_epochs'\?"),
+        ("callbacks: { mine: 3 }\n", r"callbacks\.mine: nothing reads this key"),
+        ("data: { frames: [1, 2] }\n", r"data\.frames: \[1, 2\] is not an integer"),
+    ],
+)
+def test_a_mistake_in_an_experiment_of_ones_own_is_named(experiment, text, said):
+    with pytest.raises(UserError, match=f"^experiment=mine, scale=tiny: {said}"):
+        experiment(WHOLE + text, "scale=tiny")
+
+
+def test_an_experiment_that_does_not_say_where_its_keys_belong_is_named(experiment):
+    with pytest.raises(UserError, match=r"^experiment=mine: the file mine\.yaml must begin with"):
+        experiment("defaults: [skyocc]\nname: mine\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (WHOLE + "size: { layers: 3\n", r"mine\.yaml, line \d: cannot be read as YAML \("),
+        (
+            WHOLE.replace("skyocc", "override /loss/lovasz: on"),
+            'write it in quotes, as in override /loss/lovasz: "off"',
+        ),
+    ],
+)
+def test_an_experiment_that_cannot_be_read_is_one_line(experiment, text, said):
+    with pytest.raises(Exception) as info:  # noqa: PT011
+        experiment(text)
+    assert re.search(said, one_line(info.value))
 
 
 def test_a_debug_run_leaves_real_runs_alone():

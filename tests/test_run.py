@@ -18,12 +18,14 @@ from lightning.pytorch.loggers.csv_logs import ExperimentWriter
 
 from src.errors import UserError
 from src.failures import one_line
+from src.metrics.tally import Tally
 from src.models.module import OccupancyModule, rate_share
 from src.models.network import SkyOcc
 from src.ontology import CLASSES
 from src.report.results import SCORES, read_results
 from src.tasks import evaluate, precision
 from src.tasks.checkpoint import epochs_done
+from src.tasks.compare import compare
 from src.tasks.dataset import data_of
 from src.tasks.fit import fit
 from src.tasks.model import module_of, prior_of
@@ -212,7 +214,7 @@ def test_a_half_done_run_goes_on_as_if_undisturbed(finished, here, monkeypatch, 
             fit(compose_config(*here))
     folder = folder_of(here)
     assert not (folder / "results.csv").exists()
-    assert fit(compose_config(*here)) == "finished, went on from epoch 1 of 2"
+    assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
     undisturbed = weights(finished[0] / "checkpoints/last.ckpt")
     resumed = weights(folder / "checkpoints/last.ckpt")
     assert all(torch.equal(resumed[name], value) for name, value in undisturbed.items())
@@ -230,7 +232,7 @@ def test_the_best_one_stays_and_no_later_one_is_trained_again(here, monkeypatch,
         stop_at(patched, epoch, 1)
         with pytest.raises(Stop):
             fit(compose_config(*words))
-    assert fit(compose_config(*words)) == f"finished, went on from epoch {epoch} of 3"
+    assert fit(compose_config(*words)) == f"finished, went on after epoch {epoch} of 3"
     checkpoints = folder_of(here) / "checkpoints"
     assert {path.name for path in checkpoints.iterdir()} == {"best.ckpt", "last.ckpt"}
     epochs = [epochs_done(checkpoints / f"{name}.ckpt") for name in ("best", "last")]
@@ -246,7 +248,7 @@ def test_a_run_killed_before_its_results_repeats_no_training(finished, here, mon
         with pytest.raises(Stop):
             fit(compose_config(*here))
     stop_at(monkeypatch, 1, 0)
-    assert fit(compose_config(*here)) == "finished, went on from epoch 2 of 2"
+    assert fit(compose_config(*here)) == "finished, went on after epoch 2 of 2"
     folder = folder_of(here)
     again, before = (read_results(path / "results.csv") for path in (folder, finished[0]))
     columns = [name for name in again if name != "seconds"]
@@ -273,7 +275,7 @@ def test_a_run_killed_while_a_checkpoint_is_written_goes_on_from_the_one_before(
         patched.setattr(torch, "save", half)
         with pytest.raises(Stop):
             fit(compose_config(*here))
-    assert fit(compose_config(*here)) == "finished, went on from epoch 1 of 2"
+    assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
     undisturbed = weights(finished[0] / "checkpoints/last.ckpt")
     resumed = weights(folder_of(here) / "checkpoints/last.ckpt")
     assert all(torch.equal(resumed[name], value) for name, value in undisturbed.items())
@@ -367,6 +369,19 @@ def test_scoring_a_checkpoint_repeats_the_run_s_own_scores(finished):
     pd.testing.assert_frame_equal(again[columns], first[columns])
 
 
+def test_what_is_scored_in_part_says_so(finished):
+    folder, words = finished
+    few = ("data.batch_size=2", "+trainer.limit_test_batches=1")
+    score(compose_config(*words, *few, "task=test", "ckpt_path=best"))
+    part = {path.stem: Tally.read(path) for path in (folder / "test/tallies").iterdir()}
+    frames = {sum(tally.frames) for tally in part.values()}
+    assert frames == {tally.protocol.frames for tally in part.values()} == {2}
+    counted = [tally.tables["occupancy"]["count"].sum((1, 2)).tolist() for tally in part.values()]
+    assert counted[0] == counted[1] == counted[2], "the anchors are scored on the same frames"
+    with pytest.raises(UserError, match="was scored with frames=2"):
+        compare(compose_config(), [str(folder), str(folder / "test")], str(folder / "out"))
+
+
 def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path, monkeypatch):
     folder, words = finished
     words = [*words, f"predictions={tmp_path}/mine"]
@@ -454,6 +469,8 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
         (["scale=tinny"], "did you mean 'tiny'?"),
         (["trainer.max_epoch=3"], "trainer.max_epoch: no such key; did you mean 'max_epochs'?"),
         (["+max_epochs=3"], "max_epochs: nothing reads this key"),
+        (["+trainer.max_epoch=3"], "trainer.max_epoch: nothing reads this key; did you mean 'max_"),
+        (["+experiment=baseline", "attitude"], "'attitude': cannot be read; write key=value"),
         (["+sim.fogg=1"], "sim.fogg: nothing reads this key"),
         (["trainer.max_epochs=lots"], "trainer.max_epochs: 'lots' is not an integer"),
         (["data.mirror=3"], "data.mirror: 3 is not true or false"),

@@ -1,5 +1,6 @@
 """A sweep as its user meets it: all jobs checked, all of them done, and told in the end."""
 
+import errno
 import logging
 import os
 import re
@@ -13,7 +14,7 @@ from pathlib import Path
 import pytest
 from hydra.core.global_hydra import GlobalHydra
 
-from src.sweep import labels_of
+from src.sweep import labels_of, launcher_failure
 from tests.sessions import running_in
 
 ROOT = Path(__file__).parent.parent
@@ -80,7 +81,7 @@ def test_a_failing_job_does_not_stop_the_others(sweep, done):
 
 def test_a_task_says_how_it_went(sweep):
     _, said, _ = sweep(stub("resume"), "seed=0,1")
-    assert said[0] == "seed=0: finished, went on from epoch 1 of 2"
+    assert said[0] == "seed=0: finished, went on after epoch 1 of 2"
 
 
 def test_a_job_sees_its_own_words_and_nothing_of_the_one_before(sweep, done, tmp_path):
@@ -137,6 +138,12 @@ def test_two_jobs_that_would_train_in_one_folder_are_refused(sweep, tmp_path):
     assert status == 2
     assert re.search(r"'optimizer\.lr=0\.001' and 'optimizer\.lr=0\.0001' would both train", line)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_place_that_is_no_folder_is_not_the_launchers_fault():
+    error = launcher_failure(NotADirectoryError(errno.ENOTDIR, "Not a directory", "runs"))
+    assert str(error).startswith("runs: not a folder; ")
+    assert str(launcher_failure(RuntimeError("lost"))).startswith("hydra/launcher: RuntimeError: ")
 
 
 # ----------------------------------------------------------------------------------- in processes

@@ -46,8 +46,7 @@ class BatchesInOrder(Sampler[list[Key]]):
     def __init__(self, length: int, batch_size: int, rank: Rank = ALONE) -> None:
         if length < rank.of:
             raise UserError(f"trainer.devices: {rank.of} processes for {length} frames; use fewer")
-        steps = -(-length // (batch_size * rank.of))
-        parts = np.array_split(np.arange(length), steps * rank.of)
+        parts = _parts(length, batch_size, rank.of)
         self.batches = [part.tolist() for part in parts[rank.number :: rank.of]]
 
     def __len__(self) -> int:
@@ -55,6 +54,17 @@ class BatchesInOrder(Sampler[list[Key]]):
 
     def __iter__(self) -> Iterator[list[Key]]:
         return iter([Key(index) for index in batch] for batch in self.batches)
+
+
+def frames_in_order(batches: int, length: int, batch_size: int, processes: int) -> int:
+    """How many samples, the first ones, the first batches of every rank's `BatchesInOrder` hold."""
+    return sum(map(len, _parts(length, batch_size, processes)[: batches * processes]))
+
+
+def _parts(length: int, batch_size: int, processes: int) -> list[np.ndarray]:
+    """The samples in order, in equally many parts for every process."""
+    steps = -(-length // (batch_size * processes))
+    return np.array_split(np.arange(length), steps * processes)
 
 
 class TrainingBatches(Sampler[list[Key]]):

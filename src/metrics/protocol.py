@@ -60,7 +60,7 @@ class Protocol:
         try:
             return cls(**json.loads(text))
         except (ValueError, TypeError) as error:
-            raise UserError(f"protocol: cannot be read ({error}); score again") from error
+            raise UserError(f"protocol: cannot be read ({error})") from error
 
     def to_json(self) -> str:
         """Compact, with sorted keys: equal protocols have equal texts."""

@@ -16,6 +16,7 @@ from .suite import ScoreSuite
 from .tables import Tables
 
 FORMAT = 1
+AGAIN = "give the command of its run again, which scores it, or task=score for predictions"
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,8 @@ class Tally:
                 tables.setdefault(metric, {})[table] = torch.from_numpy(array)
             return cls(name, Protocol.from_json(protocol), clips, frames, tables)
         except FileNotFoundError as error:
-            raise UserError(f"{path}: no such file; finish the run or run task=score") from error
+            raise UserError(f"{path}: no such file; {AGAIN}") from error
         # The last two are what numpy raises over the header of an array.
         except (*BROKEN, SyntaxError, TokenError) as error:
             reason = " ".join(str(error).split())
-            raise UserError(f"{path}: cannot be read ({reason}); score again") from error
+            raise UserError(f"{path}: cannot be read ({reason}); delete it and {AGAIN}") from error

@@ -46,12 +46,6 @@ def main_table(parts: Sequence[ScoredPart]) -> ReportTable:
         "space; KAR-mIoU excludes free space and unknown from the mean and penalizes FP/FN in "
         "short-TTC regions."
     )
-    labelled = parts[0].evidence.labelled_clips
-    if absent := [CLASS_NAMES[name] for name in CLASSES if not labelled[name]]:
-        text += (
-            f" Not one voxel is labelled {', '.join(absent)}: the class counts in a row's means, "
-            "with 0, if it was predicted there, and is left out if it was not."
-        )
     return _of_all(parts, "main", "Main results", text, [*columns, *_means()])
 
 
@@ -73,8 +67,8 @@ def beyond_table(parts: Sequence[ScoredPart]) -> ReportTable:
     frames, clips = parts[0].evidence.blocked
     if frames:
         text += (
-            f" The collision-miss rate rests on the {frames} frames, of {clips} clips, with "
-            "something in the tube."
+            f" The collision-miss rate rests on the {_counted(frames, 'frame')}, of "
+            f"{_counted(clips, 'clip')}, with something in the tube."
         )
     return _of_all(parts, "beyond", "Beyond the paper", text, columns)
 
@@ -102,18 +96,19 @@ def long_tail_table(part: ScoredPart, frames: Collection[int]) -> ReportTable:
     columns = [_score(f"iou/{name}", CLASS_NAMES[name]) for name in LONG_TAIL]
     columns.append(_score("long_tail", "Mean"))
     rows = [(_added(part, name, frames), _cells(part, name, columns)) for name in part.rungs]
-    lines, first, last = [], part.ladder.first, part.ladder.last
+    text, lines, first, last = "", [], part.ladder.first, part.ladder.last
     if {first, last} <= set(part.rungs) and first != last:
         lines = [len(rows)]
         gain = tuple(part.evidence.difference(last, first, column.key) for column in columns)
         full = "full model" if last == PAPER.last else part.ladder.row_name(last)
         rows.append((f"Gain of {full}", gain))
+        text = f"Gains are relative to {part.ladder.reference}. "
     labelled = part.evidence.labelled_clips
     clips = ", ".join(f"{CLASS_NAMES[name]} {labelled[name]}" for name in LONG_TAIL)
-    text = (
-        f"Gains are relative to {part.ladder.reference}. All numbers are standard IoU percentages. "
-        "Of the "
-        f"{part.evidence.clips} clips, so many have a labelled voxel of the class: {clips}."
+    text += (
+        "All numbers are standard IoU percentages. Of the "
+        f"{_counted(part.evidence.clips, 'clip')}, so many have a labelled voxel of the class: "
+        f"{clips}."
     )
     return _of_rungs(part, "long_tail", "Long-tail safety structures", text, columns, rows, lines)
 
@@ -164,6 +159,7 @@ def _of_all(
                 (part.ladder.row_name(name) + part.label, _cells(part, name, columns))
                 for name in names
             ]
+    text += _absent(first)
     said = [f"{part.label} {part.resampling(part.rungs + part.others)}".strip() for part in parts]
     ranked = len(first.rungs + first.others + first.anchors)
     return ReportTable(
@@ -187,9 +183,21 @@ def _of_rungs(
     lines: Sequence[int] = (),
     head: str = "Configuration",
 ) -> ReportTable:
-    caption = f"{text} {part.resampling(part.rungs, differences=True)}"
+    caption = f"{text}{_absent(part)} {part.resampling(part.rungs, differences=True)}"
     key, title = f"{key}{part.suffix}", f"{title}, {part.where}"
     return ReportTable(key, title, caption, tuple(columns), tuple(rows), head, tuple(lines))
+
+
+def _absent(part: ScoredPart) -> str:
+    """What a class that is nowhere does to the means, and to their differences."""
+    labelled = part.evidence.labelled_clips
+    absent = [CLASS_NAMES[name] for name in CLASSES if not labelled[name]]
+    if not absent:
+        return ""
+    return (
+        f" Not one voxel is labelled {', '.join(absent)}: the class counts in a row's means, with "
+        "0, if it was predicted there, and is left out if it was not."
+    )
 
 
 def _cells(
@@ -216,6 +224,10 @@ def _score(key: str, name: str, short: str = "") -> Column:
 
 def _change(score: str, name: str, best: str | None = None) -> Column:
     return Column(DELTA + score, f"Δ {name}", signed=True, best=best)
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def _either(numbers: Collection[int]) -> str:

@@ -47,9 +47,21 @@ def facts_of(report: LadderReport) -> dict[str, str]:
         "Code (`src/`)": [run.code.removeprefix("code ") for run in runs],
         "Commit": [run.row["git_commit"] or "none" for run in runs],
         "Precision": [run.row["precision"] for run in runs],
-        "Parameters": [f"{run.row['parameters']:,}" for run in runs],
+        "Parameters": _parameters(report),
     }
     return {name: "; ".join(dict.fromkeys(values)) for name, values in facts.items()}
+
+
+def _parameters(report: LadderReport) -> list[str]:
+    """The sizes of the models, and which experiments have them where there are several."""
+    sizes: dict[str, dict[str, None]] = {}
+    for group in report.groups:
+        for run in group.runs:
+            experiments = sizes.setdefault(f"{run.row['parameters']:,}", {})
+            experiments[run.experiment + group.label] = None
+    if len(sizes) == 1:
+        return list(sizes)
+    return [f"{size} ({', '.join(experiments)})" for size, experiments in sizes.items()]
 
 
 def _grid(run: ScoredRun) -> str:

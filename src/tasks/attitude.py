@@ -45,7 +45,7 @@ def attitude(
     trainer = trainer_of(cfg, precision)
     counts = _counts(conditions, cfg, data)
     _count(counts, data, predictor(module, trainer), seed)
-    protocol = protocol_of(cfg, data)
+    protocol = protocol_of(cfg, data, len(data.split["test"]))
     tallies = [count.tally(protocol) for count in counts]
     table = _described(tallies, conditions, seed)
     # As a whole, so that no tally of an earlier call's conditions stays.

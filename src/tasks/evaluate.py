@@ -2,6 +2,7 @@
 
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import lightning
@@ -13,6 +14,7 @@ from rich.console import Console
 from rich.progress import track
 from torch import Tensor
 
+from ..data.batches import frames_in_order
 from ..data.datamodule import SkyShieldData
 from ..data.truth import truth_at
 from ..metrics.suite import ScoreSuite
@@ -44,10 +46,11 @@ def evaluate(
 
     The results come last: a folder with ``results.csv`` is complete.
     """
-    protocol, samples = protocol_of(cfg, data), data.split["test"]
     start_s = time.perf_counter()
     trainer.test(module, datamodule=data, verbose=False)
     seconds = [time.perf_counter() - start_s]
+    samples = _scored(trainer, data)
+    protocol = protocol_of(cfg, data, len(samples))
     # Adds up what all processes have counted.
     tallies = [tally_of(cfg.name, protocol, module.test_suite, samples)]
     part_company()
@@ -56,7 +59,7 @@ def evaluate(
     anchors = {"all_free": torch.full_like(prior.labels(), FREE), "voxel_prior": prior.labels()}
     for name, prediction in anchors.items():
         start_s = time.perf_counter()
-        suite = anchor_scores(name, prediction, data, suite_of(cfg, data))
+        suite = anchor_scores(name, prediction, data, samples, suite_of(cfg, data))
         tallies.append(tally_of(name, protocol, suite, samples))
         seconds.append(time.perf_counter() - start_s)
     parts = parts_of(cfg.data.test_clips)
@@ -84,12 +87,23 @@ def evaluate(
     Console().print(f"{folder.results} and {folder.figures}", highlight=False, soft_wrap=True)
 
 
+def _scored(trainer: lightning.Trainer, data: SkyShieldData) -> Sequence[tuple[str, int]]:
+    """The frames of the test split that the model was scored on: the first ones, where
+    ``trainer.limit_test_batches`` leaves some out."""
+    samples, (batches,) = data.split["test"], trainer.num_test_batches
+    count = frames_in_order(batches, len(samples), data.batch_size, trainer.world_size)
+    return samples[:count]
+
+
 def anchor_scores(
-    name: str, prediction: UInt8[Tensor, "X Y Z"], data: SkyShieldData, suite: ScoreSuite
+    name: str,
+    prediction: UInt8[Tensor, "X Y Z"],
+    data: SkyShieldData,
+    samples: Sequence[tuple[str, int]],
+    suite: ScoreSuite,
 ) -> ScoreSuite:
-    """Counts one fixed prediction on every frame of the test split."""
+    """Counts one fixed prediction on the frames named."""
     quiet = not sys.stdout.isatty()
-    samples = data.split["test"]
     for clip, frame in track(samples, f"scoring {name}", transient=True, disable=quiet):
         suite.update(prediction[None], truth_at(data.clips[clip], frame))
     return suite

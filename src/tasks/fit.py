@@ -72,13 +72,13 @@ def _train(
     checkpoint = named or prepare(afresh=cfg.overwrite)
     if checkpoint:
         load_weights(module, checkpoint)  # a broken one is refused here, in one line
-    begins = f"epoch {epochs_done(checkpoint)} of {cfg.trainer.max_epochs}" if checkpoint else ""
+    done = f"epoch {epochs_done(checkpoint)} of {cfg.trainer.max_epochs}" if checkpoint else ""
     # How many processes and which device, only a trainer knows.
     choice = settled_precision(cfg, folder, module, data, trainer_of(cfg, FP32))
     trainer = trainer_of(cfg, choice.precision)
     if first:
         _write_class_weights(folder, module)
-        _announce(cfg, trainer, module, data, begins, choice)
+        _announce(cfg, trainer, module, data, done, choice)
     try:
         trainer.fit(module, datamodule=data, ckpt_path=checkpoint, weights_only=True)
     finally:
@@ -86,7 +86,7 @@ def _train(
             folder.merge_metrics()
     load_weights(module, folder.best_checkpoint)
     evaluate(cfg, folder, trainer, module, data, prior)
-    return f"finished, went on from {begins}" if begins else "finished"
+    return f"finished, went on after {done}" if done else "finished"
 
 
 def trainer_of(cfg: DictConfig, precision: str) -> lightning.Trainer:
@@ -128,14 +128,14 @@ def _announce(
     trainer: lightning.Trainer,
     module: OccupancyModule,
     data: SkyShieldData,
-    begins: str,
+    done: str,
     choice: Choice,
 ) -> None:
     """What is about to be trained and how, in three lines."""
     parameters = sum(p.numel() for p in module.network.parameters())
     frames = " / ".join(str(len(samples)) for samples in data.split.values())
     device = trainer.strategy.root_device
-    how = f"goes on from {begins}" if begins else f"{cfg.trainer.max_epochs} epochs"
+    how = f"goes on after {done}" if done else f"{cfg.trainer.max_epochs} epochs"
     for line in (
         f"{cfg.name}, scale {cfg.scale_name}, seed {cfg.seed}: {parameters / 1e6:.2f} M parameters "
         f"on {device}, {how}",

@@ -1,7 +1,8 @@
 """task=report: the paper's tables and pictures from the run folders of a ladder."""
 
+import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -12,6 +13,7 @@ from rich.progress import track
 
 from ..atomic import replacing
 from ..errors import UserError
+from ..failures import closest
 from ..report.attitude import SCORE, draw_attitude
 from ..report.attitude_evidence import AttitudeEvidence
 from ..report.attitude_tables import attitude_tables
@@ -28,6 +30,7 @@ from ..report.scored_runs import ScoredRun, UnfinishedRun, read_run, run_folders
 from ..report.scores import write_table
 from ..report.table_files import ENDINGS, write_files
 from ..report.table_print import print_table
+from ..settings import GROUPS
 from .scoring import parts_of
 from .showcase import COMPARISON, TILT, showcase
 
@@ -58,9 +61,11 @@ def report(
     other and ``mixed`` does not allow it.
     """
     folder, ladder = Path(out), ladder_named(list(rungs))
+    _require_place(folder)
     if strange := [seed for seed in seeds if type(seed) is not int]:
         raise UserError(f"task.seeds: {strange[0]!r} is no seed; give whole numbers")
     finished, unfinished = _found(cfg, runs, folder)
+    _require_experiments(rungs, {run.experiment for run in (*finished, *unfinished)})
     groups = groups_of(finished, mixed, ladder)
     with Console().status("resampling"):
         made = ladder_report(groups, unfinished, parts_of, list(seeds))
@@ -91,6 +96,27 @@ def _found(
             f"{'; '.join(map(str, unfinished))}); give the command that trains them again"
         )
     return finished, unfinished
+
+
+def _require_place(folder: Path) -> None:
+    """Raises `UserError` where the report cannot be written; makes nothing."""
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise UserError(f"task.out: {there} is no folder; choose another place")
+    if not os.access(there, os.W_OK):
+        raise UserError(f"task.out: {there} cannot be written to; choose another place")
+
+
+def _require_experiments(rungs: Sequence[str], trained: Collection[str]) -> None:
+    """Raises `UserError` for a rung that was never trained and that no file describes."""
+    known = {*trained, *(path.stem for path in (GROUPS / "experiment").glob("*.yaml"))}
+    for name in rungs:
+        if name not in known:
+            listed = ", ".join(sorted(known))
+            raise UserError(
+                f"task.rungs: no run and no experiment is called {name!r}{closest(name, known)} "
+                f"there are {listed}"
+            )
 
 
 def _attitude_figure(found: AttitudeEvidence, ladder: Ladder, folder: Path) -> dict[Path, str]:

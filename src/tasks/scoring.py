@@ -40,8 +40,7 @@ def tally_of(
     return Tally(name, protocol, suite.clips, counts, suite.tables())
 
 
-def protocol_of(cfg: DictConfig, data: SkyShieldData) -> Protocol:
-    """What is counted of the test split, and how."""
+def protocol_of(cfg: DictConfig, data: SkyShieldData, frames: int) -> Protocol:
+    """What is counted, of so many frames of the test split, and how."""
     metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
-    frames = len(data.split["test"])
     return Protocol.of(data.root.name, "test", frames, data.grid, SUPERVISED, metric, suite)

@@ -3,7 +3,15 @@
 import pytest
 import torch
 
-from src.data.batches import ALONE, BatchesInOrder, Rank, StreamBatches, TrainingBatches, runs_of
+from src.data.batches import (
+    ALONE,
+    BatchesInOrder,
+    Rank,
+    StreamBatches,
+    TrainingBatches,
+    frames_in_order,
+    runs_of,
+)
 from src.errors import UserError
 
 SAMPLES = [(clip, frame) for clip in ("a", "b", "c") for frame in range(25)]
@@ -92,6 +100,9 @@ def test_in_order_no_frame_is_lost_or_repeated(length, processes):
     assert all(0 < len(batch) <= 4 for batches in ranks for batch in batches)
     together = [key.index for step in zip(*ranks) for batch in step for key in batch]
     assert together == list(range(length))
+    for steps in range(len(ranks[0]) + 2):
+        first = [key.index for batches in ranks for batch in batches[:steps] for key in batch]
+        assert sorted(first) == list(range(frames_in_order(steps, length, 4, processes)))
 
 
 # ----------------------------------------------------------------------------------------- streams

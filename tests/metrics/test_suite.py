@@ -122,7 +122,7 @@ def test_a_broken_tally_is_one_clear_error(tmp_path, content):
 
 
 def test_a_missing_tally_says_what_to_do(tmp_path):
-    with pytest.raises(UserError, match="no such file; finish the run or run task=score"):
+    with pytest.raises(UserError, match="no such file; give the command of its run again"):
         Tally.read(tmp_path / "mine.npz")
 
 

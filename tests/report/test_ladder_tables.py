@@ -165,6 +165,9 @@ def test_the_caption_says_how_many_frames_have_something_in_the_way(part, tallie
     words = f"rests on the {int(frames.sum())} frames, of {of_clips} clips, with something in the"
     assert words in beyond_table([part]).caption
     assert of_clips
+    other = part_of(tallies)
+    other.evidence.blocked = (1, 1)
+    assert "rests on the 1 frame, of 1 clip, with something" in beyond_table([other]).caption
 
 
 def test_the_best_row_is_one_of_those_that_were_scored_alike():
@@ -309,4 +312,6 @@ def test_a_class_that_some_resamples_miss_is_told(tallies):
 def test_a_class_that_no_voxel_has_is_told(tallies):
     part = part_of(tallies)
     part.evidence.labelled_clips["vru"] = 0
-    assert "Not one voxel is labelled VRU:" in main_table([part]).caption
+    tables = (main_table([part]), beyond_table([part]), ablation_table(part, MARKS))
+    assert all("Not one voxel is labelled VRU:" in table.caption for table in tables)
+    assert "Not one voxel" not in main_table([part_of(tallies)]).caption

@@ -149,7 +149,7 @@ def config_without_data(folder):
             r"results\.csv: has no test scores of skyocc, only of all_free, vox",
         ),
         (cut("tallies/skyocc.npz"), r"skyocc\.npz: cannot be read"),
-        (without("tallies/skyocc.npz"), r"skyocc\.npz: no such file; finish the run"),
+        (without("tallies/skyocc.npz"), r"skyocc\.npz: no such file; give the command of its run"),
         (cut("tallies/voxel_prior.npz"), r"voxel_prior\.npz: cannot be read"),
     ],
 )

@@ -231,6 +231,14 @@ def test_seeds_that_have_not_begun_are_missing_where_the_sweep_is_known(ladder, 
     ]
 
 
+def test_models_of_different_sizes_are_told_apart(runs):
+    for path in (runs / "skyocc").rglob("results.csv"):
+        rows = pd.read_csv(path, dtype=str, keep_default_na=False)
+        rows.assign(parameters="12000").to_csv(path, index=False)
+    page = (reported(runs) / "report.md").read_text()
+    assert "- Parameters: 10 (baseline, attitude, weights); 12,000 (skyocc)" in page
+
+
 def test_predictions_of_different_numbers_of_frames_are_said_to_be(tmp_path):
     runs = tmp_path / "runs/tiny"
     for name, frames in {"one": 1, "two": 2, "skyocc": 4}.items():
@@ -288,7 +296,8 @@ def test_nothing_finished_is_one_line(runs):
 def test_a_broken_run_is_one_line_and_leaves_nothing(runs):
     path = runs / "weights/seed1/tallies/weights.npz"
     path.write_bytes(path.read_bytes()[:500])
-    with pytest.raises(UserError, match=r"weights\.npz: cannot be read"):
+    said = r"weights\.npz: cannot be read .*; delete it and give the command of its run again"
+    with pytest.raises(UserError, match=said):
         reported(runs)
     assert not (runs / "report").exists()
 
@@ -303,6 +312,21 @@ def test_a_broken_log_is_one_line_and_leaves_nothing(runs):
 def test_seeds_that_are_no_numbers_are_one_line(ladder, tmp_path):
     with pytest.raises(UserError, match=r"^task\.seeds: 'a' is no seed"):
         reported(ladder, out=tmp_path / "out", seeds=[0, "a"])
+
+
+def test_a_place_that_is_no_folder_is_one_line(ladder, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    for place in ("file", "file/below/it"):
+        with pytest.raises(UserError, match=r"^task\.out: .*/file is no folder; choose another"):
+            reported(ladder, out=tmp_path / place)
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_a_rung_that_nobody_knows_is_one_line(ladder, tmp_path):
+    said = r"^task\.rungs: no run and no experiment is called 'basline'; did you mean 'baseline'\?"
+    with pytest.raises(UserError, match=said):
+        reported(ladder, out=tmp_path / "out", rungs=["basline", "skyocc"])
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_run_without_a_number_of_epochs_is_reported(runs):
