@@ -26,7 +26,8 @@ class Protocol:
     """Everything on which a score depends besides the predictions.
 
     ``metric`` are the arguments of `OccupancyScores`, ``suite`` those of the other scores.
-    ``frames`` is their number: of a split, or less where predictions were missing and allowed to.
+    ``frames`` is their number: of a split, or less where predictions were missing and allowed to,
+    or where ``trainer.limit_test_batches`` left some out.
     """
 
     dataset: str
