@@ -509,6 +509,17 @@ def test_a_mistake_in_a_command_is_one_line_and_makes_nothing(words, said, tmp_p
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("start", [[], ["-m", "seed=0,1"]])
+def test_an_experiment_in_a_folder_of_ones_own_is_checked_too(start, tmp_path, refusal):
+    text = "# @package _global_\ndefaults: [skyocc, _self_]\nname: mine\nsize: { layer: 3 }\n"
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment/mine.yaml").write_text(text)
+    there = f"hydra.searchpath=[file://{tmp_path}]"
+    line = refusal(*start, "+experiment=mine", there, f"paths.runs={tmp_path}/runs")
+    assert "experiment=mine, scale=small: size.layer: nothing reads this key" in line
+    assert not (tmp_path / "runs").exists()
+
+
 def test_data_made_under_another_configuration_are_refused(place, here, refusal):
     (made,) = (place / "data").iterdir()
     manifest = (made / "manifest.json").read_bytes()
