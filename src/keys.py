@@ -27,8 +27,8 @@ def require_set_soundly(before: DictConfig, cfg: DictConfig, told_by: str) -> No
 
     ``before`` is the configuration without them, and ``told_by`` names them.
     """
-    plain = (OmegaConf.to_container(node, resolve=False) for node in (before, cfg))
-    for key, is_new in _changed(*plain):
+    trees = (OmegaConf.to_container(node, resolve=False) for node in (before, cfg))
+    for key, is_new in _changed(*trees):
         try:
             if is_new:
                 require_known(key, before, OmegaConf.select(cfg, key))

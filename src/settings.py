@@ -21,6 +21,7 @@ TRAINING = "src.tasks.fit.fit"
 PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
 """Geometry is computed in fp32, so the network has no pure half or double precision."""
 CHOICES = {"trainer.precision": PRECISIONS, "data.order": ORDERS, "data.history": HISTORY}
+LIMITS = tuple(f"trainer.limit_{part}_batches" for part in ("train", "val", "test"))
 AT_LEAST = {
     "seed": 0,
     "sim.seed": 0,
@@ -59,6 +60,9 @@ def require_sound(cfg: DictConfig, overrides: Sequence[str], of_hydra: Sequence[
         value = OmegaConf.select(cfg, key)
         if value is not None and value < least:
             raise UserError(f"{key}: {value} is too small; give {least} or more")
+    for key in LIMITS:
+        if OmegaConf.select(cfg, key) == 0:
+            raise UserError(f"{key}: 0 leaves nothing; give a number of batches, or a share")
     for key, choices in CHOICES.items():
         value = OmegaConf.select(cfg, key)
         if value not in choices:

@@ -476,6 +476,7 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
         (["data.mirror=3"], "data.mirror: 3 is not true or false"),
         (["seed=-1"], "seed: -1 is too small"),
         (["size.heads=0"], "size.heads: 0 is too small"),
+        (["+trainer.limit_test_batches=0"], "trainer.limit_test_batches: 0 leaves nothing"),
         (["size.heads=3"], "size.heads: 3 does not divide size.dim, 64"),
         (["data.order=stream"], "data.order: 'stream'; there are shuffled, streams"),
         (["model.history=foo"], "model.history: 'foo' is neither 'queue' nor 'recursive'"),
