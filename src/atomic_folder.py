@@ -3,7 +3,7 @@
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from .atomic import unwritable
@@ -15,11 +15,13 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
 
     After any failure the old one stands. Raises `UserError` where it cannot be written.
 
-    A process that is killed between the two renames leaves the old folder as ``.<name>.old``.
+    A process that is killed between the two renames leaves the old folder as ``.<name>.old``; the
+    next one puts it back before it begins.
     """
     path = Path(path)
     temporary, old = (path.with_name(f".{path.name}.{kind}") for kind in ("new", "old"))
     try:
+        _put_back(old, path)
         for left_over in (temporary, old):
             shutil.rmtree(left_over, ignore_errors=True)
         temporary.mkdir(parents=True)
@@ -31,4 +33,11 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
     except OSError as error:
         raise unwritable(path, error) from error
     finally:
+        with suppress(OSError):
+            _put_back(old, path)
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _put_back(old: Path, path: Path) -> None:
+    if old.exists() and not path.exists():
+        os.rename(old, path)

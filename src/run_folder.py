@@ -3,7 +3,7 @@
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -29,6 +29,8 @@ NOT_SHAPING = (
     *("data.workers", "sim.workers", "sim.shards", "sim.shard", "sim.dry_run"),
 )
 """Keys that say where, how fast and what to do, not how the model is trained."""
+IDENTITY = ("name", "seed", "model", "loss")
+"""Keys that say whose weights a checkpoint holds."""
 START = ("model.backbone.weights", "model.backbone.weights_sha256")
 """Keys that say what a training begins with; its checkpoints hold what became of that."""
 
@@ -186,27 +188,33 @@ def _recorded(path: Path) -> str:
     return path.read_text().strip() if path.is_file() else ""
 
 
-def require_same_config(checkpoint: Path, config: dict, part: str | None = None) -> None:
+def require_same_config(checkpoint: Path, config: dict, keys: Sequence[str] = ()) -> None:
     """Refuses a checkpoint whose run was started under another configuration.
 
-    ``part`` narrows the comparison to one top-level key, such as ``model``, less what the training
-    began with. Raises `UserError` that names the first key that differs, or where the run's
-    ``config.yaml`` cannot be read.
+    ``keys`` narrows the comparison to some at the top level, such as `IDENTITY`, less what the
+    training began with. Raises `UserError` that names the first key that differs, or where the
+    run's ``config.yaml`` cannot be read.
     """
     path = checkpoint.parent.parent / CONFIG
     unknown = f"so what {checkpoint.name} was trained with is unknown"
-    before = shaping(read_config(path, f"{unknown}; keep a checkpoint in the folder of its run"))
-    after = shaping(config)
-    way_out = "or drop ckpt_path to start anew" if part is None else "or another ckpt_path"
-    if part is not None:
-        before, after = {part: before.get(part)}, {part: after.get(part)}
-    for key, old, new in differences(before, after):
-        if part is not None and key in START:
-            continue
-        raise UserError(
-            f"{path}: the run was started with {key}={json.dumps(old)}, and now it is "
-            f"{json.dumps(new)}; give the old value, {way_out}"
-        )
+    before = read_config(path, f"{unknown}; keep a checkpoint in the folder of its run")
+    if keys:
+        found = [
+            each for key in keys for each in differences(_only(key, before), _only(key, config))
+        ]
+    else:
+        found = differences(shaping(before), shaping(config))
+    way_out = "or another ckpt_path" if keys else "or drop ckpt_path to start anew"
+    for key, old, new in found:
+        if not (keys and key in START):
+            raise UserError(
+                f"{path}: the run was started with {key}={json.dumps(old)}, and now it is "
+                f"{json.dumps(new)}; give the old value, {way_out}"
+            )
+
+
+def _only(key: str, config: dict) -> dict:
+    return {key: config.get(key)}
 
 
 def read_config(path: Path, so: str) -> dict:

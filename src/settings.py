@@ -38,6 +38,11 @@ AT_LEAST = {
 }
 
 
+def search_path(of_hydra: Sequence[str]) -> list[str]:
+    """Of the words that set Hydra itself, the one that names folders with groups of one's own."""
+    return [word for word in of_hydra if word.startswith("hydra.searchpath=")]
+
+
 def require_sound(cfg: DictConfig, overrides: Sequence[str], of_hydra: Sequence[str] = ()) -> None:
     """Raises `UserError` that names the key, for what would otherwise fail late or do nothing.
 
@@ -47,9 +52,7 @@ def require_sound(cfg: DictConfig, overrides: Sequence[str], of_hydra: Sequence[
     """
     parsed = OverridesParser.create().parse_overrides(list(overrides))
     groups = [override for override in parsed if _is_group(override)]
-    before = _require_sound_files(
-        groups, [word for word in of_hydra if word.startswith("hydra.searchpath=")]
-    )
+    before = _require_sound_files(groups, search_path(of_hydra))
     for override in parsed:
         if override not in groups and not override.is_delete():
             key = override.key_or_group

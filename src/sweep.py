@@ -14,9 +14,11 @@ from rich.console import Console
 
 from .errors import UserError
 from .failures import one_line, quiet_libraries
-from .settings import TRAINING, require_sound
+from .settings import TRAINING, require_sound, search_path
 
 FINISHED = "finished"
+SCORING = {"src.tasks.test.test", "src.tasks.attitude.attitude"}
+"""Tasks that write to the folder of the run whose checkpoint they score."""
 
 
 class Outcome(NamedTuple):
@@ -27,20 +29,27 @@ class Outcome(NamedTuple):
 
 
 def require_sound_jobs(jobs: Sequence[DictConfig]) -> None:
-    """Raises `UserError` for a mistake in any job, and where two of them would train in one folder.
+    """Raises `UserError` for a mistake in any job, and where two of them would write one folder.
 
     Each is the composed configuration of a job, Hydra's own part included.
     """
     words = [list(cfg.hydra.overrides.task) for cfg in jobs]
-    trained: dict[str, str] = {}
+    written: dict[str, str] = {}
     for cfg, mine, label in zip(jobs, words, labels_of(words)):
         require_sound(cfg, mine, cfg.hydra.overrides.hydra)
-        if cfg.task._target_ == TRAINING and trained.setdefault(cfg.paths.run, label) != label:
+        if cfg.task._target_ not in SCORING | {TRAINING}:
+            continue
+        if (first := written.setdefault(cfg.paths.run, label)) == label:
+            continue
+        if cfg.task._target_ in SCORING:
             raise UserError(
-                f"paths.run: {trained[cfg.paths.run]!r} and {label!r} would both train in "
-                f"{cfg.paths.run}; let name tell them apart, in the files of the experiments or as "
-                "'name=lr${optimizer.lr}' does"
+                f"{first!r} and {label!r} would both write their scores to {cfg.paths.run}; give "
+                "them one by one, and move away what each has written"
             )
+        raise UserError(
+            f"paths.run: {first!r} and {label!r} would both train in {cfg.paths.run}; let name "
+            "tell them apart, in the files of the experiments or as 'name=lr${optimizer.lr}' does"
+        )
 
 
 def do_job(cfg: DictConfig) -> Outcome:
@@ -50,7 +59,8 @@ def do_job(cfg: DictConfig) -> Outcome:
     """
     quiet_libraries()
     try:
-        with _as_if_alone(list(HydraConfig.get().overrides.task)):
+        overrides = HydraConfig.get().overrides
+        with _as_if_alone([*search_path(overrides.hydra), *overrides.task]):
             return Outcome(instantiate(cfg.task)(cfg) or FINISHED)
     except Exception as error:
         message = one_line(error)
@@ -97,7 +107,7 @@ def summarise(jobs: Sequence[Sequence[str]], outcomes: Sequence[Outcome]) -> Non
     if failed:
         raise UserError(
             f"{failed} of {len(jobs)} jobs failed, for the reasons above; the same command tries "
-            "them again, and skips what is finished"
+            "them again, and trains nothing that is finished"
         )
 
 

@@ -1,8 +1,11 @@
 """Folders of results that are written whole or not at all."""
 
+import os
+
 import pytest
 
 from src.atomic_folder import replacing_folder
+from src.errors import UserError
 
 
 def names(folder):
@@ -32,6 +35,34 @@ def test_after_a_failure_the_old_folder_stands(tmp_path):
         write_and_fail(temporary / "bad")
     assert names(folder) == ["good"]
     assert names(tmp_path) == ["results"]
+
+
+@pytest.mark.parametrize("which", [1, 2])
+def test_after_a_failed_rename_the_old_folder_stands(tmp_path, monkeypatch, which):
+    folder, rename, calls = tmp_path / "results", os.rename, []
+    with replacing_folder(folder) as temporary:
+        (temporary / "good").write_text("")
+
+    def failing(source, target):
+        calls.append(target)
+        if len(calls) == which:
+            raise OSError("disk gone")
+        rename(source, target)
+
+    monkeypatch.setattr(os, "rename", failing)
+    failure = pytest.raises(UserError, match="results: cannot be written")
+    with failure, replacing_folder(folder) as temporary:
+        (temporary / "bad").write_text("")
+    assert names(folder) == ["good"]
+    assert names(tmp_path) == ["results"]
+
+
+def test_what_a_killed_process_had_put_aside_is_put_back(tmp_path):
+    (tmp_path / ".results.old").mkdir()
+    (tmp_path / ".results.old" / "good").write_text("")
+    with pytest.raises(KeyError), replacing_folder(tmp_path / "results") as temporary:
+        write_and_fail(temporary / "bad")
+    assert names(tmp_path / "results") == ["good"]
 
 
 def test_what_a_killed_process_left_is_in_nobodys_way(tmp_path):

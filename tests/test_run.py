@@ -288,6 +288,12 @@ def test_last_goes_on_and_another_configuration_is_refused(here, monkeypatch):
             fit(compose_config(*here))
     with pytest.raises(UserError, match=r"optimizer\.lr=0\.002, and now it is 0\.1"):
         fit(compose_config(*here, "ckpt_path=last", "optimizer.lr=0.1"))
+    code = folder_of(here) / ".code"
+    ours = code.read_text()
+    code.write_text("0ther\n")
+    with pytest.raises(UserError, match=r"last\.ckpt was trained by code 0ther, and src/ is"):
+        fit(compose_config(*here, "ckpt_path=last"))
+    code.write_text(ours)
     fit(compose_config(*here, "ckpt_path=last"))
     table = pd.read_csv(folder_of(here) / "metrics.csv")
     assert table.dropna(subset=["val/kar_miou"])["epoch"].tolist() == [0, 1]
@@ -420,13 +426,24 @@ def test_predictions_need_a_checkpoint_and_a_part_that_there_is(finished):
         predict(cfg, "tests", logits=False)
 
 
-def test_a_checkpoint_is_not_scored_as_another_rung(finished):
-    """The weights would fit: the baseline differs in the projection alone."""
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ("+experiment=baseline", 'name="skyocc", and now it is "baseline"'),
+        ("+experiment=weights", 'name="skyocc", and now it is "weights"'),
+        ("seed=1", "seed=0, and now it is 1"),
+        ("model/projection=level", 'projection="attitude", and now it is "level"'),
+        ("loss/lovasz='off'", "lovasz_weight=1.0, and now it is 0.0"),
+    ],
+)
+def test_a_checkpoint_is_not_scored_as_another_rung(finished, other, said):
+    """Its weights would fit."""
     folder, words = finished
-    words = ["+experiment=baseline" if "experiment" in word else word for word in words]
+    kept = [word for word in words if word.split("=")[0] != other.split("=")[0]]
     path = folder / "checkpoints/best.ckpt"
-    with pytest.raises(UserError, match=r'projection="attitude", and now it is "level"'):
-        score(compose_config(*words, "task=test", f"ckpt_path={path}"))
+    cfg = compose_config(*kept, other, "task=test", f"ckpt_path={path}")
+    with pytest.raises(UserError, match=said):
+        score(cfg)
 
 
 @pytest.mark.parametrize("content", [b"", b"not a checkpoint", None])

@@ -9,7 +9,14 @@ import yaml
 
 from src import run_folder
 from src.errors import UserError
-from src.run_folder import RunFolder, code_of, differences, require_same_config, shaping
+from src.run_folder import (
+    IDENTITY,
+    RunFolder,
+    code_of,
+    differences,
+    require_same_config,
+    shaping,
+)
 
 
 def config(folder, **changes):
@@ -196,10 +203,24 @@ def test_a_checkpoint_of_another_configuration_is_refused_by_its_key(tmp_path):
 
 def test_only_the_part_that_matters_is_compared(tmp_path):
     folder = half_done(tmp_path / "seed0")
-    other = config(tmp_path / "seed0", seed=5)
-    require_same_config(folder.last_checkpoint, other, part="model")
-    with pytest.raises(UserError, match="seed=0, and now it is 5"):
+    other = config(tmp_path / "seed0", data={"workers": 1, "batch_size": 4})
+    require_same_config(folder.last_checkpoint, other, IDENTITY)
+    with pytest.raises(UserError, match="batch_size=8, and now it is 4"):
         require_same_config(folder.last_checkpoint, other)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"name": "weights"}, 'name="skyocc", and now it is "weights"'),
+        ({"seed": 1}, "seed=0, and now it is 1"),
+        ({"loss": {"lovasz_weight": 0.0}}, "loss=null, and now it is"),
+    ],
+)
+def test_a_checkpoint_of_another_rung_or_seed_is_refused_though_it_fits(tmp_path, change, said):
+    folder = half_done(tmp_path / "seed0")
+    with pytest.raises(UserError, match=f"{said}.*or another ckpt_path$"):
+        require_same_config(folder.last_checkpoint, folder.config | change, IDENTITY)
 
 
 def test_what_the_encoder_began_with_says_nothing_of_a_checkpoints_network(tmp_path):
@@ -207,7 +228,7 @@ def test_what_the_encoder_began_with_says_nothing_of_a_checkpoints_network(tmp_p
     folder = half_done(tmp_path / "seed0", model=model)
     model = {"projection": "attitude", "backbone": {"weights": None}}
     other = config(tmp_path / "seed0", model=model)
-    require_same_config(folder.last_checkpoint, other, part="model")
+    require_same_config(folder.last_checkpoint, other, IDENTITY)
     with pytest.raises(UserError, match=r'weights="encoder\.pth", and now it is null'):
         require_same_config(folder.last_checkpoint, other)
 

@@ -93,6 +93,17 @@ def test_a_job_sees_its_own_words_and_nothing_of_the_one_before(sweep, done, tmp
     assert "LOCAL_RANK" not in os.environ
 
 
+def test_a_job_is_told_where_experiments_of_ones_own_lie(sweep, done, tmp_path):
+    (tmp_path / "conf/experiment").mkdir(parents=True)
+    text = "# @package _global_\ndefaults: [skyocc, _self_]\nname: mine\n"
+    (tmp_path / "conf/experiment/mine.yaml").write_text(text)
+    there = f"hydra.searchpath=[file://{tmp_path}/conf]"
+    status, _, errors = sweep(stub("remember"), "+experiment=mine", "seed=0,1", there)
+    assert (status, errors) == (0, [])
+    # A process that Lightning starts for a second device composes these words.
+    assert (tmp_path / "runs/mine1").read_text().startswith(f"{there} {stub('remember')} ")
+
+
 def test_ctrl_c_ends_the_sweep_with_a_line(sweep, done):
     status, said, errors = sweep(stub("be_interrupted"), "seed=0,1,2")
     assert status == 130
@@ -137,6 +148,20 @@ def test_two_jobs_that_would_train_in_one_folder_are_refused(sweep, tmp_path):
     status, _, (line,) = sweep("+experiment=skyocc", "optimizer.lr=1e-3,1e-4")
     assert status == 2
     assert re.search(r"'optimizer\.lr=0\.001' and 'optimizer\.lr=0\.0001' would both train", line)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["task=attitude", "task.noise_deg=[1.0],[3.0]"],
+        ["task=test", "metric.horizon_s=4.0,5.0"],
+    ],
+)
+def test_two_jobs_that_would_overwrite_each_others_scores_are_refused(words, sweep, tmp_path):
+    status, _, (line,) = sweep("+experiment=skyocc", "ckpt_path=best", *words)
+    assert status == 2
+    assert "would both write their scores to" in line
     assert not list(tmp_path.iterdir())
 
 

@@ -26,7 +26,7 @@ class MeasuredAttitude:
         noise_deg: standard deviation of roll and of pitch, independent from frame to frame.
         delay_s: how old the reported attitude is; between frames it is interpolated, and at a
             clip's beginning its first one is held.
-        seed: of the noise, which is the same for a frame whatever else is asked for.
+        seed: of the noise, which is the same for the same clips, in whatever order.
         level: whether what is reported, before the noise, is a UAV that always flies level.
 
     Raises `UserError` for a noise or a delay below zero.

@@ -48,6 +48,23 @@ def resamplings(clips: int, resamples: int, generator: Generator) -> Float[Tenso
     return weights.scatter_add_(1, drawn, torch.ones_like(weights))
 
 
+def seed_resamplings(seeds: int, resamples: int, generator: Generator) -> Float[Tensor, "r s"]:
+    """How often each of s seeds is drawn in each of r resamples of s seeds.
+
+    Where the seeds are so few that there are no more ways to draw them than resamples, all ways
+    come equally often, in random order: chance would draw one of three seeds three times in 51
+    resamples of 1000, and another in 30, where 37 are due.
+    """
+    ways = seeds**seeds
+    if ways > resamples:
+        return resamplings(seeds, resamples, generator)
+    drawn = torch.cartesian_prod(*[torch.arange(seeds)] * seeds).view(ways, seeds)
+    weights = torch.nn.functional.one_hot(drawn, seeds).sum(1).double()
+    # Which of the ways come once more than the others is left to chance too.
+    turn = torch.randperm(ways, generator=generator)[torch.arange(resamples) % ways]
+    return weights[turn[torch.randperm(resamples, generator=generator)]]
+
+
 def score_intervals(
     metric: TableMetric,
     tables: Tables,
@@ -100,7 +117,7 @@ def seed_sample(
     """The mean of one score over s seeds, and over those that each resample draws.
 
     ``samples`` are of the same draws of clips, ``weights`` say how often each seed is drawn
-    (`resamplings`). A seed whose score is NaN is left out of its mean.
+    (`seed_resamplings`). A seed whose score is NaN is left out of its mean.
     """
     times = torch.cat([torch.ones_like(weights[:1]), weights]).T
     kept = times * ~samples.isnan()

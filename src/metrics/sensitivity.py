@@ -61,6 +61,8 @@ class KARSensitivity(TableMetric):
             raise UserError(f"{unknown[0]}: is none of {', '.join(PARAMETERS)}")
         if empty := [name for name, of_name in values.items() if not len(of_name)]:
             raise UserError(f"{empty[0]}: has no value; give one or more")
+        if twice := [name for name, of_name in values.items() if len({*of_name}) < len(of_name)]:
+            raise UserError(f"{twice[0]}: {list(values[twice[0]])} names a value twice")
         F.check_classes(num_classes, ignore_index, free_index)
         chosen = [values.get(name, (getattr(F.Penalty(), name),)) for name in PARAMETERS]
         self.penalties = [F.Penalty(**dict(zip(PARAMETERS, row))) for row in product(*chosen)]

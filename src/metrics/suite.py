@@ -51,7 +51,10 @@ class ScoreSuite(nn.Module):
         metric: arguments of `OccupancyScores`.
         suite: ``ttc_edges_s``, ``distance_edges_m``, ``tube_radius_m``, ``tube_s``,
             ``thin_tolerance``, ``calibration_bins``, ``ray_thresholds_m``, ``rays`` (across, down)
-            and ``sensitivity`` (values by parameter).
+            and ``sensitivity`` (values by parameter); and, of the intervals, ``resamples``,
+            ``level`` and ``seed``.
+
+    Raises `UserError` for settings that a score could not be computed with.
     """
 
     def __init__(
@@ -62,6 +65,7 @@ class ScoreSuite(nn.Module):
         suite: Mapping[str, Any],
     ) -> None:
         super().__init__()
+        _require_sound(suite)
         metric = {key: value for key, value in metric.items() if not key.startswith("_")}
         classes = {key: metric[key] for key in ("num_classes", "free_index", "ignore_index")}
         known = {key: metric[key] for key in ("num_classes", "ignore_index")}
@@ -127,6 +131,17 @@ class ScoreSuite(nn.Module):
             if self.by_clip[name].update_called
             for score, value in self.by_clip[name].scores(chosen).items()
         }
+
+
+def _require_sound(suite: Mapping[str, Any]) -> None:
+    """Of the settings that no metric is built with."""
+    rays, resamples, level = suite["rays"], suite["resamples"], suite["level"]
+    if len(rays) != 2 or not all(isinstance(number, int) and number > 0 for number in rays):
+        raise UserError(f"suite.rays: {list(rays)} must be two whole numbers, across and down")
+    if resamples < 1:
+        raise UserError(f"suite.resamples: {resamples} must be 1 or more")
+    if not 0 < level < 1:
+        raise UserError(f"suite.level: {level} must be between 0 and 1, as 0.95")
 
 
 def intervals_of(

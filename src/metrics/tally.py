@@ -54,6 +54,12 @@ class Tally:
         """Whether both count the same clips, and of each as many frames."""
         return (self.clips, self.frames) == (other.clips, other.frames)
 
+    def has_labels_of(self, other: "Tally") -> bool:
+        """Whether both were scored on the same labels, as far as counts can tell: each clip has as
+        many voxels of every class, whatever was predicted there."""
+        ours, theirs = (tally.tables["occupancy"]["count"].sum(-1) for tally in (self, other))
+        return torch.equal(ours, theirs)
+
     def write(self, path: Path) -> None:
         """Write an ``.npz`` of plain arrays; the file is replaced as a whole or not at all."""
         arrays = {

@@ -7,7 +7,13 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor
 
-from ..metrics.intervals import interval_of, resamplings, score_samples, seed_sample
+from ..metrics.intervals import (
+    interval_of,
+    resamplings,
+    score_samples,
+    seed_resamplings,
+    seed_sample,
+)
 from ..metrics.safety import BLOCKED
 from ..metrics.tally import Tally
 from ..ontology import CLASSES
@@ -131,7 +137,7 @@ class Evidence:
         return {name: 100 * sample for name, sample in found.items()}
 
     def _seed_weights(self, seeds: int) -> Float[Tensor, "r s"]:
-        return resamplings(seeds, self.resamples, self._generator(1))
+        return seed_resamplings(seeds, self.resamples, self._generator(1))
 
     def _generator(self, level: int) -> Generator:
         """One stream of random numbers a level: clips and seeds are drawn independently."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from .ladder_report import LadderReport
-from .scored_runs import ScoredRun
+from .scored_runs import UNKNOWN_CODE, ScoredRun
 from .shared_settings import Values, shortened
 from .table_files import escaped, markdown_of
 
@@ -44,7 +44,7 @@ def facts_of(report: LadderReport) -> dict[str, str]:
         "Runs": [f"{name}, seed {', '.join(seeds)}" for name, seeds in by_experiment.items()],
         "Data set": [run.tally.protocol.dataset for run in runs],
         "Grid": [_grid(run) for run in runs],
-        "Code (`src/`)": [run.code.removeprefix("code ") for run in runs],
+        "Code (`src/`)": [run.code_digest or UNKNOWN_CODE for run in runs],
         "Commit": [run.row["git_commit"] or "none" for run in runs],
         "Precision": [run.row["precision"] for run in runs],
         "Parameters": _parameters(report),

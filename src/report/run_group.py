@@ -1,9 +1,7 @@
 """Scored runs that may stand in one table: of one protocol and the same labels."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-
-import torch
 
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
@@ -14,7 +12,6 @@ from .scored_part import ScoredPart
 from .scored_runs import ScoredRun
 from .scores import Parts
 
-ALL_FREE = "all_free"
 MIXED = "task.mixed=true"
 TOLERANCE = 1e-6
 
@@ -128,15 +125,7 @@ def _difference(first: ScoredRun, second: ScoredRun) -> str:
         return f"{key}={value}"
     if not one.has_frames_of(other):
         return "other clips"
-    # The counts of a prediction that is always the same are those of the labels.
-    truths = [run.anchors[ALL_FREE] for run in (first, second) if ALL_FREE in run.anchors]
-    if len(truths) == 2 and not _same(*(truth.tables["occupancy"] for truth in truths)):
-        return "other labels"
-    return ""
-
-
-def _same(one: Mapping[str, torch.Tensor], other: Mapping[str, torch.Tensor]) -> bool:
-    return all(torch.equal(one[name], other[name]) for name in one)
+    return "" if one.has_labels_of(other) else "other labels"
 
 
 def _sorted(runs: Sequence[ScoredRun], ladder: Ladder) -> tuple[ScoredRun, ...]:

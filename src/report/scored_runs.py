@@ -30,13 +30,13 @@ NEEDED = {
 class ScoredRun:
     """A finished run: its configuration, what it was scored, and the anchors scored beside it.
 
-    ``code`` names the digest of ``src/`` when it was trained, or is `UNKNOWN_CODE`; ``row`` is its
-    row of the whole test split in ``results.csv``.
+    ``code_digest`` is that of ``src/`` when it was trained, empty where none was kept; ``row`` is
+    its row of the whole test split in ``results.csv``.
     """
 
     path: Path
     config: dict
-    code: str
+    code_digest: str
     row: pd.Series
     tally: Tally
     anchors: dict[str, Tally]
@@ -48,6 +48,11 @@ class ScoredRun:
     @property
     def seed(self) -> int:
         return self.config["seed"]
+
+    @property
+    def code(self) -> str:
+        """In words; `UNKNOWN_CODE` where no digest was kept."""
+        return f"code {self.code_digest}" if self.code_digest else UNKNOWN_CODE
 
     def __str__(self) -> str:
         return f"{self.experiment} seed {self.seed}"
@@ -118,7 +123,7 @@ def read_run(path: Path) -> ScoredRun | UnfinishedRun:
     return ScoredRun(
         path,
         config,
-        f"code {digest}" if (digest := code_of(path)) else UNKNOWN_CODE,
+        code_of(path),
         own.iloc[0],
         Tally.read(tallies / f"{name}.npz"),
         {anchor: Tally.read(tallies / f"{anchor}.npz") for anchor in anchors},

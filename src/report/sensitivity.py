@@ -56,29 +56,42 @@ def draw_sensitivity(table: pd.DataFrame, runs: Sequence[str], path: str | Path)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for unused in panels[len(runs) :]:
         unused.set_axis_off()
-    highest, lowest = table[list(runs)].to_numpy().max(), table[list(runs)].to_numpy().min()
+    shades = _shades(table[list(runs)].to_numpy())
     for n, (axes, run) in enumerate(zip(panels, runs)):
         cells, ranks = (
             table.pivot(index=list(down), columns=list(across), values=column)
             for column in (run, f"rank {run}")
         )
-        axes.imshow(cells, cmap="YlGnBu", vmin=lowest, vmax=lowest + 1.5 * (highest - lowest))
-        for (row, column), value in np.ndenumerate(cells.to_numpy()):
-            rank = f"\n#{ranks.iat[row, column]}" if len(runs) > 1 else ""
-            label = f"{100 * value:.1f}{rank}"
-            axes.text(column, row, label, ha="center", va="center", fontsize=8, color=INK)
-        axes.set_xticks(range(size[1]), [f"{a:g}\n{b:g}" for a, b in cells.columns])
-        axes.set_yticks(range(size[0]), [f"{a:g}, {b:g}" for a, b in cells.index])
-        axes.tick_params(length=0, labelsize=9, colors=MUTED)
+        _draw_panel(axes, cells, ranks if len(runs) > 1 else None, shades)
         axes.set_xlabel(f"{SYMBOLS[across[0]]}, below it {SYMBOLS[across[1]]}", color=INK)
         if n % columns == 0:
             axes.set_ylabel(f"{SYMBOLS[down[0]]}, {SYMBOLS[down[1]]}", color=INK)
         axes.set_title(run, loc="left", fontsize=11, fontweight="bold", color=INK)
-        axes.spines[:].set_visible(False)
-        _mark_paper(axes, cells)
     figure.suptitle("KAR-mIoU (%) under other parameters; framed: the paper's", fontsize=11)
     with replacing(path) as temporary:
         FigureCanvasAgg(figure).print_png(temporary)
+
+
+def _shades(scores: np.ndarray) -> tuple[float, float]:
+    """The scores of the lightest and of the darkest colour, on which no text could be read."""
+    lowest, highest = scores.min(), scores.max()
+    return lowest, lowest + 1.5 * (highest - lowest)
+
+
+def _draw_panel(
+    axes: Axes, cells: pd.DataFrame, ranks: pd.DataFrame | None, shades: tuple[float, float]
+) -> None:
+    """The scores of one run, with its ranks where there are others."""
+    axes.imshow(cells, cmap="YlGnBu", vmin=shades[0], vmax=shades[1])
+    for (row, column), value in np.ndenumerate(cells.to_numpy()):
+        rank = "" if ranks is None else f"\n#{ranks.iat[row, column]}"
+        label = f"{100 * value:.1f}{rank}"
+        axes.text(column, row, label, ha="center", va="center", fontsize=8, color=INK)
+    axes.set_xticks(range(cells.shape[1]), [f"{a:g}\n{b:g}" for a, b in cells.columns])
+    axes.set_yticks(range(cells.shape[0]), [f"{a:g}, {b:g}" for a, b in cells.index])
+    axes.tick_params(length=0, labelsize=9, colors=MUTED)
+    axes.spines[:].set_visible(False)
+    _mark_paper(axes, cells)
 
 
 def _mark_paper(axes: Axes, cells: pd.DataFrame) -> None:

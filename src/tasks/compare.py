@@ -3,7 +3,7 @@ depends on the parameters of KAR-mIoU."""
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -33,49 +33,73 @@ def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = (
     prints the scores of all runs and their differences from the first.
 
     Only the clips like one of the patterns in ``clips`` count, as ``old_town/*``; without a
-    pattern, all. Raises `UserError` for fewer than two runs, for runs of other protocols or clips,
-    and for a pattern that no scored clip is like.
+    pattern, all. Runs whose counts were published without those of other parameters of KAR-mIoU
+    are compared without the sensitivity. Raises `UserError` for fewer than two runs, for runs of
+    other protocols, clips or labels, and for a pattern that no scored clip is like.
     """
-    tallies = _tallies(runs)
-    first, *others = tallies
-    require_same_protocol({name: tally.protocol for name, tally in tallies.items()})
-    for name in others:
-        if not tallies[name].has_frames_of(tallies[first]):
-            raise UserError(f"{name}: has other clips or frames than {first}; score both alike")
+    tallies = _tallies(list(map(str, runs)))
+    _require_comparable(tallies)
+    first = next(iter(tallies.values()))
     if clips:
-        like = _clips_like(list(map(str, clips)), tallies[first])
+        like = _clips_like(list(map(str, clips)), first)
         tallies = {name: tally.of_clips(like.__contains__) for name, tally in tallies.items()}
+        first = next(iter(tallies.values()))
     table = _differences(tallies)
-    folder = Path(out)
+    folder, console = Path(out), Console(width=110)
     write_table(table, folder / "differences.csv")
-    ranked = sensitivity_table(tallies)
-    write_table(ranked, folder / "sensitivity.csv")
-    draw_sensitivity(ranked, list(tallies), folder / "sensitivity.png")
-    console = Console(width=110)
-    console.print(_printed(table, list(tallies), len(tallies[first].rows())))
-    always = ranked[[f"rank {name}" for name in tallies]].drop_duplicates()
-    console.print(
-        f"{len(ranked)} settings of KAR-mIoU rank the runs in {len(always)} order"
-        + "s" * (len(always) > 1)
-    )
+    console.print(_printed(table, list(tallies), len(first.rows())))
+    console.print(_sensitivity(tallies, folder), soft_wrap=True, highlight=False)
     console.print(str(folder), highlight=False, soft_wrap=True)
 
 
-def _tallies(runs: list[str]) -> dict[str, Tally]:
+def _sensitivity(tallies: Mapping[str, Tally], folder: Path) -> str:
+    """Writes how the ranking depends on the parameters of KAR-mIoU, and says it in a line."""
+    table, figure = folder / "sensitivity.csv", folder / "sensitivity.png"
+    without = [name for name, tally in tallies.items() if "sensitivity" not in tally.tables]
+    if without:
+        for earlier in (table, figure):
+            earlier.unlink(missing_ok=True)
+        return f"no ranking under other parameters: {escape(without[0])} has no counts for them"
+    ranked = sensitivity_table(tallies)
+    write_table(ranked, table)
+    draw_sensitivity(ranked, list(tallies), figure)
+    orders = len(ranked[[f"rank {name}" for name in tallies]].drop_duplicates())
+    plural = "s" * (orders > 1)
+    return f"{len(ranked)} settings of KAR-mIoU rank the runs in {orders} order{plural}"
+
+
+def _require_comparable(tallies: Mapping[str, Tally]) -> None:
+    """Raises `UserError` for runs of other protocols, clips, frames or labels than the first's."""
+    require_same_protocol({name: tally.protocol for name, tally in tallies.items()})
+    (first, reference), *others = tallies.items()
+    for name, tally in others:
+        if not tally.has_frames_of(reference):
+            raise UserError(f"{name}: has other clips or frames than {first}; score both alike")
+        if not tally.has_labels_of(reference):
+            raise UserError(f"{name}: was scored on other labels than {first}; score both alike")
+
+
+def _tallies(runs: Sequence[str]) -> dict[str, Tally]:
     """The tallies that run folders, score folders or files hold, by a name of their own."""
     if len(runs) < 2:
         raise UserError("task.runs: name two or more, as task.runs=[A,B]")
-    found, folders = [], []
-    for path in map(Path, runs):
-        if not path.exists():
-            raise UserError(f"task.runs: {path} is neither a folder nor a file")
-        files = [path] if path.is_file() else sorted((path / TALLIES).glob("*.npz"))
-        own = [file for file in files if len(files) == 1 or file.stem not in ANCHORS]
-        if len(own) != 1:
-            raise UserError(f"{path}: holds {len(own)} scored runs; name one of its tally files")
-        found.append(Tally.read(own[0]))
-        folders.append(own[0].parent.parent)
-    return dict(zip(_names(found, folders), found))
+    files = [_tally_file(Path(run)) for run in runs]
+    for n, file in enumerate(files):
+        if file.resolve() in [earlier.resolve() for earlier in files[:n]]:
+            raise UserError(f"task.runs: {runs[n]} is named twice")
+    tallies = [Tally.read(file) for file in files]
+    return dict(zip(_names(tallies, files, runs), tallies))
+
+
+def _tally_file(path: Path) -> Path:
+    """The one tally of a run or score folder beside the anchors', or the file itself."""
+    if not path.exists():
+        raise UserError(f"task.runs: {path} is neither a folder nor a file")
+    files = [path] if path.is_file() else sorted((path / TALLIES).glob("*.npz"))
+    own = [file for file in files if len(files) == 1 or file.stem not in ANCHORS]
+    if len(own) != 1:
+        raise UserError(f"{path}: holds {len(own)} scored runs; name one of its tally files")
+    return own[0]
 
 
 def _clips_like(patterns: Sequence[str], tally: Tally) -> set[str]:
@@ -93,26 +117,28 @@ def _clips_like(patterns: Sequence[str], tally: Tally) -> set[str]:
     return found
 
 
-def _names(tallies: list[Tally], folders: list[Path]) -> list[str]:
-    """Names of runs; those of one name are told apart by what differs in their folders' paths."""
+def _names(tallies: Sequence[Tally], files: Sequence[Path], given: Sequence[str]) -> list[str]:
+    """Names of runs; those of one name are told apart by what differs in their files' paths, such
+    as the seed, or by what was given where the paths do not align."""
     alike = defaultdict(list)
     for n, tally in enumerate(tallies):
         alike[tally.name].append(n)
     names = [tally.name for tally in tallies]
     for name, rows in alike.items():
         if len(rows) > 1:
-            for row, part in zip(rows, _told_apart([folders[row] for row in rows])):
+            parts = _differing([files[row] for row in rows]) or [given[row] for row in rows]
+            for row, part in zip(rows, parts):
                 names[row] = f"{name} {part}"
     return names
 
 
-def _told_apart(paths: list[Path]) -> list[str]:
-    """The parts in which paths differ, such as the seed; whole paths where these do not align."""
+def _differing(paths: Sequence[Path]) -> list[str]:
+    """The parts in which paths of one depth differ; nothing for paths of several depths."""
     parts = [path.parts for path in paths]
+    if len(set(map(len, parts))) > 1:
+        return []
     differing = [n for n, column in enumerate(zip(*parts)) if len(set(column)) > 1]
-    short = ["/".join(each[n] for n in differing) for each in parts]
-    aligned = len(set(map(len, parts))) == 1 and len(set(short)) == len(paths)
-    return short if aligned else [str(path) for path in paths]
+    return ["/".join(each[n] for n in differing) for each in parts]
 
 
 def _differences(tallies: dict[str, Tally]) -> pd.DataFrame:

@@ -48,43 +48,53 @@ def evaluate(
     """
     start_s = time.perf_counter()
     trainer.test(module, datamodule=data, verbose=False)
-    seconds = [time.perf_counter() - start_s]
+    seconds = time.perf_counter() - start_s
     samples = _scored(trainer, data)
     protocol = protocol_of(cfg, data, len(samples))
     # Adds up what all processes have counted.
-    tallies = [tally_of(cfg.name, protocol, module.test_suite, samples)]
+    tally = tally_of(cfg.name, protocol, module.test_suite, samples)
     part_company()
     if not is_first_process():
         return
-    anchors = {"all_free": torch.full_like(prior.labels(), FREE), "voxel_prior": prior.labels()}
-    for name, prediction in anchors.items():
+    parts, facts = parts_of(cfg.data.test_clips), _facts(cfg, folder, data)
+    facts["parameters"] = sum(p.numel() for p in module.network.parameters())
+    facts |= {"precision": trainer.precision, "seconds": round(seconds, 1)}
+    tallies, rows = [tally], result_rows(tally, parts, facts)
+    for name, prediction in _anchors(prior).items():
         start_s = time.perf_counter()
         suite = anchor_scores(name, prediction, data, samples, suite_of(cfg, data))
         tallies.append(tally_of(name, protocol, suite, samples))
-        seconds.append(time.perf_counter() - start_s)
-    parts = parts_of(cfg.data.test_clips)
-    facts = {
+        seconds = round(time.perf_counter() - start_s, 1)
+        facts |= {"parameters": 0, "precision": "none", "seconds": seconds}  # it computes nothing
+        rows += result_rows(tallies[-1], parts, facts)
+    write_scores(folder.path, tallies, parts)
+    _draw(cfg, folder, module, data)
+    write_results(folder.results, sorted(rows, key=lambda row: row["split"]))
+    print_results(read_results(folder.results))
+    Console().print(f"{folder.results} and {folder.figures}", highlight=False, soft_wrap=True)
+
+
+def _facts(cfg: DictConfig, folder: RunFolder, data: SkyShieldData) -> dict:
+    """What the rows of the model and of the anchors have in common."""
+    return {
         "scale": cfg.scale_name,
         "seed": cfg.seed,
         "code_version": folder.version,
         "git_commit": git_commit(),
         "dataset": data.root.name,
     }
-    parameters = sum(p.numel() for p in module.network.parameters())
-    network = {"parameters": parameters, "precision": trainer.precision}
-    anchor = {"parameters": 0, "precision": "none"}  # it computes nothing
-    rows = [
-        row
-        for tally, spent_s, model in zip(tallies, seconds, (network, anchor, anchor))
-        for row in result_rows(tally, parts, {**facts, **model, "seconds": round(spent_s, 1)})
-    ]
-    write_scores(folder.path, tallies, parts)
+
+
+def _anchors(prior: VoxelPrior) -> dict[str, UInt8[Tensor, "X Y Z"]]:
+    """What is predicted for every frame by those that never look at one."""
+    labels = prior.labels()
+    return {"all_free": torch.full_like(labels, FREE), "voxel_prior": labels}
+
+
+def _draw(cfg: DictConfig, folder: RunFolder, module: OccupancyModule, data: SkyShieldData) -> None:
     draw_sheet(module, data, folder.figures / "qualitative.png", f"{cfg.name}, {cfg.scale_name}")
     if folder.metrics.is_file():
         draw_curves(folder.metrics, folder.figures / "curves.png")
-    write_results(folder.results, sorted(rows, key=lambda row: row["split"]))
-    print_results(read_results(folder.results))
-    Console().print(f"{folder.results} and {folder.figures}", highlight=False, soft_wrap=True)
 
 
 def _scored(trainer: lightning.Trainer, data: SkyShieldData) -> Sequence[tuple[str, int]]:

@@ -14,8 +14,9 @@ from ..errors import UserError
 from ..models.module import OccupancyModule
 from ..models.prior import VoxelPrior
 from ..ontology import CLASSES
+from ..provenance import source_digest
 from ..report.results import print_results, read_results
-from ..run_folder import RunFolder, require_same_config
+from ..run_folder import RunFolder, code_of, require_same_config
 from .checkpoint import epochs_done
 from .dataset import data_of, ready_dataset
 from .evaluate import evaluate
@@ -106,13 +107,19 @@ def trainer_of(cfg: DictConfig, precision: str) -> lightning.Trainer:
 
 
 def _checkpoint_to_resume(cfg: DictConfig, folder: RunFolder) -> Path:
-    """The checkpoint that ``ckpt_path`` names; refuses one of another run or configuration."""
+    """The checkpoint that ``ckpt_path`` names; refuses one of another run, of another configuration
+    or of other code."""
     path = folder.checkpoint(cfg.ckpt_path)
     require_same_config(path, folder.config)
     if path.resolve().parent != folder.last_checkpoint.resolve().parent:
         raise UserError(
             f"ckpt_path: {path} belongs to another run than {folder.path}; set paths.run to its "
             "folder to go on with it, or task=test to score it"
+        )
+    if (before := code_of(folder.path)) != (now := source_digest()):
+        raise UserError(
+            f"ckpt_path: {path} was trained by code {before or 'unknown'}, and src/ is {now} now; "
+            "go on in a checkout of the old one, or drop ckpt_path to start anew"
         )
     return path
 

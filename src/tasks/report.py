@@ -85,7 +85,7 @@ def _found(
     cfg: DictConfig, runs: Sequence[str], folder: Path
 ) -> tuple[list[ScoredRun], list[UnfinishedRun]]:
     """The finished runs, of which there must be one, and the others."""
-    places = [Path(place) for place in runs] or [Path(cfg.paths.runs) / cfg.scale_name]
+    places = [Path(str(place)) for place in runs] or [Path(cfg.paths.runs) / cfg.scale_name]
     paths, quiet = run_folders(places, folder), not sys.stdout.isatty()
     found = [read_run(path) for path in track(paths, "reading", transient=True, disable=quiet)]
     finished = [run for run in found if isinstance(run, ScoredRun)]

@@ -12,7 +12,7 @@ from rich.progress import track
 from torch import Tensor
 
 from ..data.occ3d import MASKS, Occ3DFolder
-from ..data.predictions import Inventory, Predictions
+from ..data.predictions import FACTS, Inventory, Predictions
 from ..data.truth import SkyShieldTruth
 from ..errors import UserError
 from ..geometry import VoxelGrid
@@ -22,7 +22,7 @@ from ..metrics.tally import Tally
 from ..provenance import code_version, git_commit
 from ..report.protocols import protocol_table
 from ..report.results import print_results, read_results, write_results
-from ..report.scores import result_rows, write_scores, write_table
+from ..report.scores import Parts, result_rows, write_scores, write_table
 from ..run_folder import shaping
 from .dataset import root_of
 from .scoring import clips_of, parts_of, tally_of
@@ -55,35 +55,52 @@ def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> N
     Writes ``results.csv``, ``scores.csv``, ``protocols.csv``, ``breakdown.csv`` and the tally to
     ``out`` (null: ``scores/`` under the predictions). Raises `UserError` where frames are missing,
     corrupt or too many; with ``allow_missing`` the sound ones are scored, and the protocol says how
-    many.
+    many. Calibration needs logits of all of them.
     """
     if cfg.predictions is None:
         raise UserError("predictions: name the folder to score, as predictions=DIR")
     folder = Path(cfg.predictions)
     pairing = LAYOUTS[cfg.layout.name](cfg, folder, part)
+    facts = _facts(cfg, pairing, folder)
     samples = _sound_samples(pairing, folder, allow_missing)
     metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
     name = str(pairing.facts.get("name", folder.name))
     scored = ScoreSuite(pairing.grid, clips_of(samples), metric, suite)
-    quiet = not sys.stdout.isatty()
-    for sample in track(samples, f"scoring {name}", transient=True, disable=quiet):
-        scored.update(*pairing.frame(sample))
+    with_logits = _count(scored, samples, pairing, name)
+    if 0 < with_logits < len(samples):
+        scored.by_clip["calibration"].reset()
+        line = f"{folder}: has logits of {with_logits} of {len(samples)} frames, so no calibration"
+        Console().print(line, highlight=False, soft_wrap=True)
     protocol = Protocol.of(
         pairing.dataset, part, len(samples), pairing.grid, pairing.mask, metric, suite
     )
     tally = tally_of(name, protocol, scored, samples)
-    _write(Path(out) if out else folder / "scores", cfg, tally, scored, pairing, part)
-
-
-def _write(
-    folder: Path, cfg: DictConfig, tally: Tally, scored: ScoreSuite, pairing: Pairing, part: str
-) -> None:
     parts = parts_of(pairing.unseen) if part == "test" else {part: lambda _: True}
-    facts = {
+    _write(Path(out) if out else folder / "scores", tally, scored, parts, facts)
+
+
+def _count(scored: ScoreSuite, samples: Sequence[Sample], pairing: Pairing, name: str) -> int:
+    """Counts all samples; returns how many have logits."""
+    with_logits, quiet = 0, not sys.stdout.isatty()
+    for sample in track(samples, f"scoring {name}", transient=True, disable=quiet):
+        labels, truth, logits = pairing.frame(sample)
+        scored.update(labels, truth, logits)
+        with_logits += logits is not None
+    return with_logits
+
+
+def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
+    """What the rows of the results say of the predictions. Raises `UserError` for a number that is
+    none."""
+    for key in ("seed", "parameters"):
+        value = pairing.facts.get(key, 0)
+        if type(value) is not int:
+            raise UserError(f"{folder / FACTS}: {key}: {value!r} is no whole number; correct it")
+    return {
         "scale": str(pairing.facts.get("scale", "")) or "unknown",
-        "seed": int(pairing.facts.get("seed", 0)),
+        "seed": pairing.facts.get("seed", 0),
         "seconds": 0.0,
-        "parameters": int(pairing.facts.get("parameters", 0)),
+        "parameters": pairing.facts.get("parameters", 0),
         "precision": str(pairing.facts.get("precision", "")) or "unknown",
         "code_version": str(
             pairing.facts.get("code_version")
@@ -92,6 +109,11 @@ def _write(
         "git_commit": str(pairing.facts.get("git_commit") or git_commit()),
         "dataset": pairing.dataset,
     }
+
+
+def _write(
+    folder: Path, tally: Tally, scored: ScoreSuite, parts: Parts, facts: Mapping[str, object]
+) -> None:
     write_scores(folder, [tally], parts)
     write_table(protocol_table(tally), folder / "protocols.csv")
     summed = {name: table.sum(0) for name, table in tally.tables["breakdown"].items()}

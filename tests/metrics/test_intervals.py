@@ -13,6 +13,7 @@ from src.metrics.intervals import (
     score_differences,
     score_intervals,
     score_samples,
+    seed_resamplings,
     seed_sample,
 )
 from src.metrics.tables import TableMetric
@@ -267,6 +268,29 @@ def test_thin_structures_of_a_single_clip_have_the_recall_of_that_clip(grid):
 # ------------------------------------------------------------------------------ seeds and clips
 
 
+def test_every_way_to_draw_three_seeds_comes_equally_often_in_random_order():
+    weights = seed_resamplings(3, 1000, rng(0))
+    rows, times = weights.unique(dim=0, return_counts=True)
+    due = dict(zip(map(tuple, rows.tolist()), times.tolist()))
+    assert len(due) == 10
+    for thrice in ((3, 0, 0), (0, 3, 0), (0, 0, 3)):
+        assert due[thrice] in (37, 38)  # one of 27 ways
+    assert 6 * 37 <= due[1, 1, 1] <= 6 * 37 + 1  # six of 27
+    assert not torch.equal(weights, weights.sort(dim=0).values)
+    assert not torch.equal(weights[:27].sum(0), weights[27:54].sum(0)), "no turns"
+    assert torch.equal(weights, seed_resamplings(3, 1000, rng(0)))
+    assert not torch.equal(weights, seed_resamplings(3, 1000, rng(1)))
+
+
+@pytest.mark.parametrize("seeds", [1, 2, 3, 4, 5, 12])
+def test_seeds_are_drawn_as_clips_are(seeds):
+    weights = seed_resamplings(seeds, 1000, rng(0))
+    assert (weights.shape, weights.dtype) == ((1000, seeds), torch.float64)
+    assert (weights.sum(1) == seeds).all()
+    if seeds > 1:
+        assert weights.var(0).mean() == pytest.approx(1 - 1 / seeds, abs=0.1)
+
+
 def rates_of(samples):
     return torch.stack([sample["rate"] for sample in samples])
 
@@ -274,7 +298,7 @@ def rates_of(samples):
 def two_levels(runs, seed=0, resamples=101):
     """Samples of every run on the same draws of clips, and draws of the runs."""
     clips = resamplings(len(runs[0]["hits"]), resamples, rng(seed))
-    seeds = resamplings(len(runs), resamples, rng(seed + 1))
+    seeds = seed_resamplings(len(runs), resamples, rng(seed + 1))
     samples = [score_samples(HitRate(), tables, clips) for tables in runs]
     return clips, seeds, rates_of(samples)
 

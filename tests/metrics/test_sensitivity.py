@@ -143,6 +143,14 @@ def test_a_parameter_of_another_name_is_refused(grid):
         KARSensitivity(grid, {"penalty_scale": (1.0,), "gamma": (1.0,)})
 
 
+@pytest.mark.parametrize(
+    ("values", "said"), [((), "has no value"), ((1.0, 2.0, 1.0), "names a value twice")]
+)
+def test_no_values_and_repeated_ones_are_refused(grid, values, said):
+    with pytest.raises(UserError, match=f"^horizon_s: .*{said}"):
+        KARSensitivity(grid, {"horizon_s": values})
+
+
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_a_value_that_makes_no_sense_is_refused_by_name(grid, name):
     with pytest.raises(UserError, match=f"^{name}:"):

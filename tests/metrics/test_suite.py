@@ -112,6 +112,19 @@ def test_a_tally_reads_back_and_scores_the_same(tally, scored, tmp_path):
             assert intervals[name].low - 1e-9 <= intervals[name].value
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *(("level", level) for level in (0, 1, 95)),
+        *(("rays", rays) for rays in ([6], [6, 4, 2], [6, 0], [6.5, 4])),
+        ("resamples", 0),
+    ],
+)
+def test_settings_that_would_fail_after_the_counting_are_refused_before(grid, key, value):
+    with pytest.raises(UserError, match=rf"^suite\.{key}: "):
+        ScoreSuite(grid, CLIPS, METRIC, SUITE | {key: value})
+
+
 @pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all"])
 def test_a_broken_tally_is_one_clear_error(tmp_path, content):
     path = tmp_path / "mine.npz"

@@ -46,7 +46,7 @@ def write_attitude(run, gain=0.0, seed=0):
         right = RIGHT.get(name, 0.2) + gain * (name == "tilt_5_infdeg")
         own = Tally.read(run / f"tallies/{run.parent.name}.npz")
         counted = (
-            dataclasses.replace(own, name=name)
+            own
             if name == "true"
             else tally(
                 name,
@@ -54,6 +54,9 @@ def write_attitude(run, gain=0.0, seed=0):
                 frames_of=frames_of(name),
             )
         )
+        frames = sum(counted.frames)
+        protocol = dataclasses.replace(counted.protocol, part=f"test, {name}", frames=frames)
+        counted = dataclasses.replace(counted, name=name, protocol=protocol)
         counted.write(folder / "tallies" / f"{name}.npz")
     columns = ["condition", "tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s", "level"]
     table = pd.DataFrame(CONDITIONS, columns=columns).assign(noise_seed=0)

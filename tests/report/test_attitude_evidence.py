@@ -4,6 +4,7 @@ import dataclasses
 
 import pandas as pd
 import pytest
+import torch
 
 from src.errors import UserError
 from src.metrics.tally import Tally
@@ -11,7 +12,7 @@ from src.report.attitude_evidence import AttitudeEvidence
 from src.report.attitude_tables import attitude_tables
 from src.report.scored_runs import read_run
 from tests.report.attitude_runs import write_attitude
-from tests.report.ladder_runs import CLIPS, FRAMES, predicted, protocol, tally, write_run
+from tests.report.ladder_runs import CLIPS, FRAMES, protocol, tally, write_run
 
 SEEDS = (0, 1)
 
@@ -170,6 +171,10 @@ def test_scores_under_other_conditions_are_not_put_beside_each_other(tmp_path):
         ),
         ({"clips": [f"x/{n}" for n in range(len(CLIPS))]}, r"was scored on other frames than "),
         ({"frames": FRAMES[::-1]}, r"was scored on other frames than "),
+        (
+            {"tables": tally("other", lambda target, n: target, labels=1).tables},
+            r"other labels than ",
+        ),
     ],
 )
 def test_scores_of_other_frames_are_not_put_beside_each_other(tmp_path, change, message):
@@ -180,14 +185,43 @@ def test_scores_of_other_frames_are_not_put_beside_each_other(tmp_path, change, 
         AttitudeEvidence([read_run(run) for run in runs])
 
 
-def test_scores_of_another_checkpoint_are_refused(tmp_path):
-    run = pair(tmp_path)[0]
-    other = tally("true", lambda target, n: predicted(target, 0.9, n))
-    other.write(run / "attitude/tallies/true.npz")
-    with pytest.raises(
-        UserError, match=r"true\.npz: has mIoU .* %, and the run .* best checkpoint"
-    ):
+def test_scores_of_another_seed_are_refused(tmp_path):
+    run, other = (write_run(tmp_path, "skyocc", seed) for seed in SEEDS)
+    write_attitude(run)
+    theirs = Tally.read(other / "tallies/skyocc.npz")
+    theirs.write(run / "attitude/tallies/true.npz")
+    with pytest.raises(UserError, match=r"true\.npz: counts .* % of the voxels .* best checkpoint"):
         AttitudeEvidence([read_run(run)])
+
+
+def test_scores_of_another_protocol_than_the_runs_are_refused(tmp_path):
+    run = write_run(tmp_path, "skyocc")
+    write_attitude(run)
+    path = run / "attitude/tallies/true.npz"
+    true = Tally.read(path)
+    metric = true.protocol.metric | {"horizon_s": 4.0}
+    dataclasses.replace(true, protocol=dataclasses.replace(true.protocol, metric=metric)).write(
+        path
+    )
+    with pytest.raises(UserError, match=r"scored with metric\.horizon_s=.*score both alike"):
+        AttitudeEvidence([read_run(run)])
+
+
+@pytest.mark.parametrize(("voxels", "accepted"), [(100_000, True), (1_000, False)])
+def test_another_machine_may_tip_one_voxel_of_many(tmp_path, voxels, accepted):
+    folder = write_run(tmp_path, "skyocc")
+    write_attitude(folder)
+    run, path = read_run(folder), folder / "attitude/tallies/true.npz"
+    tipped = Tally.read(path)
+    for each in (run.tally, tipped):
+        each.tables["occupancy"]["count"][0, 0, 0] = voxels
+    tipped.tables["occupancy"]["count"][0, 0] += torch.tensor([-1, 1, *[0] * 7])
+    tipped.write(path)
+    if accepted:
+        AttitudeEvidence([run])
+    else:
+        with pytest.raises(UserError, match="of the voxels otherwise than the run"):
+            AttitudeEvidence([run])
 
 
 def test_seeds_of_one_experiment_have_the_same_conditions(tmp_path):
@@ -223,11 +257,19 @@ def test_other_bins_of_tilt_are_refused(tmp_path):
         AttitudeEvidence([read_run(run) for run in runs])
 
 
-def test_a_condition_without_its_counts_is_one_line(tmp_path):
-    runs = pair(tmp_path)[:1]
-    (runs[0] / "attitude/tallies/delay_0.2s.npz").unlink()
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_condition_without_its_counts_is_one_line(tmp_path, alone):
+    runs = pair(tmp_path)
+    (runs[1] / "attitude/tallies/delay_0.2s.npz").unlink()
     with pytest.raises(UserError, match=r"delay_0\.2s\.npz: is not there; run task=attitude again"):
-        AttitudeEvidence([read_run(run) for run in runs])
+        AttitudeEvidence([read_run(run) for run in runs[alone:]])
+
+
+def test_the_true_attitude_may_be_the_only_condition(tmp_path):
+    # "true" in every row of a column is no truth value.
+    run = write_attitude(write_run(tmp_path, "skyocc")).parent
+    rewrite(run, lambda table: table[table["condition"] == "true"])
+    assert AttitudeEvidence([read_run(run)]).names("noise_deg") == ["true"]
 
 
 def test_what_cannot_be_read_is_one_line(tmp_path):

@@ -60,6 +60,15 @@ def test_runs_that_are_not_alike_are_refused_unless_mixed(tmp_path, other):
     assert sum(len(group.runs) for group in groups_of(runs, mixed=True)) == 2
 
 
+def test_other_labels_are_noticed_where_the_anchors_are_kept_elsewhere(tmp_path):
+    # As in published runs, whose anchors lie beside one of them.
+    runs = [write_run(tmp_path, "attitude"), write_run(tmp_path, "skyocc", labels=1)]
+    for anchor in ("all_free", "voxel_prior"):
+        (runs[0] / f"tallies/{anchor}.npz").unlink()
+    with pytest.raises(UserError, match=r"was scored on other labels than .*attitude/seed0"):
+        groups_of(ladder_of(tmp_path), mixed=False)
+
+
 def test_other_clips_are_refused(tmp_path):
     one, other = (read_run(write_run(tmp_path, name)) for name in ("baseline", "skyocc"))
     renamed = dataclasses.replace(other.tally, clips=["x/clip00", *other.tally.clips[1:]])

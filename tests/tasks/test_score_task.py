@@ -1,6 +1,7 @@
 """task=score and task=compare as their user meets them."""
 
 import dataclasses
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,29 @@ def test_predictions_of_another_data_set_are_refused(dataset, tmp_path):
         scored(dataset, predictions)
 
 
+@pytest.mark.parametrize(("key", "value"), [("seed", None), ("parameters", "12M")])
+def test_a_fact_that_is_no_number_is_named_before_anything_is_scored(dataset, tmp_path, key, value):
+    facts = {"name": "mine", key: value}
+    predictions = write_predictions(dataset, tmp_path / "mine", facts=facts)
+    (predictions / "extra/occupancy.npz").parent.mkdir()
+    (predictions / "extra/occupancy.npz").write_bytes(b"found only by who looks at the frames")
+    with pytest.raises(UserError, match=rf"mine/predictions\.json: {key}: {value!r} is no whole"):
+        scored(dataset, predictions)
+
+
+@pytest.mark.parametrize("of_all", [True, False])
+def test_calibration_is_of_all_frames_or_not_given(dataset, tmp_path, capsys, of_all):
+    source = SkyShieldTruth(dataset, "test")
+    predictions = write_predictions(dataset, tmp_path / "mine")
+    for clip in dict(source.samples) if of_all else list(dict(source.samples))[:1]:
+        frames = [frame for each, frame in source.samples if each == clip]
+        scores = {f"logits_{n:06d}": np.zeros((9, *source.grid.shape), np.float16) for n in frames}
+        np.savez_compressed(predictions / clip / "logits.npz", **scores)
+    table = pd.read_csv(scored(dataset, predictions) / "scores.csv")
+    assert ("ece" in set(table["score"])) == of_all
+    assert ("frames, so no calibration" in capsys.readouterr().out) != of_all
+
+
 def test_occ3d_folders_are_scored_in_our_classes(dataset, tmp_path):
     rng = np.random.default_rng(0)
     theirs = rng.integers(0, 18, (5, 4, 3)).astype(np.uint8)
@@ -157,21 +181,58 @@ def runs(dataset, tmp_path):
     return [str(scored(dataset, each)) for each in (blind, perfect)]
 
 
+def every_other_slice(labels):
+    return torch.where(torch.arange(len(labels))[:, None, None] % 2 > 0, labels, FREE).byte()
+
+
 def test_two_runs_are_compared_by_the_same_draws(dataset, runs, tmp_path):
-    cfg = config_for(dataset, "none")
-    compare(cfg, runs, str(tmp_path / "out"))
+    half = str(scored(dataset, write_predictions(dataset, tmp_path / "half", every_other_slice)))
+    compare(config_for(dataset, "none"), [runs[0], half], str(tmp_path / "out"))
     table = pd.read_csv(tmp_path / "out" / "differences.csv").set_index(["run", "score"])
-    better = table.loc[("perfect", "kar_miou")]
-    assert better["minus blind"] == pytest.approx(
-        better["value"] - table.loc["blind", "value"]["kar_miou"]
+    row = table.loc[("half", "kar_miou")]
+    assert row["minus blind"] == pytest.approx(
+        row["value"] - table.loc["blind", "value"]["kar_miou"]
     )
-    # One of the two clips shows no building: drawn twice, it tells the runs apart in nothing.
-    assert 0 <= better["difference_low"] < better["difference_high"]
-    assert 0.5 < better["same_sign"] < 1
+    blind, other = (Tally.read(next(Path(run).glob("tallies/*.npz"))) for run in (runs[0], half))
+    settings = blind.protocol.suite
+    generator = torch.Generator().manual_seed(settings["seed"])
+    changes = []
+    for clips in torch.randint(2, (settings["resamples"], 2), generator=generator).tolist():
+        found = []
+        for tally in (other, blind):
+            tables = {k: v[clips].sum(0) for k, v in tally.tables["occupancy"].items()}
+            found.append(float(tally.suite().metric("occupancy").scores(tables)["kar_miou"]))
+        changes.append(found[0] - found[1])
+    bounds = torch.tensor(changes, dtype=torch.float64).quantile(
+        torch.tensor([0.025, 0.975]).double()
+    )
+    assert row[["difference_low", "difference_high"]].tolist() == pytest.approx(bounds.tolist())
+
+
+def test_the_better_run_ranks_first_whatever_the_parameters(dataset, runs, tmp_path):
+    compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
     ranks = pd.read_csv(tmp_path / "out" / "sensitivity.csv")
     assert len(ranks) == 81
     assert (ranks["rank perfect"] == 1).all()
     assert (tmp_path / "out" / "sensitivity.png").stat().st_size > 10_000
+
+
+def without_sensitivity(path):
+    tally = Tally.read(path)
+    del tally.tables["sensitivity"]
+    tally.write(path)
+
+
+def test_published_counts_are_compared_without_a_ranking(dataset, runs, tmp_path, capsys):
+    cfg, out = config_for(dataset, "none"), tmp_path / "out"
+    compare(cfg, runs, str(out))
+    whole = (out / "differences.csv").read_bytes()
+    without_sensitivity(next(Path(runs[1]).glob("tallies/*.npz")))
+    capsys.readouterr()
+    compare(cfg, runs, str(out))
+    assert "no ranking under other parameters: perfect has no counts" in capsys.readouterr().out
+    assert [path.name for path in out.iterdir()] == ["differences.csv"], "nothing of another time"
+    assert (out / "differences.csv").read_bytes() == whole
 
 
 def test_other_protocols_are_not_compared(dataset, runs, tmp_path):
@@ -189,6 +250,35 @@ def test_other_frames_of_the_same_clips_are_not_compared(dataset, runs, tmp_path
     dataclasses.replace(tally, frames=[first - 1, second + 1]).write(path)
     with pytest.raises(UserError, match=r"^perfect: has other clips or frames than blind; score"):
         compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
+
+
+def test_other_labels_of_the_same_frames_are_not_compared(dataset, runs, tmp_path):
+    (path,) = Path(runs[1]).glob("tallies/perfect.npz")
+    tally = Tally.read(path)
+    tally.tables["occupancy"]["count"][0] = tally.tables["occupancy"]["count"][0].roll(1, 0)
+    tally.write(path)
+    with pytest.raises(UserError, match=r"^perfect: was scored on other labels than blind; score"):
+        compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_files_of_one_name_in_one_folder_are_all_compared(dataset, runs, tmp_path):
+    (path,) = Path(runs[0]).glob("tallies/*.npz")
+    for name in ("a", "b"):
+        shutil.copy(path, tmp_path / f"{name}.npz")
+    words = [str(tmp_path / "a.npz"), str(tmp_path / "b.npz"), runs[0]]
+    compare(config_for(dataset, "none"), words, str(tmp_path / "out"))
+    table = pd.read_csv(tmp_path / "out" / "differences.csv")
+    assert list(table["run"].unique()) == [f"blind {word}" for word in words]
+    compare(config_for(dataset, "none"), words[:2], str(tmp_path / "out"))
+    table = pd.read_csv(tmp_path / "out" / "differences.csv")
+    assert list(table["run"].unique()) == ["blind a.npz", "blind b.npz"]
+
+
+def test_one_run_is_not_compared_with_itself(dataset, runs, tmp_path):
+    (path,) = Path(runs[0]).glob("tallies/*.npz")
+    with pytest.raises(UserError, match=r"^task.runs: .*blind.npz is named twice"):
+        compare(config_for(dataset, "none"), [runs[0], str(path)], str(tmp_path / "out"))
 
 
 def test_runs_of_one_name_are_told_apart_by_their_folders(dataset, tmp_path):
@@ -222,12 +312,8 @@ def test_a_comparison_of_some_clips_is_of_these_alone(dataset, runs, tmp_path, c
     assert not some["value"].equals(whole["value"])
 
 
-def with_every_other_slice(labels):
-    return torch.where(torch.arange(len(labels))[:, None, None] % 2 > 0, labels, FREE).byte()
-
-
 def test_what_rounding_alone_tells_apart_shares_a_rank(dataset, tmp_path):
-    half = write_predictions(dataset, tmp_path / "half", with_every_other_slice)
+    half = write_predictions(dataset, tmp_path / "half", every_other_slice)
     first = scored(dataset, half) / "tallies" / "half.npz"
     tally = Tally.read(first)
     excess = tally.tables["sensitivity"]["excess"]
