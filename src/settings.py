@@ -21,7 +21,10 @@ TRAINING = "src.tasks.fit.fit"
 PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
 """Geometry is computed in fp32, so the network has no pure half or double precision."""
 CHOICES = {"trainer.precision": PRECISIONS, "data.order": ORDERS, "data.history": HISTORY}
-LIMITS = tuple(f"trainer.limit_{part}_batches" for part in ("train", "val", "test"))
+LIMITS = (
+    *(f"trainer.limit_{part}_batches" for part in ("train", "val", "test")),
+    "task.limit_train_batches",
+)
 AT_LEAST = {
     "seed": 0,
     "sim.seed": 0,
@@ -33,9 +36,21 @@ AT_LEAST = {
     **dict.fromkeys(("size.heights", "size.points"), 1),
     "size.blocks": 0,
     "trainer.max_epochs": 1,
+    **dict.fromkeys((f"optimizer.{key}" for key in ("lr", "weight_decay", "warmup")), 0),
     **dict.fromkeys(("task.epochs", "task.batch_size"), 1),
     "threads": 1,
 }
+
+
+PRETRAINING = "src.tasks.pretrain.pretrain"
+INSTEAD = {
+    "trainer.max_epochs": "task.epochs",
+    "trainer.limit_train_batches": "task.limit_train_batches",
+    "data.batch_size": "task.batch_size",
+    "optimizer.lr": "task.lr",
+    "debug": "task.epochs=1, task.limit_train_batches=2 and a task.out to throw away",
+}
+"""What shapes trainings alone, and what a pretraining reads instead."""
 
 
 def search_path(of_hydra: Sequence[str]) -> list[str]:
@@ -53,6 +68,9 @@ def require_sound(cfg: DictConfig, overrides: Sequence[str], of_hydra: Sequence[
     parsed = OverridesParser.create().parse_overrides(list(overrides))
     groups = [override for override in parsed if _is_group(override)]
     before = _require_sound_files(groups, search_path(of_hydra))
+    for override in parsed if cfg.task._target_ == PRETRAINING else ():
+        if instead := INSTEAD.get(override.key_or_group):
+            raise UserError(f"{override.key_or_group}: task=pretrain reads {instead} instead")
     for override in parsed:
         if override not in groups and not override.is_delete():
             key = override.key_or_group
@@ -63,6 +81,8 @@ def require_sound(cfg: DictConfig, overrides: Sequence[str], of_hydra: Sequence[
         value = OmegaConf.select(cfg, key)
         if value is not None and value < least:
             raise UserError(f"{key}: {value} is too small; give {least} or more")
+    if cfg.optimizer.warmup > 1:
+        raise UserError(f"optimizer.warmup: {cfg.optimizer.warmup} is no share; give 0 to 1")
     for key in LIMITS:
         if OmegaConf.select(cfg, key) == 0:
             raise UserError(f"{key}: 0 leaves nothing; give a number of batches, or a share")

@@ -344,6 +344,7 @@ def test_a_run_keeps_its_precision_when_it_goes_on_elsewhere(auto, monkeypatch, 
     assert set(autocast) == {True}
     facts = yaml.safe_load((folder_of(words) / "predictions/val/predictions.json").read_text())
     assert facts["precision"] == "bf16-mixed"
+    assert facts["held_out"] == {"val": [], "test": ["suburb/clip00"]}
 
 
 def test_there_is_nothing_to_resume_before_the_first_run(here):
@@ -493,6 +494,13 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
         (["data.mirror=3"], "data.mirror: 3 is not true or false"),
         (["seed=-1"], "seed: -1 is too small"),
         (["size.heads=0"], "size.heads: 0 is too small"),
+        (["optimizer.lr=-1"], "optimizer.lr: -1 is too small"),
+        (["optimizer.warmup=5"], "optimizer.warmup: 5 is no share; give 0 to 1"),
+        (["metric.horizon_s=-1"], "horizon_s: -1 must be a finite number"),
+        (["suite.level=95"], "suite.level: 95 must be between 0 and 1"),
+        (["task=pretrain", "trainer.max_epochs=1"], "max_epochs: task=pretrain reads task.epochs"),
+        (["task=pretrain", "+debug=fast"], "debug: task=pretrain reads task.epochs=1, "),
+        (["task=pretrain", "task.limit_train_batches=0"], "task.limit_train_batches: 0 leaves"),
         (["+trainer.limit_test_batches=0"], "trainer.limit_test_batches: 0 leaves nothing"),
         (["size.heads=3"], "size.heads: 3 does not divide size.dim, 64"),
         (["data.order=stream"], "data.order: 'stream'; there are shuffled, streams"),

@@ -1,5 +1,6 @@
 """The labels that predictions are scored against, frame by frame."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import torch
@@ -16,19 +17,26 @@ PARTS = ("test", "val", "train")
 
 
 class SkyShieldTruth:
-    """The labels of one part of a finished data set, by the split that its manifest names.
+    """The labels of one part of a finished data set.
 
-    Raises `UserError` for a folder that is none, and for a part that there is not.
+    The clips of ``val`` and ``test`` that are ``held_out`` may be named; otherwise they are those
+    of its manifest. Raises `UserError` for a folder that is none, for a part that there is not, and
+    for a held-out clip that there is not.
     """
 
-    def __init__(self, root: Path, part: str = "test") -> None:
+    def __init__(
+        self,
+        root: Path,
+        part: str = "test",
+        held_out: Mapping[str, Sequence[str]] | None = None,
+    ) -> None:
         if part not in PARTS:
             raise UserError(f"task.part: {part!r}; there are {', '.join(PARTS)}")
         self.root = Path(root)
         manifest = read_manifest(self.root)
         self.clips = {clip: Clip(self.root / clip) for clip in manifest["clips"]}
         first = next(iter(self.clips.values()))
-        held_out = manifest["held_out"]
+        held_out = held_out or manifest["held_out"]
         split = make_split(
             list(self.clips), len(first), first.meta.capture_hz, held_out["val"], held_out["test"]
         )

@@ -10,8 +10,9 @@ from torch import Tensor, nn
 from torch.optim import AdamW
 from torch.optim.lr_scheduler import LambdaLR
 from torchmetrics import MeanMetric
-from torchmetrics.classification import MulticlassJaccardIndex
+from torchmetrics.classification import MulticlassConfusionMatrix
 
+from ..metrics.functional import iou_compute, mean_iou
 from ..ontology import CLASSES, NUM_CLASSES
 from .module import rate_share
 from .neck import FPN
@@ -23,8 +24,9 @@ class ImagePretraining(LightningModule):
     """An image encoder under a pyramid and a 1x1 head, trained on `data.image_labels`.
 
     The loss is the cross-entropy of the pixels' classes plus the absolute error of the logarithm of
-    their depth, where they see a voxel. Only the backbone is kept: pyramid (``dim`` wide) and head
-    stand for what will read it.
+    their depth, where they see a voxel. Validation measures the IoU of the pixels' classes, the
+    mean of those that are there or predicted, and the error of the logarithm. Only the backbone is
+    kept: pyramid (``dim`` wide) and head stand for what will read it.
     """
 
     def __init__(self, backbone: nn.Module, dim: int, lr: float, weight_decay: float) -> None:
@@ -34,7 +36,7 @@ class ImagePretraining(LightningModule):
         self.head = nn.Conv2d(dim, NUM_CLASSES + 1, 1)
         self.to(memory_format=torch.channels_last)
         self.lr, self.weight_decay = lr, weight_decay
-        self.iou = MulticlassJaccardIndex(NUM_CLASSES, average="none")
+        self.count = MulticlassConfusionMatrix(NUM_CLASSES)
         self.depth_error, self.val_loss = MeanMetric(), MeanMetric()
 
     def forward(self, image: Tensor) -> tuple[Float[Tensor, "b 9 h w"], Float[Tensor, "b h w"]]:
@@ -50,21 +52,21 @@ class ImagePretraining(LightningModule):
 
     def validation_step(self, batch: Mapping[str, Tensor], index: int) -> None:
         classes, depth, logits = self._losses(batch)
-        self.iou.update(logits.argmax(dim=1), batch["classes"])
+        self.count.update(logits.argmax(dim=1), batch["classes"])
         self.depth_error.update(depth, weight=(batch["depth_m"] > 0).sum())
         self.val_loss.update(classes + depth)
 
     def on_validation_epoch_end(self) -> None:
-        iou = self.iou.compute()
+        iou = iou_compute(self.count.compute()).float()
         self.log_dict(
             {
                 **{f"val/iou/{name}": value for name, value in zip(CLASSES, iou)},
-                "val/miou": iou.mean(),
+                "val/miou": mean_iou(iou),
                 "val/log_depth": self.depth_error.compute(),
                 "val/loss": self.val_loss.compute(),
             }
         )
-        for metric in (self.iou, self.depth_error, self.val_loss):
+        for metric in (self.count, self.depth_error, self.val_loss):
             metric.reset()
 
     def configure_optimizers(self) -> dict:

@@ -117,6 +117,8 @@ def rate_share(step: int, total: int, warmup: float) -> float:
     """Share of the full learning rate at a step: a line up over ``warmup * total`` steps, then the
     cosine down to zero after the last step."""
     rising = warmup * total
+    if step >= total:
+        return 0.0
     if step < rising:
         return (step + 1) / (rising + 1)
-    return 0.5 * (1 + math.cos(math.pi * min(1.0, (step - rising) / (total - rising))))
+    return 0.5 * (1 + math.cos(math.pi * (step - rising) / (total - rising)))

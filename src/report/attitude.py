@@ -1,7 +1,7 @@
 """Scores by tilt and under a wrong attitude: the printed table, and the figure."""
 
 from collections.abc import Mapping
-from itertools import cycle
+from itertools import cycle, product
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +20,13 @@ from .canvas import INK, MUTED
 SHOWN = {"miou_occupied": "mIoU occupied", "kar_miou": "KAR-mIoU", "iou/thin_structure": "thin"}
 SCORE = "kar_miou"
 COLORS = ("#2962ff", "#d1495b", "#00898a", "#8a5a00", "#6a3fb5", "#5a606a")
+MARKERS = ("o", "s", "^", "D")
+"""Another one when all colours have been used; what is dashed was told a level attitude."""
 SIZE_INCHES, DPI = (11.0, 6.8), 130
 TILT = "tilt |roll| + |pitch| (°), number of frames"
 TOLD = "dashed: told level flight"
+Styles = Mapping[str, tuple[str, str]]
+"""The marker and the colour of each run."""
 FAULTS = {"noise_deg": "noise of roll and pitch (°)", "delay_s": "delay of the attitude (s)"}
 
 
@@ -78,45 +82,45 @@ def attitude_figure(
     """What `draw_attitude` writes: above by tilt, below by fault."""
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
     above, below = figure.subfigures(2, 1)
-    colors = dict(zip(tables, cycle(COLORS)))
+    styles = dict(zip(tables, cycle(product(MARKERS, COLORS))))
     differences = {
         f"gain over {reference} (points)": gains,
         "gain over told level (points)": worths,
     }
     differences = {said: found for said, found in differences.items() if found}
     first, *others = above.subplots(1, 1 + len(differences), squeeze=False)[0]
-    _draw_tilt(first, tables, colors)
-    _draw_level(first, tables, colors)
+    _draw_tilt(first, tables, styles)
+    _draw_level(first, tables, styles)
     _draw_legend(above, first)
     for axes, (said, found) in zip(others, differences.items()):
         axes.axhline(0, color=MUTED, linewidth=0.8)
-        _draw_tilt(axes, found, colors)
+        _draw_tilt(axes, found, styles)
         axes.set_ylabel(said, color=INK)
     faults = below.subplots(1, len(FAULTS))
     for axes, key in zip(faults, FAULTS):
         axes.sharey(first)
-        _draw_fault(axes, tables, colors, key)
+        _draw_fault(axes, tables, styles, key)
     for axes in (first, faults[0]):
         axes.set_ylabel("KAR-mIoU (%)", color=INK)
     first.set_ylim(bottom=0)
     return figure
 
 
-def _draw_tilt(axes: Axes, tables: Mapping[str, pd.DataFrame], colors: Mapping[str, str]) -> None:
+def _draw_tilt(axes: Axes, tables: Mapping[str, pd.DataFrame], styles: Styles) -> None:
     for name, rows in tables.items():
         binned = rows[is_binned(rows) & ~rows["level"]]
-        _line(axes, range(len(binned)), binned, name, colors[name])
+        _line(axes, range(len(binned)), binned, name, styles[name])
         axes.set_xticks(range(len(binned)), [_bin_name(row) for _, row in binned.iterrows()])
     _finish(axes, TILT)
 
 
-def _draw_level(axes: Axes, tables: Mapping[str, pd.DataFrame], colors: Mapping[str, str]) -> None:
+def _draw_level(axes: Axes, tables: Mapping[str, pd.DataFrame], styles: Styles) -> None:
     said = TOLD
     for name, rows in tables.items():
         binned = rows[is_binned(rows) & rows["level"]]
         if len(binned):
             values = 100 * binned["value"]
-            axes.plot(range(len(binned)), values, "--", color=colors[name], label=said)
+            axes.plot(range(len(binned)), values, "--", color=styles[name][1], label=said)
             said = f"_{TOLD}"
 
 
@@ -127,22 +131,20 @@ def _draw_legend(figure: SubFigure, axes: Axes) -> None:
         figure.legend(*zip(*pairs), loc="outside upper center", ncols=4, frameon=False)
 
 
-def _draw_fault(
-    axes: Axes, tables: Mapping[str, pd.DataFrame], colors: Mapping[str, str], key: str
-) -> None:
+def _draw_fault(axes: Axes, tables: Mapping[str, pd.DataFrame], styles: Styles, key: str) -> None:
     for name, rows in tables.items():
         whole = rows[rows["condition"] == TRUE]
         faulty = pd.concat([whole, rows[rows[key] > 0].sort_values(key)])
-        _line(axes, faulty[key], faulty, name, colors[name])
+        _line(axes, faulty[key], faulty, name, styles[name])
         axes.set_xticks(faulty[key])
     _finish(axes, FAULTS[key])
 
 
-def _line(axes: Axes, places, rows: pd.DataFrame, name: str, color: str) -> None:
+def _line(axes: Axes, places, rows: pd.DataFrame, name: str, style: tuple[str, str]) -> None:
     value, low, high = (100 * rows[key].to_numpy(float) for key in ("value", "low", "high"))
     reach = np.nan_to_num(np.abs(np.stack([value - low, high - value])))
-    style = {"marker": "o", "markersize": 4, "capsize": 3, "elinewidth": 1}
-    axes.errorbar(list(places), value, yerr=reach, color=color, label=name, **style)
+    look = {"markersize": 4, "capsize": 3, "elinewidth": 1, "marker": style[0], "color": style[1]}
+    axes.errorbar(list(places), value, yerr=reach, label=name, **look)
 
 
 def _bin_name(row: pd.Series) -> str:

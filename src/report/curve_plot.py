@@ -12,8 +12,9 @@ WIDTH, HEIGHT = 480, 290
 LEFT, RIGHT, TOP, BOTTOM = 54, 14, 14, 44
 """Room around the curves, for the numbers of the axes."""
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
-COLORS = 8
-"""How many colours the page's style sheet has."""
+COLORS, DASHES = 8, 3
+"""How many colours and kinds of line the page's style sheet has; the kind changes when all colours
+have been used."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +93,7 @@ def plot_html(plot: CurvePlot) -> str:
         f'{axes.svg(plot.unit)}{lines}<line class="cursor" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>'
         f'</svg><p class="stop" aria-live="polite">epoch <b>{last["epoch"]}</b></p>'
         '<ul class="runs">'
-        + "".join(
-            f'<li class="color-{n % COLORS}"><span>{escape(name)}</span><b>{escape(text)}</b></li>'
-            for n, (name, text) in enumerate(zip(runs, last["texts"]))
-        )
+        + "".join(map(_legend_html, range(len(runs)), runs, last["texts"]))
         + "</ul></figure>"
     )
 
@@ -151,7 +149,20 @@ def _run_svg(n: int, seeds: list[list[Point]], axes: _Axes) -> str:
     dots = "".join(
         '<circle cx="{}" cy="{}" r="2.6"/>'.format(*axes.place(*point)) for point in mean
     )
-    return f'<g class="run color-{n % COLORS}">{"".join(thin)}{_line("mean", mean, axes)}{dots}</g>'
+    return f'<g class="run {_style(n)}">{"".join(thin)}{_line("mean", mean, axes)}{dots}</g>'
+
+
+def _legend_html(n: int, name: str, text: str) -> str:
+    return (
+        f'<li class="{_style(n)}"><svg class="swatch" viewBox="0 0 30 4" aria-hidden="true">'
+        '<line x1="1" x2="29" y1="2" y2="2"/></svg>'
+        f"<span>{escape(name)}</span><b>{escape(text)}</b></li>"
+    )
+
+
+def _style(n: int) -> str:
+    """The classes of the n-th run's curves."""
+    return f"color-{n % COLORS} dash-{n // COLORS % DASHES}"
 
 
 def _line(kind: str, points: Sequence[Point], axes: _Axes) -> str:

@@ -5,9 +5,10 @@ forbids it to ask for anything. Templates, styles and scripts lie in `web/`.
 """
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
+from types import MappingProxyType
 
 from ..atomic import replacing
 from ..errors import UserError
@@ -29,6 +30,9 @@ SCRIPTS = (
 )
 """In the order in which they need each other."""
 
+SETTINGS, TABLES = "Settings", "Tables"
+"""Titles of sections, for remarks."""
+
 LONG = 80
 """Letters of a fact that is no longer a mere value."""
 
@@ -41,29 +45,37 @@ def write_page(
     curves: Sequence[CurvePlot] = (),
     sheets: Sequence[Picture] = (),
     scenes: Sequence[Scene] = (),
-    missing: Sequence[str] = (),
+    alarms: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    settings: Sequence[ReportTable] = (),
+    remarks: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> None:
     """Write the page, whole or not at all.
 
-    ``facts`` are names and values that say where the numbers come from, and ``missing`` is a line
-    for each thing that should be there and is not. What is empty is left out. Raises `UserError`
-    where a picture is neither PNG nor JPEG, and for a path that cannot be written.
+    ``facts`` are names and values that say where the numbers come from. ``alarms`` are lists, by
+    their headings, of what a reader must know first, as what is missing; ``settings`` are tables of
+    how the runs differ, and ``remarks`` lines that stand before a section, by its title. What is
+    empty is left out. Raises `UserError` where a picture is neither PNG nor JPEG, and for a path
+    that cannot be written.
     """
-    if len({table.key for table in tables}) < len(tables):
+    keys = [table.key for table in (*tables, *settings)]
+    if len(set(keys)) < len(keys):
         raise UserError(f"{path}: two of its tables have the same key; name them apart")
     sections = {
-        "Tables": "".join(map(table_html, tables)),
+        SETTINGS: "".join(map(table_html, settings)),
+        TABLES: "".join(map(table_html, tables)),
         "Learning curves": _grid("plots", map(plot_html, curves)),
         "Scenes": _viewer_html(scenes),
         "Pictures": "".join(map(_sheet_html, sheets)),
     }
-    shown = {title: content for title, content in sections.items() if content}
+    before = {title: "".join(map(_remark_html, remarks.get(title, ()))) for title in sections}
+    shown = {title: before[title] + content for title, content in sections.items()}
+    shown = {title: content for title, content in shown.items() if content}
     page = _filled(
         "page.html",
         title=escape(heading),
         heading=escape(heading),
         facts=_facts_html(facts),
-        missing=_missing_html(missing),
+        alarms="".join(_alarm_html(*alarm) for alarm in alarms.items()),
         contents="".join(f'<a href="#{_anchor(t)}">{t}</a>' for t in shown),
         sections="".join(
             f'<section id="{_anchor(t)}" class="part"><h2>{t}</h2>{content}</section>'
@@ -107,11 +119,16 @@ def _facts_html(facts: Sequence[tuple[str, str]]) -> str:
     return content and f'<dl class="facts">{content}</dl>'
 
 
-def _missing_html(missing: Sequence[str]) -> str:
-    lines = "".join(f"<li>{escape(line)}</li>" for line in missing)
-    if not lines:
+def _alarm_html(heading: str, lines: Sequence[str]) -> str:
+    listed = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    if not listed:
         return ""
-    return f'<aside class="missing" aria-label="missing"><h2>Missing</h2><ul>{lines}</ul></aside>'
+    name = escape(heading)
+    return f'<aside class="alarm" aria-label="{name}"><h2>{name}</h2><ul>{listed}</ul></aside>'
+
+
+def _remark_html(line: str) -> str:
+    return f'<p class="remark">{escape(line)}</p>'
 
 
 def _sheet_html(sheet: Picture) -> str:

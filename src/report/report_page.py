@@ -7,11 +7,13 @@ from ..run_folder import METRICS
 from .curve_plot import CurvePlot
 from .curves import TRAIN_LOSS, read_curve
 from .ladder_report import LadderReport
-from .page import write_page
+from .page import SETTINGS, TABLES, write_page
 from .picture import Picture
-from .report_text import facts_of
+from .report_table import Column, ReportTable
+from .report_text import NUMBERS, facts_of, settings_rows
 from .scene import Scene
 from .scored_runs import ScoredRun
+from .shared_settings import Values
 
 PLOTS = {
     "val/kar_miou": ("KAR-mIoU on validation", "%"),
@@ -45,7 +47,21 @@ def write_report_page(
         plots,
         [Picture(picture.read_bytes(), caption) for picture, caption in figures.items()],
         scenes,
-        [*report.warnings, *report.missing],
+        {"Not a clean comparison": report.warnings, "Missing": report.missing},
+        [_settings_table(report.differing)] if report.differing else [],
+        {SETTINGS: report.others, TABLES: [NUMBERS]},
+    )
+
+
+def _settings_table(differing: Values) -> ReportTable:
+    head, *rows = settings_rows(differing)
+    return ReportTable(
+        "settings",
+        "What the rungs do not share",
+        "Every key of their configurations in which two of them differ.",
+        tuple(Column(name, name) for name in head[1:]),
+        tuple((name, tuple(values)) for name, *values in rows),
+        head=head[0],
     )
 
 

@@ -7,6 +7,11 @@ from .scored_runs import UNKNOWN_CODE, ScoredRun
 from .shared_settings import Values, shortened
 from .table_files import escaped, markdown_of
 
+NUMBERS = (
+    "Numbers are percentages and differences percentage points, in the files too. In bold: the "
+    "best mean of a column, whatever the intervals say."
+)
+
 
 def report_text(report: LadderReport, heading: str, figures: Mapping[str, str]) -> str:
     """The page: what the numbers rest on first, then the tables, then the files beside it.
@@ -20,8 +25,7 @@ def report_text(report: LadderReport, heading: str, figures: Mapping[str, str]) 
         *_list("Missing", report.missing),
         *_settings(report),
         "## Tables",
-        "Numbers are percentages and differences percentage points, in the files too. In bold: the "
-        "best mean of a column, whatever the intervals say.",
+        NUMBERS,
         *(markdown_of(table).rstrip() for table in report.tables),
         *(["## Figures"] if figures else []),
         *(
@@ -84,15 +88,20 @@ def _settings(report: LadderReport) -> list[str]:
     return blocks + ([_listed(report.others)] if report.others else [])
 
 
-def _differing(values: Values) -> str:
+def settings_rows(values: Values) -> list[list[str]]:
+    """The head of a table of settings, and a row for each of them."""
     experiments = list(next(iter(values.values())))
-    head, *rows = [
+    return [
         ["setting", *experiments],
         *(
             [key, *(", ".join(map(shortened, of[name])) for name in experiments)]
             for key, of in values.items()
         ),
     ]
+
+
+def _differing(values: Values) -> str:
+    head, *rows = settings_rows(values)
     lines = [map(escaped, head), [":--"] * len(head), *(map(escaped, row) for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 

@@ -28,7 +28,8 @@ class Scene:
     """One frame to look at. ``predictions`` maps the name of a model to its labels, in the order to
     show them. ``frustum``, if given, is drawn, and is the view of "through the camera".
 
-    Raises `UserError` for labels that do not have the grid's shape, and for a name given twice.
+    Raises `UserError` for labels that do not have the grid's shape, and for a model that is named
+    like the truth.
     """
 
     title: str

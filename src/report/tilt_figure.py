@@ -35,9 +35,7 @@ def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
     """
     rows = {
         "Measured attitude: the frustum tilts with the UAV": _pictures(scene, scene.frustum),
-        "A level UAV, as the baseline assumes: the labels miss their objects": _pictures(
-            scene, level
-        ),
+        "A level UAV instead: by so much the labels miss their objects": _pictures(scene, level),
     }
     page = _page(_as_high(scene.image), rows, scene.title)
     with replacing(path) as temporary:

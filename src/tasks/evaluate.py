@@ -28,7 +28,7 @@ from ..report.results import print_results, read_results, write_results
 from ..report.scores import result_rows, write_scores
 from ..run_folder import RunFolder
 from .processes import is_first_process, part_company
-from .scenes import scene_of
+from .scenes import labels_of, scene_of
 from .scoring import parts_of, protocol_of, suite_of, tally_of
 
 SHOWN_FRAMES = 5
@@ -124,9 +124,9 @@ def draw_sheet(module: OccupancyModule, data: SkyShieldData, path: Path, heading
     dataset = data.dataset("test")
     tilt_rad = np.array([_tilt_rad(data, *sample) for sample in dataset.samples])
     module.eval()
+    samples = [dataset[index] for index in pick_frames(tilt_rad, SHOWN_FRAMES)]
     scenes = [
-        scene_of(dataset[index], data.grid, {"Prediction": module})
-        for index in pick_frames(tilt_rad, SHOWN_FRAMES)
+        scene_of(sample, data.grid, {"Prediction": labels_of(module, sample)}) for sample in samples
     ]
     qualitative_sheet(scenes, path, heading)
 

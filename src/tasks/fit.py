@@ -19,6 +19,7 @@ from ..report.results import print_results, read_results
 from ..run_folder import RunFolder, code_of, require_same_config
 from .checkpoint import epochs_done
 from .dataset import data_of, ready_dataset
+from .encoder import require_unseen
 from .evaluate import evaluate
 from .model import load_weights, module_of, prior_of, require_buildable
 from .precision import FP32, Choice, settled_precision
@@ -40,6 +41,7 @@ def fit(cfg: DictConfig) -> str:
     named = None if cfg.ckpt_path is None else _checkpoint_to_resume(cfg, folder)
     require_buildable(cfg)
     data = data_of(cfg, ready_dataset(cfg))
+    require_unseen(cfg.model.backbone.get("weights"), data)
     prior = prior_of(cfg, data)
     module = module_of(cfg, data, prior)
     if not is_first_process():

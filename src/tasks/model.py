@@ -13,6 +13,8 @@ from torch import Tensor, nn
 
 from ..data.datamodule import SkyShieldData
 from ..errors import UserError
+from ..geometry import VoxelGrid
+from ..metrics.suite import ScoreSuite
 from ..models.memory import PillarMemory
 from ..models.module import OccupancyModule
 from ..models.network import SkyOcc
@@ -60,10 +62,12 @@ def from_checkpoint(cfg: DictConfig) -> DictConfig:
 
 
 def require_buildable(cfg: DictConfig) -> None:
-    """Builds the configured network once and drops it: what is wrong with it is said before any
-    data are generated or read."""
+    """Builds the configured network and its scores once and drops them: what is wrong with them is
+    said before any data are generated or read."""
     with torch.random.fork_rng(devices=[]):
         instantiate(cfg.model)
+    metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
+    ScoreSuite(VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True)), [], metric, suite)
 
 
 def load_weights(module: nn.Module, path: Path) -> None:

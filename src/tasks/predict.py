@@ -10,6 +10,7 @@ from rich.progress import track
 
 from ..data.datamodule import SkyShieldData
 from ..data.predictions import PredictionWriter
+from ..data.split import held_out_clips
 from ..data.truth import PARTS
 from ..errors import UserError
 from ..provenance import git_commit
@@ -34,6 +35,7 @@ def predict(cfg: DictConfig, part: str, logits: bool) -> None:
         "scale": cfg.scale_name,
         "dataset": data.root.name,
         "part": part,
+        "held_out": held_out_clips(data.split),
         "code_version": run.version,
         "git_commit": git_commit(),
         "parameters": sum(p.numel() for p in module.network.parameters()),

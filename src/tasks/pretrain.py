@@ -1,7 +1,5 @@
 """task=pretrain: an image encoder that knows what pixels see, for trainings to begin with."""
 
-import hashlib
-import io
 import sys
 from pathlib import Path
 
@@ -10,10 +8,8 @@ import torch
 from hydra.utils import get_class, instantiate
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
-from torch import nn
 from torch.utils.data import DataLoader
 
-from ..atomic import replacing
 from ..data.batches import BatchesInOrder, TrainingBatches
 from ..data.datamodule import SkyShieldData
 from ..data.image_labels import ImageLabelDataset
@@ -23,25 +19,32 @@ from ..models.image_pretraining import ImagePretraining
 from ..provenance import code_version
 from ..run_folder import RunFolder, shaping
 from .dataset import data_of, ready_dataset
+from .encoder import write_encoder
 from .model import load_weights
 from .precision import FP32
 from .progress import PretrainingLines
 
-NAME = "image_encoder"
 
-
-def pretrain(cfg: DictConfig, out: str, epochs: int, batch_size: int, lr: float) -> str:
+def pretrain(
+    cfg: DictConfig,
+    out: str,
+    epochs: int,
+    batch_size: int,
+    lr: float,
+    limit_train_batches: int | float = 1.0,
+) -> str:
     """Trains ``model.backbone`` on what the pixels of the training frames see.
 
     The labels are the voxels', cast into the image (`data.image_labels`). Validation frames measure
-    it after each epoch, and test frames are not read. Leaves ``image_encoder-<hash>.pth``, whose
-    names are torchvision's: `model.backbone.weights` takes it. It lies in a folder below ``out``
-    that is named after the scale and all that shapes it, so no other pretraining takes its place.
-    Goes on where it was interrupted.
+    it after each epoch, and test frames are not read. Leaves what `encoder` writes, whose names are
+    torchvision's: `model.backbone.weights` takes it. It lies in a folder below ``out`` that is
+    named after the scale and all that shapes it, so no other pretraining takes its place. Goes on
+    where it was interrupted.
 
     Raises `UserError` for a backbone that is not a `ResNet`, and a checkpoint that is broken.
     """
     settings = {"epochs": epochs, "batch_size": batch_size, "lr": lr}
+    settings["limit_train_batches"] = limit_train_batches
     config = {**OmegaConf.to_container(cfg, resolve=True), "pretrain": settings}
     version = code_version(shaping(config))
     folder = RunFolder(Path(out) / f"{cfg.scale_name}-{version}", config)
@@ -54,18 +57,20 @@ def pretrain(cfg: DictConfig, out: str, epochs: int, batch_size: int, lr: float)
         checkpoint = folder.open(afresh=cfg.overwrite)
         if checkpoint:
             load_weights(module, checkpoint)  # a broken one is refused here, in one line
-        trainer = _trainer_of(cfg, folder, epochs)
+        trainer = _trainer_of(cfg, folder, epochs, limit_train_batches)
         loaders = [_loader(cfg, data, part, batch_size) for part in ("train", "val")]
         try:
             trainer.fit(module, *loaders, ckpt_path=checkpoint, weights_only=True)
         finally:
             folder.merge_metrics()
-        path = write_weights(folder.path, backbone)
+        path = write_encoder(folder.path, backbone, data)
     Console().print(f"model.backbone.weights={path}", highlight=False, soft_wrap=True)
     return "finished"
 
 
-def _trainer_of(cfg: DictConfig, folder: RunFolder, epochs: int) -> lightning.Trainer:
+def _trainer_of(
+    cfg: DictConfig, folder: RunFolder, epochs: int, limit: int | float
+) -> lightning.Trainer:
     if cfg.threads is not None:
         torch.set_num_threads(cfg.threads)
     terminal = sys.stdout.isatty()
@@ -74,7 +79,7 @@ def _trainer_of(cfg: DictConfig, folder: RunFolder, epochs: int) -> lightning.Tr
         devices=1,
         precision=FP32,
         max_epochs=epochs,
-        limit_train_batches=1.0,  # a scale may shorten the epochs of its trainings
+        limit_train_batches=limit,  # a scale may shorten the epochs of its trainings
         callbacks=[
             instantiate(cfg.callbacks.last, dirpath=folder.last_checkpoint.parent),
             instantiate(cfg.callbacks.progress) if terminal else PretrainingLines(),
@@ -93,14 +98,3 @@ def _loader(cfg: DictConfig, data: SkyShieldData, part: str, batch_size: int) ->
     else:
         batches = BatchesInOrder(len(frames), batch_size)
     return data.loader(dataset, batches)
-
-
-def write_weights(folder: Path, backbone: nn.Module) -> Path:
-    """Writes a file that is named after its content, as `models.weights` wants it."""
-    content = io.BytesIO()  # given a path, torch.save writes its name into the file
-    torch.save(backbone.state_dict(), content)
-    digest = hashlib.sha256(content.getvalue()).hexdigest()
-    path = folder / f"{NAME}-{digest[:8]}.pth"
-    with replacing(path) as temporary:
-        temporary.write_bytes(content.getvalue())
-    return path

@@ -16,17 +16,16 @@ from .predictor import on_device
 
 Network = Callable[[Batch], Tensor]
 """A module with a ``device``, which gives the logits of a batch that is there."""
+Labels = UInt8[np.ndarray, "X Y Z"]
 
 
-@torch.no_grad()
 def scene_of(
-    sample: Batch, grid: VoxelGrid, networks: Mapping[str, Network], remark: str = ""
+    sample: Batch, grid: VoxelGrid, predictions: Mapping[str, Labels], remark: str = ""
 ) -> Scene:
-    """A sample of an `OccupancyDataset`, with the labels that each network predicts.
+    """A sample of an `OccupancyDataset`, with what is predicted there, as by `labels_of`.
 
-    The networks are in evaluation mode. ``remark`` follows the frame's name in the title.
+    ``remark`` follows the frame's name in the title.
     """
-    batch = default_collate([sample])
     roll_deg, pitch_deg = torch.rad2deg(sample["attitude_rad"]).tolist()
     title = f"{sample['clip']} frame {sample['frame']} · roll {roll_deg:+.0f}° "
     title += f"pitch {pitch_deg:+.0f}°{remark and ' · ' + remark}"
@@ -35,7 +34,7 @@ def scene_of(
         grid=grid,
         image=sample["image"][-1].permute(1, 2, 0).numpy(),
         truth=sample["semantics"].numpy(),
-        predictions={name: _labels(network, batch) for name, network in networks.items()},
+        predictions=dict(predictions),
         frustum=camera_of(sample, sample["occ_from_body"][-1]),
     )
 
@@ -47,6 +46,8 @@ def camera_of(sample: Batch, occ_from_body: Tensor) -> Frustum:
     return Frustum(chain, sample["pix_from_camera"][-1], (width, height))
 
 
-def _labels(network: Network, batch: Batch) -> UInt8[np.ndarray, "X Y Z"]:
-    logits = network(on_device(batch, network.device))
+@torch.no_grad()
+def labels_of(network: Network, sample: Batch) -> Labels:
+    """What a network in evaluation mode predicts of a sample."""
+    logits = network(on_device(default_collate([sample]), network.device))
     return logits.argmax(dim=1)[0].to(torch.uint8).cpu().numpy()

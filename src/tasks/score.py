@@ -129,6 +129,11 @@ def _sound_samples(pairing: Pairing, folder: Path, allow_missing: bool) -> list[
     found = pairing.inventory()
     if found.sound:
         return list(pairing.samples)
+    if not allow_missing and found.missing and found.extra:
+        raise UserError(
+            f"{folder}: {found}; they are of another split, whose val and test clips "
+            f"{FACTS} may name as held_out"
+        )
     if not allow_missing:
         raise UserError(f"{folder}: {found}; task.allow_missing=true scores what is sound")
     samples = [sample for sample in pairing.samples if pairing.has(sample)]
@@ -144,18 +149,19 @@ class _SkyShield:
     def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
         if cfg.layout.mask not in ("supervised", "visible"):
             raise UserError(f"layout.mask: {cfg.layout.mask!r}; there are supervised, visible")
-        self._truth = SkyShieldTruth(Path(cfg.dataset) if cfg.dataset else root_of(cfg), part)
+        root = Path(cfg.dataset) if cfg.dataset else root_of(cfg)
         self._predictions = Predictions(folder)
-        self._visible = cfg.layout.mask == "visible"
-        self.mask = VISIBLE if self._visible else SUPERVISED
-        self.dataset, self.grid = self._truth.name, self._truth.grid
-        self.samples, self.unseen = self._truth.samples, self._truth.unseen
-        self.facts = self._predictions.facts
+        self.dataset, self.facts = root.name, self._predictions.facts
         if self.facts.get("dataset", self.dataset) != self.dataset:
             raise UserError(
                 f"{folder}: these are predictions of {self.facts['dataset']}, not of "
                 f"{self.dataset}; name the data set that they were made on, as dataset=DIR"
             )
+        self._truth = SkyShieldTruth(root, part, _held_out(self.facts, folder))
+        self._visible = cfg.layout.mask == "visible"
+        self.mask = VISIBLE if self._visible else SUPERVISED
+        self.grid = self._truth.grid
+        self.samples, self.unseen = self._truth.samples, self._truth.unseen
 
     def inventory(self) -> Inventory:
         return self._predictions.inventory(self.samples, self.grid.shape)
@@ -170,6 +176,20 @@ class _SkyShield:
         logits = self._predictions.logits(*sample)
         labels = self._predictions.labels(*sample)
         return labels[None], truth, None if logits is None else logits[None]
+
+
+def _held_out(facts: Mapping[str, object], folder: Path) -> dict[str, list[str]] | None:
+    """The clips that the split of the predictions holds out, where they say so."""
+    said = facts.get("held_out")
+    if said is None:
+        return None
+    try:
+        return {part: [str(clip) for clip in said[part]] for part in ("val", "test")}
+    except (KeyError, TypeError) as error:
+        raise UserError(
+            f"{folder / FACTS}: held_out: {said!r} does not list the clips of val and of test; "
+            "correct it, or leave it out"
+        ) from error
 
 
 class _Occ3D:

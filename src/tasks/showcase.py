@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from inspect import signature
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -12,8 +13,11 @@ import torch
 from omegaconf import DictConfig
 from rich.progress import track
 
+from ..data.batch import Batch
 from ..data.datamodule import SkyShieldData
+from ..data.dataset import OccupancyDataset
 from ..errors import UserError
+from ..geometry import VoxelGrid
 from ..models.network import SkyOcc
 from ..ontology import CLASSES
 from ..report.hard_cases import HardCase, hard_cases
@@ -24,7 +28,7 @@ from ..report.scored_runs import ScoredRun
 from ..report.tilt_figure import draw_tilt
 from ..run_folder import CONFIG
 from .model import network_of_run
-from .scenes import camera_of, scene_of
+from .scenes import camera_of, labels_of, scene_of
 
 COMPARISON, TILT = "comparison.png", "tilt.png"
 
@@ -36,6 +40,14 @@ class Showcase:
     scenes: tuple[Scene, ...] = ()
     figures: dict[Path, str] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
+
+
+class _Viewer(NamedTuple):
+    """A rung: the name of its row, its network, and the test frames with the history it sees."""
+
+    name: str
+    network: SkyOcc
+    frames: OccupancyDataset
 
 
 def showcase(
@@ -50,9 +62,14 @@ def showcase(
         return Showcase()
     root = Path(cfg.paths.dataset or Path(cfg.paths.data) / shown[0].tally.protocol.dataset)
     try:
-        networks = {ladder.row_name(run.experiment): network_of_run(run.path) for run in shown}
-        data = _data_of(shown[0], root)
-        return _drawn(data, networks, folder, count, shown[0].seed)
+        data = [_data_of(run, root) for run in shown]
+        viewers = [
+            _Viewer(
+                ladder.row_name(run.experiment), network_of_run(run.path), of_run.dataset("test")
+            )
+            for run, of_run in zip(shown, data)
+        ]
+        return _drawn(data[0], viewers, folder, count, shown[0].seed)
     except UserError as error:
         return Showcase(missing=(f"no pictures and no scenes: {error}",))
 
@@ -80,19 +97,17 @@ def ends_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[ScoredRun
 
 
 def _drawn(
-    data: SkyShieldData, networks: dict[str, SkyOcc], folder: Path, count: int, seed: int
+    data: SkyShieldData, viewers: Sequence[_Viewer], folder: Path, count: int, seed: int
 ) -> Showcase:
-    cases = hard_cases(_facts(data), count)
-    dataset = data.dataset("test")
-    places = [dataset.samples.index((case.clip, case.frame)) for case in cases]
+    cases = hard_cases(facts_of(data), count)
     quiet = not sys.stdout.isatty()
-    drawn = track([*zip(places, cases)], "predicting", transient=True, disable=quiet)
-    scenes = [scene_of(dataset[n], data.grid, networks, case.reason) for n, case in drawn]
+    drawn = track(cases, "predicting", transient=True, disable=quiet)
+    scenes = [_scene(case, viewers, data.grid) for case in drawn]
     heading = f"{data.root.name}, seed {seed}: the hardest test frames by rule"
     qualitative_sheet(scenes, folder / COMPARISON, heading, tops=False)
-    figures = {folder / COMPARISON: _caption(cases, list(networks), seed)}
-    most_tilted = dataset[places[0]]
-    level = camera_of(most_tilted, torch.eye(4))
+    names = [viewer.name for viewer in viewers]
+    figures = {folder / COMPARISON: _caption(cases, names, seed)}
+    level = camera_of(_sample(cases[0], viewers[0].frames), torch.eye(4))
     draw_tilt(scenes[0], level, folder / TILT)
     figures[folder / TILT] = (
         f"{scenes[0].title}: its camera's frustum in the occ frame, and the image under the labels "
@@ -101,16 +116,29 @@ def _drawn(
     return Showcase(tuple(scenes), figures)
 
 
+def _scene(case: HardCase, viewers: Sequence[_Viewer], grid: VoxelGrid) -> Scene:
+    samples = [_sample(case, viewer.frames) for viewer in viewers]
+    predictions = {
+        viewer.name: labels_of(viewer.network, sample) for viewer, sample in zip(viewers, samples)
+    }
+    return scene_of(samples[0], grid, predictions, case.reason)
+
+
+def _sample(case: HardCase, frames: OccupancyDataset) -> Batch:
+    return frames[frames.samples.index((case.clip, case.frame))]
+
+
 def _caption(cases: Sequence[HardCase], names: Sequence[str], seed: int) -> str:
     return (
-        f"RGB, ground truth and predictions of {' and '.join(names)}, seed {seed}. Of the test "
-        f"split's frames those with the {'; the '.join(case.reason for case in cases)}; each of "
-        "another flight, chosen by the labels and the attitude alone."
+        f"RGB, ground truth and predictions of {' and '.join(names)}, seed {seed}. Test frames by "
+        f"rule: {'; '.join(case.reason for case in cases)}; each of another flight, chosen by the "
+        "labels and the attitude alone."
     )
 
 
-def _facts(data: SkyShieldData) -> pd.DataFrame:
-    """What `hard_cases` asks of every test frame."""
+def facts_of(data: SkyShieldData) -> pd.DataFrame:
+    """What `hard_cases` asks of every test frame: its tilt, and how many voxels of each class the
+    camera sees."""
     quiet = not sys.stdout.isatty()
     rows = []
     for clip_id, frame in track(

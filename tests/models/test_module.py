@@ -165,7 +165,7 @@ def test_every_test_frame_is_counted_once_with_its_clip(tmp_path):
 
 
 @pytest.mark.parametrize("total", range(1, 41))
-@pytest.mark.parametrize("warmup", [0.0, 0.05, 0.25])
+@pytest.mark.parametrize("warmup", [0.0, 0.05, 0.25, 0.96, 1.0])
 def test_the_schedule_holds_for_every_length(total, warmup):
     shares = [rate_share(step, total, warmup) for step in range(total + 1)]
     assert all(0 < share <= 1 for share in shares[:-1])

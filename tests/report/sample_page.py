@@ -78,7 +78,7 @@ def write_sample(path):
     """The page, with small stills: they take seconds in their own size."""
     curves = (Curve("a", (1, 2, 3), (3.0, 2.0, 1.5)), Curve("b", (1, 2), (4.0, 3.0)))
     facts = [("data set", "small-" + "f" * 60)]
-    missing = ["runs/" + "x" * 80]
+    alarms = {"Missing": ["runs/" + "x" * 80]}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("src.report.scene.STILL_PIX", (80, 60))
         write_page(
@@ -89,7 +89,7 @@ def write_sample(path):
             [CurvePlot("Loss", "", curves), CurvePlot("KAR-mIoU", "%", curves)],
             [sheet()],
             [plain_scene(), street_scene()],
-            missing,
+            alarms,
         )
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from src.report.attitude import TOLD, attitude_figure
+from src.report.attitude import COLORS, TOLD, attitude_figure
 
 TILTS_DEG = (0, 2.5, 5, 10, 15, 20, np.inf)
 FRAMES = 12345
@@ -59,6 +59,13 @@ def test_every_run_has_a_line_and_every_gain_the_colour_of_its_run(figure):
     assert faults == [scores, scores]
     assert gains == {name: color for name, color in scores.items() if name != "Baseline"}
     assert worths == gains
+
+
+def test_no_two_of_many_runs_look_alike():
+    tables = {f"run{n}": table(0.1 + n / 100) for n in range(len(COLORS) + 3)}
+    axes, *_ = attitude_figure(tables, {}, "the baseline", {}).axes
+    looks = [(bars.lines[0].get_color(), bars.lines[0].get_marker()) for bars in axes.containers]
+    assert len(set(looks)) == len(tables)
 
 
 def test_told_a_level_attitude_each_run_has_a_dashed_line_that_is_named_once(figure):

@@ -8,6 +8,7 @@ import pytest
 
 from src.report.curve_plot import (
     BOTTOM,
+    COLORS,
     HEIGHT,
     LEFT,
     TOP,
@@ -17,6 +18,7 @@ from src.report.curve_plot import (
     plot_html,
     ticks_of,
 )
+from src.report.page import WEB
 
 SEEDS = (
     Curve("skyocc", (1, 2, 3), (2.0, 4.0, 6.0)),
@@ -61,6 +63,16 @@ def test_one_colour_a_run_a_thin_line_a_seed_and_a_thick_one_for_their_mean():
     assert page.count('class="mean"') == 2
     assert page.count('class="seed"') == 2
     assert page.count("color-0") == page.count("color-1") == 2, "its curves and its legend"
+
+
+def test_no_two_of_many_runs_look_alike():
+    runs = [Curve(f"run{n:02d}", (1, 2), (1.0, float(n))) for n in range(2 * COLORS + 3)]
+    page = plot_html(CurvePlot("Loss", "", tuple(runs)))
+    drawn, told = (re.findall(p, page) for p in (r'<g class="run ([^"]*)"', r'<li class="([^"]*)"'))
+    assert drawn == told
+    assert len(set(drawn)) == len(runs)
+    style = (WEB / "plots.css").read_text()
+    assert all(f".{name} {{" in style for name in {each for pair in drawn for each in pair.split()})
 
 
 def test_a_higher_value_is_higher_and_a_later_epoch_further_right():

@@ -16,6 +16,7 @@ from tests.report.test_page_scene import SMALL, scene_of
 
 TABLE = ReportTable("ladder", "Ladder", "In percent.", (Column("a", "a"),), (("x", (Cell(1.0),)),))
 PLOT = CurvePlot("Loss", "", (Curve("a", (1, 2), (2.0, 1.0)),))
+SETTINGS = ReportTable("set", "Set", "Those.", (Column("b", "b"),), (("key", ("value",)),))
 WICKED = "</script><script>alert('x')</script><img src=x onerror=alert(1)>{{scripts}}"
 
 
@@ -47,7 +48,8 @@ def _whole(tmp_path_factory):
         curves=[PLOT],
         sheets=[picture(), picture("jpeg")],
         scenes=[scene_of(SMALL)],
-        missing=["runs/small/attitude/seed1: not finished"],
+        alarms={"Missing": ["runs/small/attitude/seed1: not finished"]},
+        settings=[SETTINGS],
     )
 
 
@@ -69,16 +71,25 @@ def test_every_style_and_script_is_in_it(whole):
 
 def test_all_parts_are_named_in_the_contents(whole):
     anchors = re.findall(r'<a href="#([^"]*)"', whole)
-    assert anchors == ["tables", "learning-curves", "scenes", "pictures"]
+    assert anchors == ["settings", "tables", "learning-curves", "scenes", "pictures"]
     for anchor in anchors:
         assert f'id="{anchor}"' in whole
     assert "runs/small/attitude/seed1: not finished" in whole
 
 
+def test_what_must_be_known_first_stands_under_its_own_heading(tmp_path):
+    alarms = {"Not a clean comparison": ["other code"], "Missing": ["seed1"], "Nothing": []}
+    page = written(tmp_path, alarms=alarms, tables=[TABLE], remarks={"Tables": ["In percent."]})
+    found = re.findall(r'<aside class="alarm"[^>]*><h2>(.*?)</h2><ul><li>(.*?)</li></ul>', page)
+    assert found == [("Not a clean comparison", "other code"), ("Missing", "seed1")]
+    assert page.index("seed1") < page.index("<main>") < page.index("In percent.</p><section")
+
+
 def test_what_is_empty_is_left_out(tmp_path):
     page = written(tmp_path, tables=[TABLE])
     assert re.findall(r'<a href="#([^"]*)"', page) == ["tables"]
-    assert '<aside class="missing"' not in page
+    assert '<aside class="alarm"' not in page
+    assert '<p class="remark"' not in page
     assert 'class="viewer"' not in page
 
 
@@ -97,7 +108,8 @@ def test_no_name_becomes_markup(tmp_path):
         curves=[plot],
         sheets=[sheet],
         scenes=[scene],
-        missing=[WICKED],
+        alarms={WICKED: [WICKED]},
+        remarks={"Tables": [WICKED]},
     )
     assert page.count("<script") == harmless.count("<script")
     assert page.count("</script") == harmless.count("</script")

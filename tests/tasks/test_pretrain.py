@@ -1,6 +1,7 @@
 """task=pretrain: weights for the image encoder, the same however often it was interrupted."""
 
 import hashlib
+import json
 import os
 from pathlib import Path
 
@@ -12,8 +13,10 @@ from src.errors import UserError
 from src.models.backbone import ResNet
 from src.models.image_pretraining import ImagePretraining
 from src.tasks.dataset import data_of, ready_dataset
+from src.tasks.encoder import require_unseen, write_encoder
+from src.tasks.fit import fit
 from src.tasks.model import module_of, prior_of
-from src.tasks.pretrain import pretrain, write_weights
+from src.tasks.pretrain import pretrain
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 SETTINGS = {"epochs": 2, "batch_size": 4, "lr": 2e-3}
@@ -89,13 +92,62 @@ def test_a_broken_checkpoint_is_one_line(cfg, tmp_path):
         pretrain(cfg, str(tmp_path), **{**SETTINGS, "epochs": 1})
 
 
-def test_the_file_does_not_depend_on_the_process_that_writes_it(tmp_path, monkeypatch):
+def test_the_file_does_not_depend_on_the_process_that_writes_it(cfg, tmp_path, monkeypatch):
     """A sweep that is given a file of another name begins anew."""
     backbone, names = torch.nn.Linear(2, 2), set()
+    data = data_of(cfg, ready_dataset(cfg))
     for process in (11, 22):
         monkeypatch.setattr(os, "getpid", lambda process=process: process)
-        names.add(write_weights(tmp_path, backbone).name)
+        names.add(write_encoder(tmp_path, backbone, data).name)
     assert len(names) == 1
+
+
+def with_test_clips(cfg, *clips):
+    cfg = cfg.copy()
+    cfg.data.test_clips = list(clips)
+    return data_of(cfg, ready_dataset(cfg))
+
+
+def test_an_encoder_that_has_learnt_a_clip_is_not_tested_on_it(weights, cfg):
+    (held_out,) = cfg.data.test_clips
+    require_unseen(str(weights), data_of(cfg, ready_dataset(cfg)))
+    require_unseen(str(weights), with_test_clips(cfg))
+    others = with_test_clips(cfg, "downtown/clip00")
+    assert held_out != "downtown/clip00"
+    with pytest.raises(UserError, match=r"\.pth was trained on downtown/clip00, which this run"):
+        require_unseen(str(weights), others)
+    for nothing_known in (None, "imagenet", str(weights.with_name("other.pth"))):
+        require_unseen(nothing_known, others)
+
+
+def test_a_run_that_holds_out_other_clips_is_refused_before_it_begins(weights, cfg):
+    other = cfg.copy()
+    other.model.backbone.weights, other.data.test_clips = str(weights), ["downtown/clip00"]
+    with pytest.raises(UserError, match="was trained on downtown/clip00"):
+        fit(other)
+    assert not Path(cfg.paths.run).exists()
+
+
+def test_flights_of_another_data_set_are_others_whatever_their_names(weights, cfg, tmp_path):
+    facts = json.loads(weights.with_suffix(".json").read_text())
+    path = tmp_path / weights.name
+    path.with_suffix(".json").write_text(json.dumps(facts | {"dataset": "tiny-0123"}))
+    require_unseen(str(path), with_test_clips(cfg, "downtown/clip00"))
+
+
+def test_facts_that_cannot_be_read_are_named(weights, cfg, tmp_path):
+    (tmp_path / "some.json").write_text("{}")
+    with pytest.raises(UserError, match=r"some\.json: cannot be read .*; run task=pretrain again"):
+        require_unseen(str(tmp_path / "some.pth"), data_of(cfg, ready_dataset(cfg)))
+
+
+def test_an_epoch_may_be_shortened(cfg, tmp_path, monkeypatch):
+    steps, step = [], ImagePretraining.training_step
+    monkeypatch.setattr(
+        ImagePretraining, "training_step", lambda *a: steps.append(a[0].current_epoch) or step(*a)
+    )
+    pretrain(cfg, str(tmp_path), **SETTINGS, limit_train_batches=1)
+    assert steps == [0, 1]
 
 
 def test_another_schedule_leaves_the_file_where_it_is(weights, cfg):

@@ -1,6 +1,7 @@
 """task=score and task=compare as their user meets them."""
 
 import dataclasses
+import json
 import shutil
 from pathlib import Path
 
@@ -30,7 +31,7 @@ def dataset(tmp_path_factory):
 
 def write_predictions(dataset, folder, change=lambda labels: labels, facts=None, part="test"):
     """The truth itself, free where it is unknown, after a change."""
-    source = SkyShieldTruth(dataset, part)
+    source = SkyShieldTruth(dataset, part, (facts or {}).get("held_out"))
     with PredictionWriter(folder, facts or {"name": folder.name}) as writer:
         for clip, frame in source.samples:
             labels = source.truth(clip, frame)["semantics"][0]
@@ -129,6 +130,39 @@ def test_predictions_of_another_data_set_are_refused(dataset, tmp_path):
     facts = {"name": "mine", "dataset": "paper-0123"}
     predictions = write_predictions(dataset, tmp_path / "mine", facts=facts)
     with pytest.raises(UserError, match="predictions of paper-0123, not of"):
+        scored(dataset, predictions)
+
+
+def test_predictions_of_another_split_are_scored_by_it(dataset, tmp_path):
+    facts = {"name": "mine", "held_out": {"val": [], "test": ["downtown/clip00"]}}
+    assert SkyShieldTruth(dataset).unseen == {"suburb/clip00"}
+    folder = scored(dataset, write_predictions(dataset, tmp_path / "mine", facts=facts))
+    rows = read_results(folder / "results.csv")
+    assert list(rows["split"]) == ["test", "test_unseen_clips", "test_seen_clips"]
+    assert (rows["miou"] == 1).all()
+    tally = Tally.read(folder / "tallies/mine.npz")
+    whole, second = (
+        tally.frames[tally.clips.index(c)] for c in ("downtown/clip00", "suburb/clip00")
+    )
+    assert whole > second, "the held-out flight has all of its frames"
+    table = pd.read_csv(folder / "scores.csv").drop_duplicates("split").set_index("split")
+    assert table.loc["test_unseen_clips", "frames"] == whole
+
+
+def test_frames_of_an_unnamed_other_split_are_not_offered_to_be_scored(dataset, tmp_path):
+    facts = {"held_out": {"val": [], "test": ["downtown/clip00"]}}
+    predictions = write_predictions(dataset, tmp_path / "mine", facts=facts)
+    (predictions / "predictions.json").write_text("{}")
+    with pytest.raises(UserError, match=r"missing: .* extra: .* of another split, whose") as caught:
+        scored(dataset, predictions)
+    assert "allow_missing" not in str(caught.value)
+
+
+@pytest.mark.parametrize("said", [[], {"val": []}, {"val": None, "test": None}, "towns"])
+def test_a_split_that_is_none_is_named(dataset, tmp_path, said):
+    predictions = write_predictions(dataset, tmp_path / "mine")
+    (predictions / "predictions.json").write_text(json.dumps({"held_out": said}))
+    with pytest.raises(UserError, match=r"predictions\.json: held_out: .* correct it, or leave it"):
         scored(dataset, predictions)
 
 

@@ -11,12 +11,14 @@ import yaml
 from PIL import Image
 
 from src.data.clip import Clip
+from src.ontology import CLASSES, FREE
+from src.report.hard_cases import HardCase
 from src.report.scene import TRUTH, unpack_labels
-from src.tasks.dataset import root_of
+from src.tasks.dataset import data_of, ready_dataset, root_of
 from src.tasks.fit import fit
 from src.tasks.model import network_of_run
 from src.tasks.report import report
-from src.tasks.showcase import ends_of
+from src.tasks.showcase import _scene, _Viewer, ends_of, facts_of
 from tests.report.browser import opened
 from tests.report.ladder_runs import ladder_of, write_ladder
 from tests.synthetic import compose_config, mini_overrides, write_dataset
@@ -42,6 +44,58 @@ def test_of_an_unfinished_sweep_it_is_the_seed_of_most_rungs(tmp_path):
 def test_one_rung_is_shown_alone_and_none_not_at_all(tmp_path):
     assert ends(tmp_path / "a", seeds=(0,), experiments=("weights",)) == ["weights seed 0"]
     assert ends(tmp_path / "b", seeds=(0,), experiments=("streams",)) == []
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory):
+    cfg = compose_config(*mini_overrides(tmp_path_factory.mktemp("frames")))
+    write_dataset(cfg)
+    return cfg
+
+
+def every_other_slice(visible):
+    return visible & (np.arange(len(visible)) % 2 > 0)[:, None, None]
+
+
+def test_frames_are_chosen_by_their_tilt_and_by_what_the_camera_sees(cfg, monkeypatch):
+    visible_of = Clip.visible
+    # The made-up flights hide nothing of themselves.
+    monkeypatch.setattr(Clip, "visible", lambda *frame: every_other_slice(visible_of(*frame)))
+    data = data_of(cfg, ready_dataset(cfg))
+    facts = facts_of(data).set_index(["clip", "frame"])
+    assert list(facts.index) == data.split["test"]
+    for clip_id, frame in data.split["test"]:
+        clip, row = data.clips[clip_id], facts.loc[(clip_id, frame)]
+        semantics, visible = clip.semantics(frame), clip.visible(frame)
+        for n, name in enumerate(CLASSES):
+            assert row[name] == sum(semantics[visible] == n), name
+        roll_rad, pitch_rad = clip.frames.loc[frame, ["roll_rad", "pitch_rad"]]
+        assert row["tilt_rad"] == pytest.approx(abs(roll_rad) + abs(pitch_rad))
+        assert (semantics[~visible] < FREE).any(), "what is hidden does not count"
+    assert facts["tilt_rad"].nunique() > 2
+
+
+def test_each_network_sees_the_history_that_its_run_saw(cfg):
+    seen = {}
+
+    def network(name):
+        def logits(batch):
+            seen[name] = batch["image"].shape[1]
+            return torch.zeros(1, len(CLASSES), *batch["semantics"].shape[1:])
+
+        logits.device = torch.device("cpu")
+        return logits
+
+    viewers = []
+    for frames in (1, 2):
+        cfg = cfg.copy()
+        cfg.data.frames = frames
+        data = data_of(cfg, ready_dataset(cfg))
+        viewers.append(_Viewer(f"of {frames}", network(frames), data.dataset("test")))
+    case = HardCase("most tilted", *data.split["test"][0])
+    scene = _scene(case, viewers, data.grid)
+    assert seen == {1: 1, 2: 2}
+    assert list(scene.predictions) == ["of 1", "of 2"]
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +126,8 @@ def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path
     clip = Clip(root_of(cfg) / clip_id)
     assert (truth == clip.semantics(int(frame))).all()
     assert not (predictions[0] == predictions[1]).all()
-    tilt_rad = (clip.frames["roll_rad"].abs() + clip.frames["pitch_rad"].abs())[int(frame)]
-    assert tilt_rad > 0.15
+    facts = facts_of(data_of(cfg, ready_dataset(cfg))).set_index(["clip", "frame"])["tilt_rad"]
+    assert facts[clip_id, int(frame)] == facts.max() > 0.15
     for name in ("comparison.png", "tilt.png"):
         with Image.open(tmp_path / "out/figures" / name) as figure:
             assert np.ptp(np.asarray(figure)) > 100
