@@ -1,0 +1,132 @@
+"""Predictions beside what they are scored against, in our layout or in Occ3D's."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol as Interface
+
+import torch
+from omegaconf import DictConfig, OmegaConf
+from torch import Tensor
+
+from ..data.occ3d import MASKS, Occ3DFolder
+from ..data.predictions import FACTS, Inventory, Predictions
+from ..data.truth import SkyShieldTruth
+from ..errors import UserError
+from ..geometry import VoxelGrid
+from ..metrics.protocol import SUPERVISED, VISIBLE
+from .dataset import root_of
+
+Sample = tuple[str, int] | tuple[str, str]
+
+
+class Pairing(Interface):
+    """Predictions, and what they are scored against."""
+
+    dataset: str
+    mask: str
+    grid: VoxelGrid
+    samples: Sequence[Sample]
+    unseen: frozenset[str]
+    facts: Mapping[str, object]
+
+    def inventory(self) -> Inventory: ...
+
+    def has(self, sample: Sample) -> bool: ...
+
+    def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
+        """Predicted labels, the truth, and logits if there are any, as batches of one."""
+        ...
+
+
+class _SkyShield:
+    """Our own layout on both sides."""
+
+    def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
+        if cfg.layout.mask not in ("supervised", "visible"):
+            raise UserError(f"layout.mask: {cfg.layout.mask!r}; there are supervised, visible")
+        root = Path(cfg.dataset) if cfg.dataset else root_of(cfg)
+        self._predictions = Predictions(folder)
+        self.dataset, self.facts = root.name, self._predictions.facts
+        if self.facts.get("dataset", self.dataset) != self.dataset:
+            raise UserError(
+                f"{folder}: these are predictions of {self.facts['dataset']}, not of "
+                f"{self.dataset}; name the data set that they were made on, as dataset=DIR"
+            )
+        self._truth = SkyShieldTruth(root, part, _held_out(self.facts, folder))
+        self._visible = cfg.layout.mask == "visible"
+        self.mask = VISIBLE if self._visible else SUPERVISED
+        self.grid = self._truth.grid
+        self.samples, self.unseen = self._truth.samples, self._truth.unseen
+
+    def inventory(self) -> Inventory:
+        return self._predictions.inventory(self.samples, self.grid.shape)
+
+    def has(self, sample: Sample) -> bool:
+        return self._predictions.has(*sample, self.grid.shape)
+
+    def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
+        truth = self._truth.truth(*sample)
+        if self._visible:
+            truth["mask"] = truth["visible"]
+        logits = self._predictions.logits(*sample)
+        labels = self._predictions.labels(*sample)
+        return labels[None], truth, None if logits is None else logits[None]
+
+
+def _held_out(facts: Mapping[str, object], folder: Path) -> dict[str, list[str]] | None:
+    """The clips that the split of the predictions holds out, where they say so."""
+    said = facts.get("held_out")
+    if said is None:
+        return None
+    try:
+        return {part: [str(clip) for clip in said[part]] for part in ("val", "test")}
+    except (KeyError, TypeError) as error:
+        raise UserError(
+            f"{folder / FACTS}: held_out: {said!r} does not list the clips of val and of test; "
+            "correct it, or leave it out"
+        ) from error
+
+
+class _Occ3D:
+    """Occ3D's layout on both sides; what its files do not say must be stated."""
+
+    unseen: frozenset[str] = frozenset()
+
+    def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
+        layout = OmegaConf.to_container(cfg.layout, resolve=True)
+        for key in ("class_map", "grid", "velocity_mps"):
+            if layout.get(key) is None:
+                raise UserError(f"layout.{key}: Occ3D's files do not say it; state the one to take")
+        if cfg.dataset is None:
+            raise UserError("dataset: name the folder with Occ3D's labels, as dataset=DIR")
+        masks = (*MASKS, "supervised")
+        if layout["mask"] not in masks:
+            raise UserError(f"layout.mask: {layout['mask']!r}; there are {', '.join(masks)}")
+        self.grid = VoxelGrid(**layout["grid"])
+        self._truth = Occ3DFolder(Path(cfg.dataset), layout["class_map"], self.grid)
+        self._predictions = Occ3DFolder(folder, layout["class_map"], self.grid)
+        self._velocity = torch.tensor([layout["velocity_mps"]], dtype=torch.float64)
+        self._mask = layout["mask"]
+        stated = {key: layout[key] for key in ("class_map", "velocity_mps")}
+        self.mask = f"{self._mask}, {stated}"
+        self.dataset, self.samples = self._truth.name, self._truth.samples
+        self.facts: Mapping[str, object] = {"name": folder.name}
+
+    def inventory(self) -> Inventory:
+        return self._predictions.inventory(self.samples)
+
+    def has(self, sample: Sample) -> bool:
+        return self._predictions.has(*sample)
+
+    def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
+        truth = {
+            "clip": [sample[0]],
+            "semantics": self._truth.labels(*sample)[None],
+            "velocity_mps": self._velocity,
+        }
+        if self._mask in MASKS:
+            truth["mask"] = self._truth.mask(*sample, self._mask)[None]
+        return self._predictions.labels(*sample)[None], truth, None
+
+
+LAYOUTS: dict[str, Callable[..., Pairing]] = {"skyshield": _SkyShield, "occ3d": _Occ3D}
