@@ -50,15 +50,14 @@ class Tally:
         clips, frames = ([column[row] for row in rows] for column in (self.clips, self.frames))
         return replace(self, clips=clips, frames=frames, tables=tables)
 
-    def has_frames_of(self, other: "Tally") -> bool:
-        """Whether both count the same clips, and of each as many frames."""
-        return (self.clips, self.frames) == (other.clips, other.frames)
-
-    def has_labels_of(self, other: "Tally") -> bool:
-        """Whether both were scored on the same labels, as far as counts can tell: each clip has as
-        many voxels of every class, whatever was predicted there."""
-        ours, theirs = (tally.tables["occupancy"]["count"].sum(-1) for tally in (self, other))
-        return torch.equal(ours, theirs)
+    def scored_on_other(self, tally: "Tally") -> str:
+        """What this one counted that the other did not: clips, frames, or labels as far as counts
+        can tell, where a clip has other numbers of voxels of the classes. Empty for the same."""
+        if (self.clips, self.frames) != (tally.clips, tally.frames):
+            return "other clips or frames"
+        # What was predicted plays no part in them.
+        ours, theirs = (each.tables["occupancy"]["count"].sum(-1) for each in (self, tally))
+        return "" if torch.equal(ours, theirs) else "other labels"
 
     def write(self, path: Path) -> None:
         """Write an ``.npz`` of plain arrays; the file is replaced as a whole or not at all."""

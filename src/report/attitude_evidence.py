@@ -178,10 +178,8 @@ def _require_same_frames(tallies: Mapping[Path, Tally]) -> None:
     require_same_protocol({str(path): tally.protocol for path, tally in tallies.items()})
     (first, reference), *others = tallies.items()
     for path, tally in others:
-        if not tally.has_frames_of(reference):
-            raise UserError(f"{path}: was scored on other frames than {first}; {AGAIN}")
-        if not tally.has_labels_of(reference):
-            raise UserError(f"{path}: was scored on other labels than {first}; {AGAIN}")
+        if other := tally.scored_on_other(reference):
+            raise UserError(f"{path}: was scored on {other} than {first}; {AGAIN}")
 
 
 def _conditions(path: Path) -> pd.DataFrame:

@@ -123,9 +123,7 @@ def _difference(first: ScoredRun, second: ScoredRun) -> str:
     if found := one.protocol.difference(other.protocol):
         key, _, value = found
         return f"{key}={value}"
-    if not one.has_frames_of(other):
-        return "other clips"
-    return "" if one.has_labels_of(other) else "other labels"
+    return other.scored_on_other(one)
 
 
 def _sorted(runs: Sequence[ScoredRun], ladder: Ladder) -> tuple[ScoredRun, ...]:

@@ -73,10 +73,8 @@ def _require_comparable(tallies: Mapping[str, Tally]) -> None:
     require_same_protocol({name: tally.protocol for name, tally in tallies.items()})
     (first, reference), *others = tallies.items()
     for name, tally in others:
-        if not tally.has_frames_of(reference):
-            raise UserError(f"{name}: has other clips or frames than {first}; score both alike")
-        if not tally.has_labels_of(reference):
-            raise UserError(f"{name}: was scored on other labels than {first}; score both alike")
+        if other := tally.scored_on_other(reference):
+            raise UserError(f"{name}: was scored on {other} than {first}; score both alike")
 
 
 def _tallies(runs: Sequence[str]) -> dict[str, Tally]:

@@ -169,8 +169,11 @@ def test_scores_under_other_conditions_are_not_put_beside_each_other(tmp_path):
             {"protocol": protocol("tiny-4567")},
             r"noise_3deg\.npz: was scored with dataset=tiny-4567",
         ),
-        ({"clips": [f"x/{n}" for n in range(len(CLIPS))]}, r"was scored on other frames than "),
-        ({"frames": FRAMES[::-1]}, r"was scored on other frames than "),
+        (
+            {"clips": [f"x/{n}" for n in range(len(CLIPS))]},
+            r"was scored on other clips or frames than ",
+        ),
+        ({"frames": FRAMES[::-1]}, r"was scored on other clips or frames than "),
         (
             {"tables": tally("other", lambda target, n: target, labels=1).tables},
             r"other labels than ",

@@ -73,7 +73,7 @@ def test_other_clips_are_refused(tmp_path):
     one, other = (read_run(write_run(tmp_path, name)) for name in ("baseline", "skyocc"))
     renamed = dataclasses.replace(other.tally, clips=["x/clip00", *other.tally.clips[1:]])
     other = dataclasses.replace(other, tally=renamed)
-    with pytest.raises(UserError, match="was scored on other clips than"):
+    with pytest.raises(UserError, match="was scored on other clips or frames than"):
         groups_of([one, other], mixed=False)
 
 

@@ -282,7 +282,9 @@ def test_other_frames_of_the_same_clips_are_not_compared(dataset, runs, tmp_path
     tally = Tally.read(path)
     first, second = tally.frames
     dataclasses.replace(tally, frames=[first - 1, second + 1]).write(path)
-    with pytest.raises(UserError, match=r"^perfect: has other clips or frames than blind; score"):
+    with pytest.raises(
+        UserError, match=r"^perfect: was scored on other clips or frames than blind"
+    ):
         compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
 
 
