@@ -39,15 +39,13 @@ def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = (
     """
     tallies = _tallies(list(map(str, runs)))
     _require_comparable(tallies)
-    first = next(iter(tallies.values()))
     if clips:
-        like = _clips_like(list(map(str, clips)), first)
+        like = _clips_like(list(map(str, clips)), next(iter(tallies.values())))
         tallies = {name: tally.of_clips(like.__contains__) for name, tally in tallies.items()}
-        first = next(iter(tallies.values()))
-    table = _differences(tallies)
+    scored, table = len(next(iter(tallies.values())).rows()), _differences(tallies)
     folder, console = Path(out), Console(width=110)
     write_table(table, folder / "differences.csv")
-    console.print(_printed(table, list(tallies), len(first.rows())))
+    console.print(_printed(table, list(tallies), scored))
     console.print(_sensitivity(tallies, folder), soft_wrap=True, highlight=False)
     console.print(str(folder), highlight=False, soft_wrap=True)
 

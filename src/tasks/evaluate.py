@@ -32,6 +32,8 @@ from .scenes import labels_of, scene_of
 from .scoring import parts_of, protocol_of, suite_of, tally_of
 
 SHOWN_FRAMES = 5
+COMPUTES_NOTHING = {"parameters": 0, "precision": "none"}
+"""What an anchor has for a network."""
 
 
 def evaluate(
@@ -56,16 +58,16 @@ def evaluate(
     part_company()
     if not is_first_process():
         return
-    parts, facts = parts_of(cfg.data.test_clips), _facts(cfg, folder, data)
-    facts["parameters"] = sum(p.numel() for p in module.network.parameters())
-    facts |= {"precision": trainer.precision, "seconds": round(seconds, 1)}
+    parts, shared = parts_of(cfg.data.test_clips), _facts(cfg, folder, data)
+    parameters = sum(p.numel() for p in module.network.parameters())
+    network = {"parameters": parameters, "precision": trainer.precision}
+    facts = {**shared, **network, "seconds": round(seconds, 1)}
     tallies, rows = [tally], result_rows(tally, parts, facts)
     for name, prediction in _anchors(prior).items():
         start_s = time.perf_counter()
         suite = anchor_scores(name, prediction, data, samples, suite_of(cfg, data))
         tallies.append(tally_of(name, protocol, suite, samples))
-        seconds = round(time.perf_counter() - start_s, 1)
-        facts |= {"parameters": 0, "precision": "none", "seconds": seconds}  # it computes nothing
+        facts = {**shared, **COMPUTES_NOTHING, "seconds": round(time.perf_counter() - start_s, 1)}
         rows += result_rows(tallies[-1], parts, facts)
     write_scores(folder.path, tallies, parts)
     _draw(cfg, folder, module, data)

@@ -21,7 +21,7 @@ from ..models.network import SkyOcc
 from ..models.prior import VoxelPrior
 from ..ontology import FREE, NUM_CLASSES
 from ..run_folder import CONFIG, RunFolder
-from .scoring import suite_of
+from .scoring import score_settings, suite_of
 
 
 def prior_of(cfg: DictConfig, data: SkyShieldData) -> VoxelPrior:
@@ -66,8 +66,8 @@ def require_buildable(cfg: DictConfig) -> None:
     said before any data are generated or read."""
     with torch.random.fork_rng(devices=[]):
         instantiate(cfg.model)
-    metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
-    ScoreSuite(VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True)), [], metric, suite)
+    grid = VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True))
+    ScoreSuite(grid, [], *score_settings(cfg))
 
 
 def load_weights(module: nn.Module, path: Path) -> None:

@@ -19,7 +19,7 @@ from ..report.results import print_results, read_results, write_results
 from ..report.scores import Parts, result_rows, write_scores, write_table
 from ..run_folder import shaping
 from .pairing import LAYOUTS, Pairing, Sample
-from .scoring import clips_of, parts_of, tally_of
+from .scoring import clips_of, parts_of, score_settings, tally_of
 
 
 def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> None:
@@ -36,7 +36,7 @@ def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> N
     pairing = LAYOUTS[cfg.layout.name](cfg, folder, part)
     facts = _facts(cfg, pairing, folder)
     samples = _sound_samples(pairing, folder, allow_missing)
-    metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
+    metric, suite = score_settings(cfg)
     name = str(pairing.facts.get("name", folder.name))
     scored = ScoreSuite(pairing.grid, clips_of(samples), metric, suite)
     with_logits = _count(scored, samples, pairing, name)

@@ -20,10 +20,15 @@ def parts_of(unseen: Collection[str]) -> dict[str, Callable[[str], bool]]:
     }
 
 
+def score_settings(cfg: DictConfig) -> tuple[dict, dict]:
+    """``metric`` and ``suite`` as plain data: all that says how scores are computed."""
+    metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
+    return metric, suite
+
+
 def suite_of(cfg: DictConfig, data: SkyShieldData) -> ScoreSuite:
     """The configured scores of the test split."""
-    metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
-    return ScoreSuite(data.grid, clips_of(data.split["test"]), metric, suite)
+    return ScoreSuite(data.grid, clips_of(data.split["test"]), *score_settings(cfg))
 
 
 def clips_of(samples: Sequence[tuple[str, int]]) -> list[str]:
@@ -42,5 +47,5 @@ def tally_of(
 
 def protocol_of(cfg: DictConfig, data: SkyShieldData, frames: int) -> Protocol:
     """What is counted, of so many frames of the test split, and how."""
-    metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
-    return Protocol.of(data.root.name, "test", frames, data.grid, SUPERVISED, metric, suite)
+    settings = score_settings(cfg)
+    return Protocol.of(data.root.name, "test", frames, data.grid, SUPERVISED, *settings)
