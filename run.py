@@ -19,9 +19,11 @@ def run(cfg: DictConfig) -> None:
     """Calls the configured task with the composed configuration."""
     # In here too, or Hydra adds lines of its own.
     with told_in_one_line():
-        words = HydraConfig.get().overrides
-        require_sound(cfg, words.task, words.hydra)
-        instantiate(cfg.task)(cfg)
+        overrides = HydraConfig.get().overrides
+        require_sound(cfg, overrides.task, overrides.hydra)
+        from src.tasks.trained import adopted  # only now: Lightning takes seconds to import
+
+        instantiate(cfg.task)(adopted(cfg, overrides.task))
 
 
 if __name__ == "__main__":

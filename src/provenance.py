@@ -1,4 +1,9 @@
-"""Where a number comes from: hashes of code and configuration, commit, packages, machine."""
+"""Where a number comes from: digests of code and configuration, commit, packages, machine.
+
+``python -m src.provenance`` prints the digests of what shapes the data and of what shapes trained
+weights and their scores. It needs the standard library alone, and prints the same under every
+supported Python.
+"""
 
 import ast
 import hashlib
@@ -12,6 +17,13 @@ from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parent
+DATA_CODE = ("sim", "geometry.py", "ontology.py", "data/clip.py", "data/rates.py")
+"""What shapes the bytes of a data set."""
+TRAINING_CODE = (
+    *("models", "data", "metrics", "tasks/model.py"),
+    *("geometry.py", "ontology.py", "rays.py", "voxel_march.py"),
+)
+"""What shapes the weights and the scores of a run, beside its data and its configuration."""
 PACKAGES = ("torch", "lightning", "torchmetrics", "numpy", "numba", "pybullet", "embreex", "pillow")
 
 
@@ -21,27 +33,23 @@ def digest_of(data: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def code_digest(paths: Iterable[Path]) -> str:
-    """Digest of what the Python files do: comments, docstrings and layout do not count."""
-    files = sorted(
-        file for path in paths for file in (path.rglob("*.py") if path.is_dir() else [path])
-    )
-    return digest_of(
-        [
-            [str(file.relative_to(SOURCE)), _statements(file.read_text(encoding="utf-8"))]
-            for file in files
-        ]
-    )
+def code_of(parts: Iterable[str]) -> dict[str, str]:
+    """Digest of what each Python file of some parts of ``src/`` does, by its path in there.
+
+    Comments, docstrings, layout and the messages of errors do not count.
+    """
+    paths = [SOURCE / part for part in parts]
+    files = [file for path in paths for file in (path.rglob("*.py") if path.is_dir() else [path])]
+    return {
+        file.relative_to(SOURCE).as_posix(): _file_digest(file.read_text(encoding="utf-8"))
+        for file in sorted(files)
+    }
 
 
-def source_digest() -> str:
-    """Digest of all of ``src/``, as it lies on the disk now."""
-    return code_digest([SOURCE])
-
-
-def code_version(config: Mapping) -> str:
-    """The version of a result: digest of ``src/`` and of the composed configuration."""
-    return digest_of([source_digest(), config])
+def different_file(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """The first file of ``src/`` in which two results of `code_of` differ, or nothing."""
+    files = sorted(before.keys() | now.keys())
+    return next((file for file in files if before.get(file) != now.get(file)), "")
 
 
 def git_commit() -> str:
@@ -84,18 +92,29 @@ def _git(*words: str) -> str:
 
 
 @cache
-def _statements(source: str) -> str:
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list) and body and _is_text(body[0]):
-            node.body = body[1:] or [ast.Pass()]
-    return ast.unparse(tree)
+def _file_digest(source: str) -> str:
+    return digest_of(_meaning(ast.parse(source)))
 
 
-def _is_text(node: ast.stmt) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
+def _meaning(node: object) -> object:
+    """A syntax tree as plain data. `ast.unparse` would write it otherwise in each Python."""
+    if isinstance(node, list):
+        texts = [isinstance(each, ast.Expr) and _is_text(each.value) for each in node]
+        return [_meaning(each) for each, is_text in zip(node, texts) if not is_text]
+    if not isinstance(node, ast.AST):
+        return [type(node).__name__, node if isinstance(node, str) else repr(node)]
+    if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+        return ["Raise", _meaning(node.exc.func)]
+
+    # Newer versions have more fields, which are empty where the source is the same.
+    fields = [(name, value) for name, value in ast.iter_fields(node) if value not in (None, [])]
+    return [type(node).__name__, *([name, _meaning(value)] for name, value in fields)]
+
+
+def _is_text(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+
+
+if __name__ == "__main__":
+    for name, parts in (("data", DATA_CODE), ("training", TRAINING_CODE)):
+        print(name, digest_of(code_of(parts)))

@@ -4,7 +4,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pandas as pd
@@ -12,8 +12,8 @@ import yaml
 
 from .atomic import replacing
 from .errors import UserError
-from .locks import locked, telling
-from .provenance import code_version, source_digest
+from .locks import alone_at
+from .provenance import TRAINING_CODE, code_of, different_file, digest_of
 
 CONFIG = "config.yaml"
 METRICS = "metrics.csv"
@@ -23,12 +23,17 @@ TALLIES = "tallies"
 SESSIONS = "sessions"
 VERSION = ".version"
 CODE = ".code"
+BEST, LAST = "checkpoints/best.ckpt", "checkpoints/last.ckpt"
+ANCHORS = ("all_free", "voxel_prior")
+"""Predictions that never look at an image, scored beside every run."""
 NOT_SHAPING = (
     *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
-    *("predictions", "dataset", "layout"),
+    *("predictions", "dataset", "layout", "logger", "callbacks.progress"),
     *("data.workers", "sim.workers", "sim.shards", "sim.shard", "sim.dry_run"),
+    *(f"trainer.{key}" for key in ("default_root_dir", "log_every_n_steps")),
+    *(f"trainer.enable_{key}" for key in ("model_summary", "progress_bar")),
 )
-"""Keys that say where, how fast and what to do, not how the model is trained."""
+"""Keys that say where, how fast and what to do, not how the model is trained or scored."""
 IDENTITY = ("name", "seed", "model", "loss")
 """Keys that say whose weights a checkpoint holds."""
 START = ("model.backbone.weights", "model.backbone.weights_sha256")
@@ -38,14 +43,16 @@ START = ("model.backbone.weights", "model.backbone.weights_sha256")
 class RunFolder:
     """``runs/<scale>/<experiment>/seed<k>/``: config, metrics, results, checkpoints and figures.
 
-    ``version`` is the code version of the run: the hash of ``src/`` and of the configuration, less
-    the keys of `NOT_SHAPING`. It is the same wherever the folder lies.
+    ``version`` is the identity of the run: a digest of the code that shapes it, of the name of its
+    ``dataset``, which is a digest of all that shapes the data, and of the configuration, less the
+    keys of `NOT_SHAPING`. It is the same wherever the folder lies.
     """
 
-    def __init__(self, path: Path, config: dict) -> None:
+    def __init__(self, path: Path, config: dict, dataset: str) -> None:
         self.path = Path(path)
         self.config = config
-        self.version = code_version(shaping(config))
+        self.code = code_of(TRAINING_CODE)
+        self.version = version_of(config, dataset)
 
     @property
     def results(self) -> Path:
@@ -61,61 +68,45 @@ class RunFolder:
 
     @property
     def best_checkpoint(self) -> Path:
-        return self.path / "checkpoints" / "best.ckpt"
+        return self.path / BEST
 
     @property
     def last_checkpoint(self) -> Path:
-        return self.path / "checkpoints" / "last.ckpt"
+        return self.path / LAST
 
     def checkpoint(self, name: str) -> Path:
-        """What ``ckpt_path`` means: ``best`` or ``last`` of this run, or a file.
-
-        Raises `UserError` where there is none.
-        """
+        """What ``ckpt_path`` means: ``best`` or ``last`` of this run, or a file."""
         named = {"best": self.best_checkpoint, "last": self.last_checkpoint}
-        path = named.get(name, Path(name))
-        if not path.is_file():
-            raise UserError(f"ckpt_path: no checkpoint {path}; give best, last or an existing file")
-        return path
+        return named.get(name, Path(name))
 
     def is_finished(self) -> bool:
         """Whether the results of this very configuration and code are there, all of them."""
-        files = (RESULTS, SCORES, f"{TALLIES}/{self.config['name']}.npz")
+        counted = (self.config["name"], *ANCHORS)
+        files = (RESULTS, SCORES, *(f"{TALLIES}/{name}.npz" for name in counted))
         whole = all((self.path / name).is_file() for name in files)
         return whole and self._recorded_version() == self.version
 
-    @contextmanager
-    def alone(self) -> Iterator[None]:
-        """Keeps others out of the folder: a second process of the same run waits for its turn.
-
-        On a file system that has no locks nobody waits.
-        """
-        on_wait = telling(f"{self.path}: another process is at work on this run")
-        # Beside the folder, which may be moved aside.
-        lock = self.path.with_name(f".{self.path.name}.lock")
-        lock.parent.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as held:
-            with suppress(UserError):
-                held.enter_context(locked(lock, on_wait))
-            yield
+    def alone(self) -> AbstractContextManager[None]:
+        """Keeps others out of the folder: a second process of the same run waits for its turn."""
+        return alone_at(self.path, f"{self.path}: another process is at work on this run")
 
     def open(self, afresh: bool) -> Path | None:
         """Makes the folder ready and returns the checkpoint to go on from, if there is one.
 
         What another configuration or other code left here is moved aside, never overwritten; so is
         everything when the run shall start afresh. A run that was killed before its first
-        checkpoint has lost nothing: it begins again where it is, with the precision that it chose.
+        checkpoint has lost nothing: it begins again where it is.
         """
         checkpoint = self.to_resume(afresh)
         if checkpoint or self._has_no_checkpoint(afresh):
             self._remove_leftovers()
         elif self.path.exists():
-            os.rename(self.path, self._free_name())
+            self._move_aside()
         if checkpoint is None:
             shutil.rmtree(self.path / SESSIONS, ignore_errors=True)
             self._write(CONFIG, yaml.safe_dump(self.config, sort_keys=False))
             self._write(VERSION, self.version + "\n")
-            self._write(CODE, source_digest() + "\n")
+            self._write(CODE, "".join(f"{digest}  {file}\n" for file, digest in self.code.items()))
         return checkpoint
 
     def to_resume(self, afresh: bool) -> Path | None:
@@ -166,50 +157,54 @@ class RunFolder:
     def _recorded_version(self) -> str:
         return _recorded(self.path / VERSION)
 
-    def _free_name(self) -> Path:
+    def _move_aside(self) -> None:
         number = 1
         while (aside := self.path.with_name(f"{self.path.name}.before{number}")).exists():
             number += 1
-        return aside
+        os.rename(self.path, aside)
+
+        file = different_file(recorded_code(aside), self.code)
+        reason = f": src/{file} was another one" if file else ""
+        print(f"{self.path}: what was there is kept in {aside.name}{reason}", flush=True)
 
     def _write(self, name: str, text: str) -> None:
         with replacing(self.path / name) as temporary:
             temporary.write_text(text)
 
 
-def code_of(folder: Path) -> str:
-    """Digest of ``src/`` alone when the run began: the version of a run hashes its configuration
-    too, so it cannot say whether two rungs ran the same code. Empty for a run that recorded none.
+def recorded_code(folder: Path) -> dict[str, str]:
+    """Digest of every file that shaped a run, as `code_of` gave them when it began; empty for a run
+    that recorded none. Runs of before version 2 have one digest, of all of ``src/``.
     """
-    return _recorded(Path(folder) / CODE)
+    lines = _recorded(Path(folder) / CODE).splitlines()
+    return {file: digest for digest, _, file in (line.partition("  ") for line in lines)}
 
 
 def _recorded(path: Path) -> str:
     return path.read_text().strip() if path.is_file() else ""
 
 
-def require_same_config(checkpoint: Path, config: dict, keys: Sequence[str] = ()) -> None:
-    """Refuses a checkpoint whose run was started under another configuration.
+def version_of(config: dict, dataset: str) -> str:
+    """The identity of a run of the code at hand: see `RunFolder`."""
+    return digest_of([code_of(TRAINING_CODE), dataset, shaping(config)])
+
+
+def require_same_config(
+    checkpoint: Path, before: dict, config: dict, keys: Sequence[str] = ()
+) -> None:
+    """Refuses a checkpoint of a run that was started under another configuration.
 
     ``keys`` narrows the comparison to some at the top level, such as `IDENTITY`, less what the
-    training began with. Raises `UserError` that names the first key that differs, or where the
-    run's ``config.yaml`` cannot be read.
+    training began with. Raises `UserError` that names the first key that differs.
     """
-    path = checkpoint.parent.parent / CONFIG
-    unknown = f"so what {checkpoint.name} was trained with is unknown"
-    before = read_config(path, f"{unknown}; keep a checkpoint in the folder of its run")
-    if keys:
-        found = [
-            each for key in keys for each in differences(_only(key, before), _only(key, config))
-        ]
-    else:
-        found = differences(shaping(before), shaping(config))
-    way_out = "or another ckpt_path" if keys else "or drop ckpt_path to start anew"
-    for key, old, new in found:
-        if not (keys and key in START):
+    for key in keys or sorted(before.keys() | config.keys()):
+        for dotted, old, new in differences(_only(key, before), _only(key, config)):
+            if keys and dotted in START:
+                continue
+            way_out = "or another ckpt_path" if keys else "or drop ckpt_path to start anew"
             raise UserError(
-                f"{path}: the run was started with {key}={json.dumps(old)}, and now it is "
-                f"{json.dumps(new)}; give the old value, {way_out}"
+                f"ckpt_path: {checkpoint} was trained with {dotted}={json.dumps(old)}, and now it "
+                f"is {json.dumps(new)}; give the old value, {way_out}"
             )
 
 

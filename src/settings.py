@@ -18,9 +18,12 @@ from .keys import plain, require_known, require_set_soundly, require_type
 
 GROUPS = Path(__file__).parent.parent / "conf"
 TRAINING = "src.tasks.fit.fit"
-PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
+PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 """Geometry is computed in fp32, so the network has no pure half or double precision."""
-CHOICES = {"trainer.precision": PRECISIONS, "data.order": ORDERS, "data.history": HISTORY}
+CHOICES = {
+    **{"trainer.precision": ("auto", *PRECISIONS), "gpu_precision": PRECISIONS},
+    **{"data.order": ORDERS, "data.history": HISTORY},
+}
 LIMITS = (
     *(f"trainer.limit_{part}_batches" for part in ("train", "val", "test")),
     "task.limit_train_batches",

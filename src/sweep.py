@@ -57,11 +57,13 @@ def do_job(cfg: DictConfig) -> Outcome:
 
     A failure is told at once, as `told_in_one_line` would, but ends this job alone.
     """
+    from .tasks.trained import adopted  # only here: Lightning takes seconds to import
+
     quiet_libraries()
     try:
         overrides = HydraConfig.get().overrides
         with _as_if_alone([*search_path(overrides.hydra), *overrides.task]):
-            return Outcome(instantiate(cfg.task)(cfg) or FINISHED)
+            return Outcome(instantiate(cfg.task)(adopted(cfg, overrides.task)) or FINISHED)
     except Exception as error:
         message = one_line(error)
         if message is None:

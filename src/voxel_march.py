@@ -5,10 +5,11 @@ Everything is in grid coordinates: one unit is a voxel and voxel ``(i, j, k)`` c
 """
 
 import numpy as np
-from numba import njit
+
+from .jit import njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def start(origin, direction, t, size):
     """Along one axis: the first voxel, the step, where the next voxel begins, and a voxel's width.
 
@@ -21,7 +22,7 @@ def start(origin, direction, t, size):
     return cell, step, (cell + (step > 0) - origin) / direction, abs(1.0 / direction)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def enter(shape, origin, direction):
     """Where a ray enters the grid and through which axis; -1 where it starts inside."""
     t_in, t_out, axis = 0.0, np.inf, -1
@@ -40,7 +41,7 @@ def enter(shape, origin, direction):
     return (t_in, axis) if t_in < t_out else (np.inf, -1)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def first_hit(occupied, origin, direction, cell):
     """Distance to the first occupied voxel and the axis of the face; ``(inf, -1)`` for none.
 

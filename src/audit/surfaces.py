@@ -4,11 +4,11 @@ Nothing is sampled. A triangle is cut into slabs of voxels along x, each piece a
 those along z (Sutherland and Hodgman, 1974); the area of what is left counts for the voxel.
 """
 
-import numba
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from ..geometry import VoxelGrid
+from ..jit import njit
 from ..ontology import OCCUPIED
 
 MOST_CORNERS = 12
@@ -36,7 +36,7 @@ def surface_areas(
     return areas_m2
 
 
-@numba.njit(cache=True)
+@njit
 def _add_areas(
     areas_m2: Float[np.ndarray, "X Y Z 8"],
     triangles: Float[np.ndarray, "f 3 3"],
@@ -58,7 +58,7 @@ def _add_areas(
                     areas_m2[x, y, z, class_id[f]] += _area(pieces[3], at_z)
 
 
-@numba.njit(cache=True)
+@njit
 def _span(
     piece: Corners,
     corners: int,
@@ -79,7 +79,7 @@ def _span(
     return max(first, 0), min(last + 1, count)
 
 
-@numba.njit(cache=True)
+@njit
 def _slab(
     pieces: Float[np.ndarray, "4 c 3"],
     level: int,
@@ -95,7 +95,7 @@ def _slab(
     return _cut(between, kept, axis, low_m + voxel_m + margin_m, -1.0, pieces[level + 1])
 
 
-@numba.njit(cache=True)
+@njit
 def _cut(piece: Corners, corners: int, axis: int, at_m: float, side: float, kept: Corners) -> int:
     """The part of a convex polygon on one side of a plane; returns its number of corners.
 
@@ -115,12 +115,12 @@ def _cut(piece: Corners, corners: int, axis: int, at_m: float, side: float, kept
     return count
 
 
-@numba.njit(cache=True)
+@njit
 def _lies_in(piece: Corners, corners: int, axis: int, at_m: float) -> bool:
     return (piece[:corners, axis] == at_m).all()
 
 
-@numba.njit(cache=True)
+@njit
 def _area(piece: Corners, corners: int) -> float:
     """Half the length of the sum of the cross products of a fan of triangles."""
     total = np.zeros(3)

@@ -18,7 +18,7 @@ from ..geometry import VoxelGrid
 from .batches import ALONE, ORDERS, BatchesInOrder, Rank, StreamBatches, TrainingBatches
 from .clip import Clip
 from .dataset import OccupancyDataset, velocity_world_mps
-from .manifest import read_manifest
+from .manifest import missing_clips, read_manifest
 from .split import make_split
 
 
@@ -27,9 +27,10 @@ class SkyShieldData(LightningDataModule):
 
     Images stay uint8 until they are on the device. ``order`` is that of training: ``"shuffled"``
     frames, each with the images of its whole history, or ``"streams"`` of consecutive ones
-    (`StreamBatches`), each with its own image alone. Raises `UserError` for another ``order``, and
-    where the data set is incomplete, a file is broken, the split leaves a part without a frame, or
-    the grid has no left and right to swap.
+    (`StreamBatches`), each with its own image alone. With ``allow_missing`` the frames of clips
+    that are not on the disk are left out, and ``missing`` names these clips. Raises `UserError` for
+    another ``order``, and where the data set is incomplete, a file is broken, the split leaves a
+    part without a frame, or the grid has no left and right to swap.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class SkyShieldData(LightningDataModule):
         batch_size: int,
         workers: int,
         seed: int,
+        allow_missing: bool = False,
     ) -> None:
         super().__init__()
         self.root = Path(root)
@@ -55,13 +57,23 @@ class SkyShieldData(LightningDataModule):
         if order not in ORDERS:
             raise UserError(f"data.order: {order!r}; there are {', '.join(ORDERS)}")
         self.mirror, self.batch_size, self.workers, self.seed = mirror, batch_size, workers, seed
+
         clip_ids = list(read_manifest(self.root)["clips"])
-        self.clips = {clip_id: Clip(self.root / clip_id) for clip_id in clip_ids}
-        first = self.clips[clip_ids[0]]
-        self.split = make_split(
+        self.missing = missing_clips(self.root, clip_ids) if allow_missing else []
+        there = [clip_id for clip_id in clip_ids if clip_id not in self.missing]
+        if not there:
+            raise UserError(f"{self.root}: none of its clips is there; run task=generate")
+        self.clips = {clip_id: Clip(self.root / clip_id) for clip_id in there}
+
+        first = self.clips[there[0]]
+        split = make_split(
             clip_ids, len(first), first.meta.capture_hz, self.val_clips, self.test_clips
         )
-        for part, samples in self.split.items():
+        self.split = {
+            part: [(clip, frame) for clip, frame in samples if clip in self.clips]
+            for part, samples in split.items()
+        }
+        for part, samples in split.items():
             if not samples:
                 raise UserError(f"data.val_clips/data.test_clips: they leave no frame for {part}")
         if mirror and self.grid.lower_m[1] != -self.grid.upper_m[1]:

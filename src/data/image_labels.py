@@ -5,11 +5,11 @@ from typing import TypedDict
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int64, UInt8
-from numba import njit
 from torch import Tensor
 from torch.utils.data import Dataset
 
 from ..geometry import VoxelGrid, camera_from_occ, pixel_centres
+from ..jit import njit
 from ..ontology import FREE
 from ..rays import rays_in_grid
 from ..voxel_march import first_hit
@@ -79,7 +79,7 @@ def labels_of_pixels(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _march(
     semantics: UInt8[np.ndarray, "X Y Z"],
     occupied: Bool[np.ndarray, "X Y Z"],

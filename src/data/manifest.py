@@ -10,13 +10,12 @@ from pathlib import Path
 
 from ..atomic import replacing
 from ..errors import UserError
-from ..provenance import SOURCE, code_digest, digest_of, package_versions
+from ..provenance import DATA_CODE, code_of, digest_of, package_versions
 from .clip import SUMS, recorded_sums, sha256_of
 from .split import Split, held_out_clips
 
 MANIFEST = "manifest.json"
 MANIFEST_KEYS = {"scale", "sim", "generator", "packages", "split", "held_out", "clips", "digest"}
-GENERATOR_CODE = ("sim", "geometry.py", "ontology.py", "data/clip.py", "data/rates.py")
 NOT_SHAPING = ("workers", "dry_run", "shards", "shard")
 """Settings of ``sim`` that change no byte of a clip."""
 
@@ -33,7 +32,7 @@ class DatasetSpec:
     def of(cls, scale: str, sim: Mapping) -> "DatasetSpec":
         """The specification of what the code at hand would generate."""
         shaping = {key: _plain(value) for key, value in sim.items() if key not in NOT_SHAPING}
-        return cls(scale, shaping, code_digest(SOURCE / part for part in GENERATOR_CODE))
+        return cls(scale, shaping, digest_of(code_of(DATA_CODE)))
 
     @property
     def digest(self) -> str:

@@ -10,13 +10,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-import numba
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int64
 
 from ..errors import UserError
 from ..geometry import MIN_DEPTH_M, camera_from_occ
+from ..jit import njit
 from ..ontology import ACTOR_TYPES, CLASSES, UNKNOWN
 from .clip import Clip
 from .manifest import missing_clips, read_manifest
@@ -214,7 +214,7 @@ def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _count_in_image(
     pix_from_occ: Float[np.ndarray, "3 4"],
     lower_m: Float[np.ndarray, "3"],

@@ -1,5 +1,7 @@
 """ResNet image encoder (the paper's Phi_img), whose parameter names are torchvision's."""
 
+from typing import ClassVar
+
 import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor, nn
@@ -97,8 +99,11 @@ class ResNet(nn.Module):
 
     ``depth`` is 18 or 50; ``width`` is the channels of the first stage (64 is the standard one).
     ``weights`` and ``weights_sha256`` go to `load_weights`; with ``None`` it starts at random.
-    ``channels`` holds the channels of the four outputs. Raises `UserError` for another depth.
+    ``channels`` holds the channels of the four outputs, and ``built_by`` the arguments that build
+    one to be filled from a checkpoint. Raises `UserError` for another depth.
     """
+
+    built_by: ClassVar = {"weights": None, "weights_sha256": None}
 
     def __init__(
         self,

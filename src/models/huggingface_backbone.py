@@ -1,5 +1,6 @@
 """Image encoders from the Hugging Face Hub, or at random from their configurations."""
 
+import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,8 @@ from .backbone import STRIDES, PixelNorm
 LAST_FOUR = [-4, -3, -2, -1]
 """Stages, whether or not a model counts its stem as one."""
 
+OF_OUTPUTS = ("out_indices", "out_features", "stage_names", "architectures")
+"""What a configuration says of its outputs, which are always the last four."""
 CONFIG_FILES = ["config.json"]
 WEIGHT_FILES = ["model.safetensors", "model-*.safetensors", "model.safetensors.index.json"]
 PROBE_PIX = 64
@@ -29,7 +32,8 @@ class HuggingFaceBackbone(nn.Module):
     ``pretrained`` its weights are loaded, otherwise it starts at random. In the place of a name,
     ``config`` describes a random model, and needs no network: its ``model_type`` and whatever else
     that type takes. Only JSON and safetensors are fetched and read, never a pickle, never code.
-    ``channels`` holds the channels of the four outputs.
+    ``channels`` holds the channels of the four outputs, and ``built_by`` arguments that build the
+    same model at random without any file.
 
     Raises `UserError` where transformers is missing, for a model that cannot be had or built, for
     weights that leave a part of it at random, and for stages at other strides.
@@ -54,8 +58,19 @@ class HuggingFaceBackbone(nn.Module):
         else:
             self.model = _by_name(transformers, name, pretrained, revision)
         self.pixel_norm = PixelNorm()
-        maps = _probe(self.model, name if config is None else config["model_type"])
-        self.channels = tuple(level.shape[1] for level in maps)
+        self.called = name if config is None else config["model_type"]
+        self.channels = tuple(level.shape[1] for level in _probe(self.model, self.called))
+        self.freeze_unread(finest=0)
+        described = json.loads(self.model.config.to_json_string())
+        described = {key: value for key, value in described.items() if key not in OF_OUTPUTS}
+        self.built_by = {"name": None, "pretrained": False, "config": described}
+
+    def freeze_unread(self, finest: int) -> None:
+        """Training leaves alone what leads to no feature map from the level ``finest`` on.
+
+        Such as a last norm: it would never have a gradient, which several processes wait for.
+        """
+        maps = _probe(self.model, self.called)[finest:]
         _freeze_unread(self.model, maps)
         self.model.train()  # as any new module; what was loaded is in its evaluation mode
 

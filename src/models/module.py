@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import torch
 from lightning import LightningModule
@@ -12,7 +13,9 @@ from torchmetrics import Metric
 
 from ..data.truth import truth_of
 from ..errors import UserError
+from .checkpoint import FORMAT, Origin
 from .memory import PillarMemory
+from .weights import ORIGIN
 
 
 class OccupancyModule(LightningModule):
@@ -20,8 +23,8 @@ class OccupancyModule(LightningModule):
 
     ``test_suite`` counts what is predicted on the test split. With a ``memory`` the training
     batches are consecutive frames, and what a step computed of them is the next one's history.
-    Raises `UserError` when a loss is not finite: in training before the weights are touched, in
-    validation before they are saved.
+    ``origin`` is kept in every checkpoint. Raises `UserError` when a loss is not finite: in
+    training before the weights are touched, in validation before they are saved.
     """
 
     def __init__(
@@ -32,6 +35,7 @@ class OccupancyModule(LightningModule):
         optimizer: Mapping[str, float],
         test_suite: nn.Module,
         memory: PillarMemory | None = None,
+        origin: Origin | None = None,
     ) -> None:
         super().__init__()
         self.network = network
@@ -39,10 +43,17 @@ class OccupancyModule(LightningModule):
         self.val_scores = make_scores()
         self.test_suite = test_suite
         self.memory = memory
+        self.origin = origin
         self.optimizer_config = dict(optimizer)
 
     def forward(self, batch: Mapping[str, Tensor]) -> Tensor:
         return self.network(batch)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Lets the file stand alone: `Checkpoint` reads what is written here."""
+        if self.origin is not None:
+            backbone = getattr(self.network.backbone, "built_by", {})
+            checkpoint[ORIGIN] = {**vars(self.origin), "format": FORMAT, "backbone": backbone}
 
     def on_train_epoch_start(self) -> None:
         if self.memory is not None:

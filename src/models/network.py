@@ -65,6 +65,8 @@ class SkyOcc(nn.Module):
         dim = encoder.dim
         self.backbone, self.encoder, self.decoder = backbone, encoder, decoder
         self.neck = FPN(backbone.channels, dim, encoder.reads_strides)
+        if hasattr(backbone, "freeze_unread"):
+            backbone.freeze_unread(self.neck.finest)
         self.metadata = Metadata(dim, metadata) if metadata != [] else None
         self.ground = ground
         self.history, self.history_grad = history, history_grad

@@ -1,6 +1,7 @@
 """Streaming inference: one frame and its pose at a time, as in flight."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import torch
@@ -10,6 +11,7 @@ from torch import Tensor
 
 from ..data.batch import ego_motion
 from ..errors import UserError
+from .checkpoint import Checkpoint
 from .export import ExportedStep
 from .history import History
 from .network import SkyOcc
@@ -76,6 +78,16 @@ class SkyOccStream:
         self.step_s, self.tolerance_s = history_step_s, tolerance_s
         self.past: list[Past] = []
         self.clip = ""
+
+    @classmethod
+    def of(cls, path: str | Path, tolerance_s: float = 0.02) -> "SkyOccStream":
+        """A stream of the network in a checkpoint, at the history step of its training.
+
+        Raises `UserError` as `Checkpoint` does.
+        """
+        checkpoint = Checkpoint.read(path)
+        step_s = checkpoint.origin.config["data"]["history_step_s"]
+        return cls(checkpoint.network(), step_s, tolerance_s)
 
     def reset(self) -> None:
         """Drop the history."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from urllib.error import URLError
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from ..errors import UserError
 
@@ -18,6 +18,8 @@ PUBLISHED = {
 """torchvision's IMAGENET1K_V1 files, by depth; their names carry the hash's first 8 digits."""
 
 CLASSIFIER = "fc."
+ORIGIN = "skyshield"
+"""Under this key a file of task=pretrain, or a checkpoint, says where it comes from."""
 
 
 def load_weights(
@@ -38,14 +40,30 @@ def load_weights(
         raise UserError(f"model.backbone.weights: no file {path}; give a path, a URL or 'imagenet'")
     _verify(path, sha256)
     try:
-        state = torch.load(path, map_location="cpu", weights_only=True)
+        state, _ = read_encoder(path)
         kept = {k: v for k, v in state.items() if not k.startswith(CLASSIFIER)}
         backbone.load_state_dict(kept, strict=True)
-    except (AttributeError, EOFError, pickle.UnpicklingError, RuntimeError) as error:
+    except RuntimeError as error:
         reason = " ".join(str(error).split())[:200]
         raise UserError(
-            f"backbone.weights: {path.name} does not fit a ResNet-{depth} of this width "
+            f"model.backbone.weights: {path.name} does not fit a ResNet-{depth} of this width "
             f"(published files need width 64): {reason}"
+        ) from error
+
+
+def read_encoder(path: Path) -> tuple[dict[str, Tensor], dict]:
+    """The state dict of an encoder's file, and what a file of task=pretrain says of its training.
+
+    Raises `UserError` for a file that is none.
+    """
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+        return content.get("state_dict", content), content.get(ORIGIN, {})
+    except (AttributeError, EOFError, OSError, pickle.UnpicklingError, RuntimeError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise UserError(
+            f"model.backbone.weights: {path} is no readable file of weights ({reason}); give "
+            "another one"
         ) from error
 
 
@@ -57,8 +75,8 @@ def _download(url: str) -> Path:
             torch.hub.download_url_to_file(url, str(path), progress=False)
         except (URLError, OSError) as error:
             raise UserError(
-                f"backbone.weights: cannot download {url} ({error}); fetch it elsewhere and give "
-                "its path, or set backbone.weights=null"
+                f"model.backbone.weights: cannot download {url} ({error}); fetch it elsewhere and "
+                "give its path, or set model.backbone.weights=null"
             ) from error
     return path
 
@@ -69,11 +87,11 @@ def _verify(path: Path, sha256: str | None) -> None:
     actual = hashlib.sha256(path.read_bytes()).hexdigest()
     if not expected:
         raise UserError(
-            f"backbone.weights_sha256: {path.name} carries no hash in its name; set this to "
+            f"model.backbone.weights_sha256: {path.name} carries no hash in its name; set this to "
             f"{actual} if you trust the file"
         )
     if not actual.startswith(expected.lower()):
         raise UserError(
-            f"backbone.weights: {path} has SHA-256 {actual}, not {expected}; delete it and fetch "
-            "it again"
+            f"model.backbone.weights: {path} has SHA-256 {actual}, not {expected}; delete it and "
+            "fetch it again"
         )

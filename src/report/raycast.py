@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
-from numba import njit
 
+from ..jit import njit
 from ..voxel_march import first_hit
 
 MISS, VOXEL, FLOOR = 0, 1, 2
@@ -60,7 +60,7 @@ def cast(
     return hits
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _cast(occupied, origin, directions, sun, floor, hits):
     cell = np.empty(3, np.int64)
     scratch = np.empty(3, np.int64)
@@ -92,12 +92,12 @@ def _cast(occupied, origin, directions, sun, floor, hits):
         hits.sunlit[n] = lit and first_hit(occupied, point, sun, scratch)[1] < 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _over_footprint(occupied, point):
     return 0 <= point[0] < occupied.shape[0] and 0 <= point[1] < occupied.shape[1]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _face(occupied, point, cell, axis, side, before):
     """Distance to the nearest edge of the face, and ambient occlusion blended from its corners.
 
@@ -122,7 +122,7 @@ def _face(occupied, point, cell, axis, side, before):
     return min(min(u, 1 - u), min(v, 1 - v)), openness
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _filled(occupied, cell):
     for a in range(3):
         if cell[a] < 0 or cell[a] >= occupied.shape[a]:

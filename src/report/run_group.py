@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
 from ..metrics.tally import Tally
+from ..provenance import different_file
 from .evidence import Evidence
 from .ladder import ANCHORS, PAPER, Ladder
 from .scored_part import ScoredPart
@@ -104,9 +105,11 @@ def groups_of(runs: Sequence[ScoredRun], mixed: bool, ladder: Ladder = PAPER) ->
 def _require_same_code(runs: Sequence[ScoredRun]) -> None:
     for run in runs[1:]:
         if run.code != runs[0].code:
+            file = different_file(run.files, runs[0].files)
+            where = f" (src/{file} differs)" if file else ""
             raise UserError(
                 f"{run.path}: was trained by {run.code}, and {runs[0].path} by "
-                f"{runs[0].code}; train both by the same, or set {MIXED}"
+                f"{runs[0].code}{where}; train both by the same, or set {MIXED}"
             )
 
 

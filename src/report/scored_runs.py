@@ -10,7 +10,8 @@ import pandas as pd
 
 from ..errors import UserError
 from ..metrics.tally import Tally
-from ..run_folder import CONFIG, METRICS, RESULTS, SESSIONS, TALLIES, code_of, read_config
+from ..provenance import digest_of
+from ..run_folder import CONFIG, METRICS, RESULTS, SESSIONS, TALLIES, read_config, recorded_code
 from .ladder import ANCHORS, value_at
 from .results import read_results
 
@@ -30,13 +31,13 @@ NEEDED = {
 class ScoredRun:
     """A finished run: its configuration, what it was scored, and the anchors scored beside it.
 
-    ``code_digest`` is that of ``src/`` when it was trained, empty where none was kept; ``row`` is
-    its row of the whole test split in ``results.csv``.
+    ``files`` are digests of the code that trained it, empty where none were kept; ``row`` is its
+    row of the whole test split in ``results.csv``.
     """
 
     path: Path
     config: dict
-    code_digest: str
+    files: dict[str, str]
     row: pd.Series
     tally: Tally
     anchors: dict[str, Tally]
@@ -50,9 +51,15 @@ class ScoredRun:
         return self.config["seed"]
 
     @property
+    def code_digest(self) -> str:
+        """Of all that trained it; empty where nothing was kept."""
+        # Before format 2 of checkpoints one digest was kept, of all files.
+        return self.files.get("") or (digest_of(self.files) if self.files else "")
+
+    @property
     def code(self) -> str:
         """In words; `UNKNOWN_CODE` where no digest was kept."""
-        return f"code {self.code_digest}" if self.code_digest else UNKNOWN_CODE
+        return f"code {self.code_digest}" if self.files else UNKNOWN_CODE
 
     def __str__(self) -> str:
         return f"{self.experiment} seed {self.seed}"
@@ -123,7 +130,7 @@ def read_run(path: Path) -> ScoredRun | UnfinishedRun:
     return ScoredRun(
         path,
         config,
-        code_of(path),
+        recorded_code(path),
         own.iloc[0],
         Tally.read(tallies / f"{name}.npz"),
         {anchor: Tally.read(tallies / f"{anchor}.npz") for anchor in anchors},

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
+from ..jit import njit
 from ..ontology import GROUND
 from .rain import draw_rain
 from .sky import Sky, sky_at
@@ -82,7 +82,7 @@ def apply_weather(
     return _exposed(image, seed, weather.read_noise, weather.shot_noise)
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def _look(world_from_pix, row, column):
     """Direction through a pixel's centre, unit length, and its length at a z-depth of 1 m."""
     u, v = np.float32(column + 0.5), np.float32(row + 0.5)
@@ -93,7 +93,7 @@ def _look(world_from_pix, row, column):
     return x / length, y / length, z / length, length
 
 
-@numba.njit(cache=True)
+@njit
 def _fill(image, rgb, depth_m, place_m, world_from_pix, air):
     """Lit surfaces seen through fog, and the sky where there are none. Beer-Lambert: what is left
     of the light, and the fog's own in the place of the rest."""
@@ -117,7 +117,7 @@ def _fill(image, rgb, depth_m, place_m, world_from_pix, air):
                 image[row, column, k] = fog + (rgb[row, column, k] * light - fog) * left
 
 
-@numba.njit(cache=True)
+@njit
 def _wet(image, rgb, depth_m, ground, place_m, world_from_pix, pix_from_world, air):
     """Ground that mirrors what stands above the horizon, after Fresnel; puddles mirror most."""
     shining = image.copy()
@@ -144,7 +144,7 @@ def _wet(image, rgb, depth_m, ground, place_m, world_from_pix, pix_from_world, a
     return shining
 
 
-@numba.njit(cache=True)
+@njit
 def _puddle(x_m, y_m, range_m):
     """How much of a puddle lies at a place of the world, 0 to 1; far off they run together."""
     field = value_noise(x_m / PUDDLE_M, y_m / PUDDLE_M, 2)
@@ -153,7 +153,7 @@ def _puddle(x_m, y_m, range_m):
     return np.float32(0.4) * (1 - sharp) + inside * sharp
 
 
-@numba.njit(cache=True)
+@njit
 def _mirrored(image, pix_from_world, x, y, z):
     """What the picture shows in a direction, blurred along columns; at its border, the border's."""
     height, width = image.shape[:2]
@@ -173,7 +173,7 @@ def _mirrored(image, pix_from_world, x, y, z):
     return red * share, green * share, blue * share
 
 
-@numba.njit(cache=True)
+@njit
 def _exposed(image, seed, read_noise, shot_noise):
     """The sensor: read noise everywhere, and shot noise, whose variance is in proportion to the
     light; both are given at the gain that the weather asks for."""
@@ -192,7 +192,7 @@ def _exposed(image, seed, read_noise, shot_noise):
     return picture
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def _normal(counter):
     """SplitMix64 of a counter, and the sum of its four 16-bit parts, scaled to variance 1.
 

@@ -7,10 +7,10 @@ whatever it is told, so that there all the light comes from here.
 
 from collections.abc import Callable
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from ..jit import njit
 from .weather import Weather
 
 LIFT_M = 0.05
@@ -83,7 +83,7 @@ def _towards(weather: Weather) -> Float[np.ndarray, "3"]:
     return np.array(weather.light()["lightDirection"], dtype=np.float32)
 
 
-@numba.njit(cache=True)
+@njit
 def surface_normals(
     points_m: Float[np.ndarray, "h w 3"], depth_m: Float[np.ndarray, "h w"]
 ) -> Float[np.ndarray, "h w 3"]:
@@ -127,7 +127,7 @@ def surface_normals(
     return normals
 
 
-@numba.njit(cache=True)
+@njit
 def _same_surface(here: float, before: float, after: float) -> int:
     """On which side the neighbour lies whose depth is nearer; 0 where both are the sky."""
     if np.isinf(before) and np.isinf(after):

@@ -4,9 +4,10 @@ The number of points in a voxel then measures the area of the surfaces in it, no
 how near they were scanned, and a clip's points stay few whatever the number of its scans.
 """
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
+
+from ..jit import njit
 
 POINT_CUBE_M = 0.1
 """The side of these cubes."""
@@ -59,7 +60,7 @@ def _keys(
     return ((cube[:, 0] << 20 | cube[:, 1]) << 20 | cube[:, 2]) << 3 | class_id
 
 
-@numba.njit(cache=True)
+@njit
 def _insert(
     table: Int[np.ndarray, "size"], keys: Int[np.ndarray, "n"], new: Bool[np.ndarray, "n"]
 ) -> None:

@@ -1,9 +1,9 @@
 """Streaks of rain, blended into a picture."""
 
-import numba
 import numpy as np
 from jaxtyping import Float
 
+from ..jit import njit
 from .weather import Weather
 
 STREAK_COLOR = (0.80, 0.83, 0.88)
@@ -31,7 +31,7 @@ def draw_rain(
     _draw(image, top, left, nearness, slant + rng.normal(0, 0.02, size=count), color)
 
 
-@numba.njit(cache=True)
+@njit
 def _draw(image, top, left, nearness, slant, color):
     """Each streak fades in and out; every row of it is shared by the two pixels that it is over."""
     height, width = image.shape[:2]

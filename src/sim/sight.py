@@ -1,15 +1,16 @@
 """What is in a traveller's way: the kernel that looks along every route at everyone else."""
 
-import numba
 import numpy as np
 from jaxtyping import Float, Int
+
+from ..jit import njit
 
 SIGHT_M = 30.0
 LOOK_M = 1.0
 """Spacing of the places on one's own way at which one looks."""
 
 
-@numba.njit(cache=True)
+@njit
 def look_ahead(
     points_m: Float[np.ndarray, "n s 2"],
     heading_rad: Float[np.ndarray, "n s"],
@@ -54,7 +55,7 @@ def look_ahead(
     return gap_m, lead_mps
 
 
-@numba.njit(cache=True)
+@njit
 def _beside(
     points_m: Float[np.ndarray, "s 2"],
     heading_rad: Float[np.ndarray, "s"],

@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from ..jit import njit
 from .value_noise import value_noise
 from .weather import Color, Weather
 
@@ -41,7 +41,7 @@ class Sky(NamedTuple):
         )
 
 
-@numba.njit(cache=True)
+@njit
 def sky_at(x: float, y: float, z: float, sky: Sky) -> tuple[float, float, float]:
     """Colour in a direction, a unit vector of the world; below the horizon that of the horizon, but
     for the sun's glow."""
@@ -58,7 +58,7 @@ def sky_at(x: float, y: float, z: float, sky: Sky) -> tuple[float, float, float]
     )
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def _mixed(k, height, cloud, glow, haze, sky):
     """One colour: the gradient, the sun's glow over it, clouds before both, haze before all."""
     horizon, zenith = np.float32(sky.horizon[k]), np.float32(sky.zenith[k])
@@ -70,7 +70,7 @@ def _mixed(k, height, cloud, glow, haze, sky):
     return fog + (value - fog) * haze
 
 
-@numba.njit(cache=True)
+@njit
 def _cloud(x, y, rise, sky):
     """How much of a cloud is in a direction, 0 to 1; they fade into the haze of the horizon."""
     if sky.cloud_cover <= 0 or rise <= 0:

@@ -1,10 +1,11 @@
 """Smooth random fields over a plane that are the same everywhere and for ever: clouds, puddles."""
 
-import numba
 import numpy as np
 
+from ..jit import njit
 
-@numba.njit(cache=True)
+
+@njit
 def value_noise(x: float, y: float, octaves: int) -> float:
     """A value in [0, 1], about 0.5 on average; lattice cells of the first octave have side 1.
 
@@ -21,7 +22,7 @@ def value_noise(x: float, y: float, octaves: int) -> float:
     return total / scale
 
 
-@numba.njit(cache=True)
+@njit
 def _smooth(x, y):
     """Random values at whole numbers, blended without creases between them."""
     column, row = np.floor(x), np.floor(y)
@@ -33,7 +34,7 @@ def _smooth(x, y):
     return near + (far - near) * t
 
 
-@numba.njit(cache=True)
+@njit
 def _at(i, j):
     """A hash of a lattice point, as a number in [0, 1)."""
     # Numba multiplies in 64 bits; every step is cut back to 32.

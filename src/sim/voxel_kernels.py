@@ -4,17 +4,17 @@ Every one is a plain loop over its first argument that writes into an array it i
 arguments are the numbers of a `geometry.VoxelGrid`: its lower corner and the side of its voxels.
 """
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ..geometry import MIN_DEPTH_M
+from ..jit import njit
 from ..ontology import FREE, RAREST_FIRST, UNKNOWN
 
 _ORDER = np.array(RAREST_FIRST, dtype=np.uint8)
 
 
-@numba.njit(cache=True)
+@njit
 def carve(
     free: UInt8[np.ndarray, "X Y Z"],
     lower_m: Float[np.ndarray, "3"],
@@ -50,7 +50,7 @@ def carve(
                 until_z += across_z
 
 
-@numba.njit(cache=True, inline="always")
+@njit(inline="always")
 def _first_cell(
     origin_m: float, lower_m: float, cell_m: float, along: float
 ) -> tuple[int, int, float, float]:
@@ -65,7 +65,7 @@ def _first_cell(
     return cell, 1 if along > 0 else -1, rest * across_m, across_m
 
 
-@numba.njit(cache=True)
+@njit
 def voxel_of(
     point: Float[np.ndarray, "3"],
     lower_m: Float[np.ndarray, "3"],
@@ -81,7 +81,7 @@ def voxel_of(
     return -1, 0, 0
 
 
-@numba.njit(cache=True)
+@njit
 def count_votes(
     votes: Int[np.ndarray, "X Y Z 8"],
     lower_m: Float[np.ndarray, "3"],
@@ -102,7 +102,7 @@ def count_votes(
             votes[x, y, z, class_id[i]] += 1
 
 
-@numba.njit(cache=True)
+@njit
 def count_pixel_votes(
     votes: Int[np.ndarray, "X Y Z 8"],
     seen: Bool[np.ndarray, "X Y Z"],
@@ -132,7 +132,7 @@ def count_pixel_votes(
                 seen[x, y, z] = True
 
 
-@numba.njit(cache=True)
+@njit
 def see_centres(
     inside: Bool[np.ndarray, "X Y Z"],
     before: Bool[np.ndarray, "X Y Z"],
@@ -166,7 +166,7 @@ def see_centres(
                     before[i, j, k] = depth < depth_m[int(v), int(u)] - clearance_m
 
 
-@numba.njit(cache=True)
+@njit
 def look_up(
     found: Bool[np.ndarray, "X Y Z"],
     lower_m: Float[np.ndarray, "3"],
@@ -196,7 +196,7 @@ def look_up(
                     found[i, j, k] = True
 
 
-@numba.njit(cache=True)
+@njit
 def mark_box(
     marked: Bool[np.ndarray, "X Y Z"],
     lower_m: Float[np.ndarray, "3"],
@@ -231,7 +231,7 @@ def mark_box(
                     marked[i, j, k] = True
 
 
-@numba.njit(cache=True)
+@njit
 def elect_classes(
     semantics: UInt8[np.ndarray, "X Y Z"],
     votes: Int[np.ndarray, "X Y Z 8"],
@@ -252,7 +252,7 @@ def elect_classes(
                 semantics[i, j, k] = winner
 
 
-@numba.njit(cache=True)
+@njit
 def settle(
     semantics: UInt8[np.ndarray, "n"],
     visible: Bool[np.ndarray, "n"],
@@ -268,7 +268,7 @@ def settle(
         visible[i] = (semantics[i] < FREE and seen[i]) or (semantics[i] == FREE and seen_free[i])
 
 
-@numba.njit(cache=True)
+@njit
 def least_of_neighbours(least: Float[np.ndarray, "h w"], image: Float[np.ndarray, "h w"]) -> None:
     """The smallest value of every pixel and its eight neighbours."""
     height, width = image.shape

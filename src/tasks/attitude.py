@@ -22,6 +22,7 @@ from ..report.attitude_evidence import ATTITUDE, TABLE
 from ..report.scores import score_table, write_table
 from ..run_folder import TALLIES
 from .condition import Condition, ConditionCount, conditions_of
+from .dataset import data_of, finished_dataset
 from .fit import trainer_of
 from .predictor import Predictor, predictor
 from .scoring import clips_of, protocol_of
@@ -38,13 +39,14 @@ def attitude(
 ) -> None:
     """Writes ``<run>/attitude/``: ``attitude.csv``, a tally a condition, and a figure.
 
-    Raises `UserError` as `trained` and `conditions_of` do.
+    Raises `UserError` as `trained`, `finished_dataset` and `conditions_of` do.
     """
     conditions = list(conditions_of(tilt_edges_deg, noise_deg, delay_s, level))
-    run, data, _, module, precision = trained(cfg, "attitude")
-    trainer = trainer_of(cfg, precision)
+    trainer = trainer_of(cfg)
+    run, checkpoint = trained(cfg, "attitude")
+    data = data_of(cfg, finished_dataset(cfg))
     counts = _counts(conditions, cfg, data)
-    _count(counts, data, predictor(module, trainer), seed)
+    _count(counts, data, predictor(checkpoint.network(), trainer), seed)
     protocol = protocol_of(cfg, data, len(data.split["test"]))
     tallies = [count.tally(protocol) for count in counts]
     table = _described(tallies, conditions, seed)

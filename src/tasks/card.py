@@ -1,14 +1,27 @@
-"""task=card: writes the card of a finished data set again."""
+"""task=card: draws the card of a finished data set: a page, its figures, and metadata."""
 
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 
-from ..report.card import CARD, write_card
+from ..data.manifest import read_manifest
+from ..report.card import CARD, FIGURES, write_card
 from .dataset import root_of
 
 
 def card(cfg: DictConfig) -> None:
-    """Reads every frame of the data set and prints where its card lies."""
-    root = root_of(cfg)
+    """Reads every frame of the data set and prints where its card lies.
+
+    One frame is simulated again, for the picture of how it was annotated; without pybullet the
+    card goes without that picture.
+    """
+    root, console = root_of(cfg), Console(highlight=False, soft_wrap=True)
+    sim = OmegaConf.to_container(cfg.sim, resolve=True) | read_manifest(root)["sim"]
+    try:
+        from ..portrait.pipeline import draw_pipeline
+        from ..sim.plan import plan_clips
+    except ImportError as error:
+        console.print(f"{root / FIGURES / 'pipeline.jpg'}: not drawn ({error})")
+    else:
+        draw_pipeline(sim, plan_clips(sim)[0], root / FIGURES / "pipeline.jpg")
     write_card(root)
-    Console().print(f"{root / CARD}", highlight=False, soft_wrap=True)
+    console.print(f"{root / CARD}")

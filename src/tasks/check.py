@@ -17,7 +17,7 @@ from ..data.clip import SUMS, Clip, recorded_sums, sha256_of, unfinished
 from ..data.files import differing_files
 from ..data.manifest import MANIFEST, read_manifest
 from ..errors import UserError
-from ..report.card import CARD, CARD_SUMS
+from ..report.card import CARD, CARD_SUMS, write_card
 from ..report.check_sheet import draw_check_sheet
 from ..worker_pool import default_workers, mapped
 from .dataset import make_dataset, root_of, spec_of
@@ -143,10 +143,9 @@ def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
         if folder.exists():
             shutil.rmtree(unfinished(folder), ignore_errors=True)
             folder.rename(unfinished(folder))
-    if findings.of_whole:
-        # Without it, the card is written again.
-        (root / CARD).unlink(missing_ok=True)
     make_dataset(cfg, root, spec_of(cfg))
+    if (root / CARD).is_file():
+        write_card(root)
 
 
 def _draw_sheets(root: Path, console: Console) -> None:

@@ -1,6 +1,6 @@
 """The data set that a configuration names: found, made where clips are missing, never mixed."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,7 +21,6 @@ from ..data.shards import forget_shards, join_shards
 from ..data.split import Split, make_split
 from ..errors import UserError
 from ..locks import locked, locked_if_free, telling
-from ..report.card import CARD, FIGURES, write_card
 
 
 def spec_of(cfg: DictConfig) -> DatasetSpec:
@@ -45,15 +44,25 @@ def split_of(cfg: DictConfig, clip_ids: list[str]) -> Split:
     )
 
 
+def finished_dataset(cfg: DictConfig) -> Path:
+    """The folder of a data set whose manifest is there; nothing is made.
+
+    Raises `UserError` where there is none, and where it was made under other settings.
+    """
+    root = root_of(cfg)
+    require_same_data(root, spec_of(cfg))
+    return root
+
+
 def ready_dataset(cfg: DictConfig) -> Path:
-    """Makes what is missing and returns the data set's folder.
+    """Makes what is missing and returns the data set's folder: the first step of a training.
 
     A finished data set needs no simulator. One that was made under another configuration is
     refused, and never added to; so is a request for a part of one.
     """
-    root, spec = root_of(cfg), spec_of(cfg)
+    root = root_of(cfg)
     if (root / MANIFEST).is_file():
-        require_same_data(root, spec)
+        finished_dataset(cfg)
         if not missing_clips(root, list(read_manifest(root)["clips"])):
             return root
     if cfg.sim.shards != 1:
@@ -61,7 +70,7 @@ def ready_dataset(cfg: DictConfig) -> Path:
             f"sim.shards: only task=generate makes one of {cfg.sim.shards} parts of a data set; "
             "drop the key"
         )
-    make_dataset(cfg, root, spec)
+    make_dataset(cfg, root, spec_of(cfg))
     return root
 
 
@@ -90,7 +99,8 @@ def make_dataset(cfg: DictConfig, root: Path, spec: DatasetSpec) -> tuple[int, l
     with _finishing(root / LOCK, sim["shards"]) as alone:
         missing = missing_clips(root, clip_ids)
         if alone and not missing:
-            _finish(sim, root, spec, clip_ids, split, made > 0)
+            write_manifest(root, spec, clip_ids, split)
+            forget_shards(root.parent, spec)
     return made, missing
 
 
@@ -109,21 +119,8 @@ def _finishing(lock: Path, shards: int) -> Iterator[bool]:
             yield True
 
 
-def _finish(
-    sim: Mapping, root: Path, spec: DatasetSpec, clip_ids: list[str], split: Split, changed: bool
-) -> None:
-    """Writes what tells of all clips together: the manifest and the card."""
-    from ..portrait.pipeline import draw_pipeline
-    from ..sim.plan import plan_clips
-
-    write_manifest(root, spec, clip_ids, split)
-    if changed or not (root / CARD).is_file():
-        draw_pipeline(sim, plan_clips(sim)[0], root / FIGURES / "pipeline.jpg")
-        write_card(root)
-    forget_shards(root.parent, spec)
-
-
-def data_of(cfg: DictConfig, root: Path) -> SkyShieldData:
+def data_of(cfg: DictConfig, root: Path, allow_missing: bool = False) -> SkyShieldData:
     """The loaders of a finished data set; seeds everything that training draws from."""
     lightning.seed_everything(cfg.seed, workers=True, verbose=False)
-    return SkyShieldData(root, seed=cfg.seed, **OmegaConf.to_container(cfg.data, resolve=True))
+    settings = OmegaConf.to_container(cfg.data, resolve=True)
+    return SkyShieldData(root, seed=cfg.seed, allow_missing=allow_missing, **settings)

@@ -2,7 +2,6 @@
 
 import hashlib
 import io
-import json
 from pathlib import Path
 
 import torch
@@ -12,20 +11,19 @@ from ..atomic import replacing
 from ..data.datamodule import SkyShieldData
 from ..data.split import held_out_clips
 from ..errors import UserError
+from ..models.weights import ORIGIN, read_encoder
 
 NAME = "image_encoder"
 
 
 def write_encoder(folder: Path, backbone: nn.Module, data: SkyShieldData) -> Path:
     """Writes ``image_encoder-<hash>.pth``, which is named after its content as `models.weights`
-    wants it, and beside it, as JSON, the data set and the clips that were held out."""
+    wants it. Beside the weights it holds the data set's name and the clips that were held out."""
+    origin = {"dataset": data.root.name, "held_out": held_out_clips(data.split)}
     content = io.BytesIO()  # given a path, torch.save writes its name into the file
-    torch.save(backbone.state_dict(), content)
+    torch.save({"state_dict": backbone.state_dict(), ORIGIN: origin}, content)
     digest = hashlib.sha256(content.getvalue()).hexdigest()
     path = folder / f"{NAME}-{digest[:8]}.pth"
-    facts = {"dataset": data.root.name, "held_out": held_out_clips(data.split)}
-    with replacing(path.with_suffix(".json")) as temporary:
-        temporary.write_text(json.dumps(facts, indent=1) + "\n")
     with replacing(path) as temporary:
         temporary.write_bytes(content.getvalue())
     return path
@@ -33,22 +31,26 @@ def write_encoder(folder: Path, backbone: nn.Module, data: SkyShieldData) -> Pat
 
 def require_unseen(weights: str | None, data: SkyShieldData) -> None:
     """Raises `UserError` where an encoder of `write_encoder` was trained on a clip that is held out
-    for the test: it has learnt its labels.
+    for the test: it has learnt its labels; and where one of our own does not say what it has seen.
 
-    Of a file without facts beside it, as a published one, nothing is known. Clips of another data
-    set are other flights, whatever their names.
+    Of a published file nothing is known. Clips of another data set are other flights, whatever
+    their names.
     """
-    beside = Path(weights).with_suffix(".json") if weights else None
-    if beside is None or not beside.is_file():
+    path = Path(weights or "")
+    if not path.is_file():
         return
-    try:
-        facts = json.loads(beside.read_text())
-        dataset, held_out = facts["dataset"], facts["held_out"]
-        known = {*held_out["val"], *held_out["test"]}
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UserError(f"{beside}: cannot be read ({error}); run task=pretrain again") from None
+    _, origin = read_encoder(path)
+    if not origin and path.name.startswith(NAME):
+        raise UserError(
+            f"model.backbone.weights: {path} does not say which flights it was trained on, as "
+            "files of task=pretrain do now; run task=pretrain again"
+        )
+    if not origin or origin["dataset"] != data.root.name:
+        return
+
+    known = {*origin["held_out"]["val"], *origin["held_out"]["test"]}
     seen = [clip for clip in held_out_clips(data.split)["test"] if clip not in known]
-    if dataset == data.root.name and seen:
+    if seen:
         raise UserError(
             f"model.backbone.weights: {weights} was trained on {seen[0]}, which this run holds out "
             f"for its test ({len(seen)} such clips); run task=pretrain with the same split"

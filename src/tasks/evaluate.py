@@ -19,14 +19,13 @@ from ..data.datamodule import SkyShieldData
 from ..data.truth import truth_at
 from ..metrics.suite import ScoreSuite
 from ..models.module import OccupancyModule
-from ..models.prior import VoxelPrior
 from ..ontology import FREE
 from ..provenance import git_commit
 from ..report.curves import draw_curves
 from ..report.qualitative import pick_frames, qualitative_sheet
 from ..report.results import print_results, read_results, write_results
 from ..report.scores import result_rows, write_scores
-from ..run_folder import RunFolder
+from ..run_folder import ANCHORS, RunFolder
 from .processes import is_first_process, part_company
 from .scenes import labels_of, scene_of
 from .scoring import parts_of, protocol_of, suite_of, tally_of
@@ -42,7 +41,6 @@ def evaluate(
     trainer: lightning.Trainer,
     module: OccupancyModule,
     data: SkyShieldData,
-    prior: VoxelPrior,
 ) -> None:
     """Writes ``results.csv``, ``scores.csv``, the tallies and the figures, and prints the table.
 
@@ -63,7 +61,7 @@ def evaluate(
     network = {"parameters": parameters, "precision": trainer.precision}
     facts = {**shared, **network, "seconds": round(seconds, 1)}
     tallies, rows = [tally], result_rows(tally, parts, facts)
-    for name, prediction in _anchors(prior).items():
+    for name, prediction in _anchors(module).items():
         start_s = time.perf_counter()
         suite = anchor_scores(name, prediction, data, samples, suite_of(cfg, data))
         tallies.append(tally_of(name, protocol, suite, samples))
@@ -87,10 +85,10 @@ def _facts(cfg: DictConfig, folder: RunFolder, data: SkyShieldData) -> dict:
     }
 
 
-def _anchors(prior: VoxelPrior) -> dict[str, UInt8[Tensor, "X Y Z"]]:
+def _anchors(module: OccupancyModule) -> dict[str, UInt8[Tensor, "X Y Z"]]:
     """What is predicted for every frame by those that never look at one."""
-    labels = prior.labels()
-    return {"all_free": torch.full_like(labels, FREE), "voxel_prior": labels}
+    labels = module.origin.voxel_prior
+    return dict(zip(ANCHORS, (torch.full_like(labels, FREE), labels)))
 
 
 def _draw(cfg: DictConfig, folder: RunFolder, module: OccupancyModule, data: SkyShieldData) -> None:

@@ -1,22 +1,20 @@
-"""task=export: a checkpoint as graphs that run without this code, checked on real frames."""
+"""task=export: a checkpoint as graphs that run without this code, checked against the model."""
 
+import math
 import time
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import torch
 from jaxtyping import Float
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 from rich.console import Console
 from rich.table import Table
 from torch import Tensor
 
 from ..atomic_folder import replacing_folder
-from ..data.clip import Clip
-from ..data.datamodule import SkyShieldData
-from ..data.dataset import velocity_world_mps
 from ..errors import UserError
+from ..geometry import front_mount, pinhole, rigid, rotation_from_euler
 from ..models.export import FORMATS, ExportedStep, export_step, require_formats
 from ..models.stream import SkyOccStream, StreamFrame
 from ..provenance import git_commit, machine
@@ -26,30 +24,32 @@ from .trained import trained
 def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: float) -> None:
     """Writes ``<run>/export/`` and prints how far each graph is from the model, and how fast.
 
-    The folder is replaced as a whole, once every graph has passed. Raises `UserError` as `trained`
-    does, for an unknown format, for no frames, and where a graph's logits differ from the model's
-    by more than ``tolerance``.
+    Needs no data set: both compute the frames of `made_up_flight`. The folder is replaced as a
+    whole, once every graph has passed. Raises `UserError` as `trained` does, for an unknown format,
+    for no frames, and where a graph's logits differ from the model's by more than ``tolerance``.
     """
     require_formats(formats)
     if frames < 1:
         raise UserError(f"task.frames: {frames}; give 1 or more")
-    run, data, _, module, _ = trained(cfg, "export")
-    folder, step_s = run.path / "export", cfg.data.history_step_s
+    run, checkpoint = trained(cfg, "export")
+    network, config = checkpoint.network(), checkpoint.origin.config
+    folder, step_s = run.path / "export", config["data"]["history_step_s"]
     facts = {
-        "name": cfg.name,
-        "frames": cfg.data.frames,
+        "name": config["name"],
+        "frames": config["data"]["frames"],
         "history_step_s": step_s,
-        "grid": OmegaConf.to_container(cfg.grid, resolve=True),
+        "grid": config["grid"],
         "code_version": run.version,
         "git_commit": git_commit(),
     }
-    shown = list(stream_frames(data, frames))
-    stream = SkyOccStream(module.network, step_s)
+
+    shown = made_up_flight(config["sim"], frames, step_s)
+    stream = SkyOccStream(network, step_s)
     expected, seconds = run_stream(stream, shown)
     batch, history = stream.arguments(shown[-1]._replace(time_s=shown[-1].time_s + 1e-3))
     rows = [("the model itself", 0.0, 1.0, seconds, 0)]
     with replacing_folder(folder) as unchecked:
-        export_step(module.network, batch, history, unchecked, formats, facts)
+        export_step(network, batch, history, unchecked, formats, facts)
         for name in formats:
             stream = SkyOccStream(ExportedStep(unchecked, name), step_s)
             rows.append(_checked(stream, shown, expected, unchecked / FORMATS[name], tolerance))
@@ -76,32 +76,31 @@ def _checked(
     return path.name, worst, torch.stack(alike).mean().item(), seconds, path.stat().st_size
 
 
-def stream_frames(data: SkyShieldData, count: int) -> Iterator[StreamFrame]:
-    """Consecutive frames, a history step apart, of the clip of which most is for testing.
+def made_up_flight(sim: Mapping, count: int, step_s: float) -> list[StreamFrame]:
+    """Frames ``step_s`` apart of a tilting flight through noise, with the camera of ``sim``.
 
-    Raises `UserError` where it has fewer.
+    They tell whether a graph computes what its network does, which noise does as well as a street.
     """
-    dataset = data.dataset("test")
-    tested = Counter(clip_id for clip_id, _ in dataset.samples)
-    clip_id = tested.most_common(1)[0][0]
-    first = next(frame for clip, frame in dataset.samples if clip == clip_id)
-    clip = data.clips[clip_id]
-    numbers = range(first, len(clip), dataset.step)[:count]
-    if len(numbers) < count:
-        raise UserError(f"task.frames: {clip_id} has {len(numbers)} to test; ask for fewer")
-    return (_frame(clip, clip_id, number) for number in numbers)
+    image, mount = sim["image"], sim["camera"]
+    generator = torch.Generator().manual_seed(0)
+    shape = (count, 3, image["height"], image["width"])
+    images = torch.randint(0, 256, shape, generator=generator, dtype=torch.uint8)
 
+    time_s = step_s * torch.arange(count, dtype=torch.float64)
+    roll_rad, pitch_rad, yaw_rad = (0.2 * torch.sin(rate * time_s) for rate in (1.0, 1.7, 0.6))
+    position_m = torch.stack([5 * time_s, torch.zeros(count).double(), 8 + time_s.sin()], dim=-1)
+    world_from_body = rigid(rotation_from_euler(roll_rad, pitch_rad, yaw_rad), position_m)
+    velocity_mps = torch.tensor([5.0, 0.0, 0.0], dtype=torch.float64)
 
-def _frame(clip: Clip, clip_id: str, number: int) -> StreamFrame:
-    return StreamFrame(
-        image=torch.from_numpy(clip.image(number).copy()).permute(2, 0, 1).contiguous(),
-        time_s=number / clip.meta.capture_hz,
-        world_from_body=clip.world_from_body[number],
-        velocity_mps=velocity_world_mps(clip, number),
-        pix_from_camera=clip.meta.pix_from_camera,
-        body_from_camera=clip.meta.body_from_camera,
-        clip=clip_id,
-    )
+    hfov_rad, pitch_down_rad = math.radians(image["hfov_deg"]), math.radians(mount["pitch_deg"])
+    camera = {
+        "pix_from_camera": pinhole(image["width"], image["height"], hfov_rad),
+        "body_from_camera": front_mount(mount["position_m"], pitch_down_rad),
+    }
+    return [
+        StreamFrame(images[n], time_s[n].item(), world_from_body[n], velocity_mps, **camera)
+        for n in range(count)
+    ]
 
 
 def run_stream(

@@ -14,6 +14,7 @@ from ..data.split import held_out_clips
 from ..data.truth import PARTS
 from ..errors import UserError
 from ..provenance import git_commit
+from .dataset import data_of, finished_dataset
 from .fit import trainer_of
 from .predictor import Predictor, predictor
 from .trained import trained
@@ -22,12 +23,16 @@ from .trained import trained
 def predict(cfg: DictConfig, part: str, logits: bool) -> None:
     """Writes ``predictions`` (null: ``predictions/<part>`` under the run) and prints where.
 
-    Raises `UserError` without a checkpoint, for one of another model, and where the folder exists.
+    Of clips that are not on the disk any more nothing is predicted. Raises `UserError` without a
+    checkpoint, for one of another model, where no clip is left, and where the folder exists.
     """
     if part not in PARTS:
         raise UserError(f"task.part: {part!r}; there are {', '.join(PARTS)}")
-    run, data, _, module, precision = trained(cfg, "predict")
-    trainer = trainer_of(cfg, precision)
+    trainer = trainer_of(cfg)
+    run, checkpoint = trained(cfg, "predict")
+    data, network = data_of(cfg, finished_dataset(cfg), allow_missing=True), checkpoint.network()
+    if not data.split[part]:
+        raise UserError(f"{data.root}: no clip of the {part} frames is there; run task=generate")
     folder = Path(cfg.predictions) if cfg.predictions else run.path / "predictions" / part
     facts = {
         "name": cfg.name,
@@ -38,14 +43,15 @@ def predict(cfg: DictConfig, part: str, logits: bool) -> None:
         "held_out": held_out_clips(data.split),
         "code_version": run.version,
         "git_commit": git_commit(),
-        "parameters": sum(p.numel() for p in module.network.parameters()),
+        "parameters": sum(p.numel() for p in network.parameters()),
         "precision": trainer.precision,
     }
-    scores_of = predictor(module, trainer)
+    scores_of = predictor(network, trainer)
     with PredictionWriter(folder, facts) as writer:
         _write(writer, scores_of, data, part, logits)
-    count = len(data.split[part])
-    Console().print(f"{folder}: {count} frames", highlight=False, soft_wrap=True)
+    missing = f"; {len(data.missing)} clips are not there" if data.missing else ""
+    line = f"{folder}: {len(data.split[part])} frames{missing}"
+    Console().print(line, highlight=False, soft_wrap=True)
 
 
 def _write(

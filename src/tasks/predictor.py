@@ -8,19 +8,19 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..data.batch import Batch
-from ..models.module import OccupancyModule
+from ..models.network import SkyOcc
 
 Predictor = Callable[[Batch], Float[Tensor, "b 9 x y z"]]
 
 
-def predictor(module: OccupancyModule, trainer: lightning.Trainer) -> Predictor:
+def predictor(network: SkyOcc, trainer: lightning.Trainer) -> Predictor:
     """Logits of a batch, computed on the trainer's device and in its precision, as float32."""
-    module.to(trainer.strategy.root_device).eval()
+    network.to(trainer.strategy.root_device).eval()
 
     @torch.no_grad()
     def logits(batch: Batch) -> Float[Tensor, "b 9 x y z"]:
         with trainer.precision_plugin.forward_context():
-            return module(on_device(batch, module.device)).float()
+            return network(on_device(batch, network.device)).float()
 
     return logits
 

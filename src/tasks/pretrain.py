@@ -15,13 +15,12 @@ from ..data.datamodule import SkyShieldData
 from ..data.image_labels import ImageLabelDataset
 from ..errors import UserError
 from ..models.backbone import STRIDES, ResNet
+from ..models.checkpoint import load_weights, read_content
 from ..models.image_pretraining import ImagePretraining
-from ..provenance import code_version
-from ..run_folder import RunFolder, shaping
-from .dataset import data_of, ready_dataset
+from ..run_folder import RunFolder, version_of
+from .dataset import data_of, finished_dataset, root_of
 from .encoder import write_encoder
-from .model import load_weights
-from .precision import FP32
+from .precision import FP32, precision_of
 from .progress import PretrainingLines
 
 
@@ -41,22 +40,26 @@ def pretrain(
     named after the scale and all that shapes it, so no other pretraining takes its place. Goes on
     where it was interrupted.
 
-    Raises `UserError` for a backbone that is not a `ResNet`, and a checkpoint that is broken.
+    Raises `UserError` for a backbone that is not a `ResNet`, a data set that is not there, and a
+    checkpoint that is broken.
     """
     settings = {"epochs": epochs, "batch_size": batch_size, "lr": lr}
     settings["limit_train_batches"] = limit_train_batches
     config = {**OmegaConf.to_container(cfg, resolve=True), "pretrain": settings}
-    version = code_version(shaping(config))
-    folder = RunFolder(Path(out) / f"{cfg.scale_name}-{version}", config)
+    root = root_of(cfg)
+    name = f"{cfg.scale_name}-{version_of(config, root.name)}"
+    folder = RunFolder(Path(out) / name, config, root.name)
     if get_class(cfg.model.backbone._target_) is not ResNet:
         raise UserError("model/backbone: task=pretrain trains a resnet; the others have their own")
-    data = data_of(cfg, ready_dataset(cfg))
+    precision_of(cfg)  # refuses a device that is not there
+    data = data_of(cfg, finished_dataset(cfg))
     backbone = instantiate(cfg.model.backbone)
     module = ImagePretraining(backbone, cfg.size.dim, lr, cfg.optimizer.weight_decay)
     with folder.alone():
         checkpoint = folder.open(afresh=cfg.overwrite)
         if checkpoint:
-            load_weights(module, checkpoint)  # a broken one is refused here, in one line
+            # A broken one is refused here, in one line.
+            load_weights(module, read_content(checkpoint)["state_dict"], checkpoint)
         trainer = _trainer_of(cfg, folder, epochs, limit_train_batches)
         loaders = [_loader(cfg, data, part, batch_size) for part in ("train", "val")]
         try:

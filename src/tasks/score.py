@@ -13,11 +13,11 @@ from ..errors import UserError
 from ..metrics.protocol import Protocol
 from ..metrics.suite import ScoreSuite
 from ..metrics.tally import Tally
-from ..provenance import code_version, git_commit
+from ..provenance import git_commit
 from ..report.protocols import protocol_table
 from ..report.results import print_results, read_results, write_results
 from ..report.scores import Parts, result_rows, write_scores, write_table
-from ..run_folder import shaping
+from ..run_folder import version_of
 from .pairing import LAYOUTS, Pairing, Sample
 from .scoring import clips_of, parts_of, score_settings, tally_of
 
@@ -77,7 +77,7 @@ def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
         "precision": str(pairing.facts.get("precision", "")) or "unknown",
         "code_version": str(
             pairing.facts.get("code_version")
-            or code_version(shaping(OmegaConf.to_container(cfg, resolve=True)))
+            or version_of(OmegaConf.to_container(cfg, resolve=True), pairing.dataset)
         ),
         "git_commit": str(pairing.facts.get("git_commit") or git_commit()),
         "dataset": pairing.dataset,

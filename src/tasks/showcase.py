@@ -18,6 +18,7 @@ from ..data.datamodule import SkyShieldData
 from ..data.dataset import OccupancyDataset
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..models.checkpoint import Checkpoint
 from ..models.network import SkyOcc
 from ..ontology import CLASSES
 from ..report.hard_cases import HardCase, hard_cases
@@ -26,8 +27,7 @@ from ..report.qualitative import qualitative_sheet
 from ..report.scene import Scene
 from ..report.scored_runs import ScoredRun
 from ..report.tilt_figure import draw_tilt
-from ..run_folder import CONFIG
-from .model import network_of_run
+from ..run_folder import BEST, CONFIG
 from .scenes import camera_of, labels_of, scene_of
 
 COMPARISON, TILT = "comparison.png", "tilt.png"
@@ -65,7 +65,9 @@ def showcase(
         data = [_data_of(run, root) for run in shown]
         viewers = [
             _Viewer(
-                ladder.row_name(run.experiment), network_of_run(run.path), of_run.dataset("test")
+                ladder.row_name(run.experiment),
+                Checkpoint.read(run.path / BEST).network(),
+                of_run.dataset("test"),
             )
             for run, of_run in zip(shown, data)
         ]

@@ -1,32 +1,54 @@
-"""A run's checkpoint, as the tasks that come after the training take it up."""
+"""A checkpoint, as the tasks that come after the training take it up."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import DictConfig, OmegaConf
 
-from ..data.datamodule import SkyShieldData
 from ..errors import UserError
-from ..models.module import OccupancyModule
-from ..models.prior import VoxelPrior
-from ..run_folder import CONFIG, IDENTITY, RunFolder, require_same_config
-from .dataset import data_of, ready_dataset
-from .model import from_checkpoint, load_weights, module_of, prior_of, require_buildable
-from .precision import precision_of_run
+from ..models.checkpoint import Checkpoint
+from ..run_folder import IDENTITY, NOT_SHAPING, RunFolder, require_same_config
+from .dataset import root_of
+
+HERE = ("callbacks", "trainer")
+"""What of a checkpoint's configuration is of the machine that trained it."""
+NEUTRAL = (*NOT_SHAPING, "data.batch_size", "metric", "suite", *HERE)
+"""Keys, and beginnings of keys, that say nothing of a trained model."""
 
 
-class Trained(NamedTuple):
-    """A configured run with the weights of a checkpoint; ``precision`` is what it computes in."""
+def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
+    """The configuration to work with: that of the checkpoint, where a command names the file of one
+    and nothing that shapes a model, else ``cfg``.
 
-    run: RunFolder
-    data: SkyShieldData
-    prior: VoxelPrior
-    module: OccupancyModule
-    precision: str
+    ``overrides`` are the words of the command line. Raises `UserError` as `Checkpoint.read` does.
+    """
+    parsed = OverridesParser.create().parse_overrides(list(overrides))
+    keys = [override.key_or_group for override in parsed]
+    if cfg.ckpt_path in (None, "best", "last") or not all(map(_is_neutral, keys)):
+        return cfg
+    own = Checkpoint.read(cfg.ckpt_path).origin.config
+
+    adopted, taken = cfg.copy(), own.keys() - set(HERE)
+    OmegaConf.set_struct(adopted, False)
+    for key in taken:
+        adopted[key] = own[key]
+    adopted.trainer.precision = own["trainer"]["precision"]
+
+    # What the checkpoint does not say, or the command says itself.
+    unsaid = [key for key in NOT_SHAPING if key.partition(".")[0] in taken]
+    for key in (*unsaid, *keys):
+        if "." in key:
+            OmegaConf.update(adopted, key, OmegaConf.select(cfg, key))
+    return adopted
 
 
-def trained(cfg: DictConfig, task: str) -> Trained:
-    """What ``ckpt_path`` names, filled into the configured model.
+def _is_neutral(key: str) -> bool:
+    return any(key == known or key.startswith(f"{known}.") for known in NEUTRAL)
+
+
+def trained(cfg: DictConfig, task: str) -> tuple[RunFolder, Checkpoint]:
+    """The folder of the run that a configuration names, and what ``ckpt_path`` names.
 
     Raises `UserError` without one, where it is none, and where its run had another name, seed,
     model or loss: the weights of one rung fit another, and would be used with the wrong projection,
@@ -34,15 +56,8 @@ def trained(cfg: DictConfig, task: str) -> Trained:
     """
     if cfg.ckpt_path is None:
         raise UserError(f"ckpt_path: task={task} needs a checkpoint; give best, last or a file")
-    run = RunFolder(Path(cfg.paths.run), OmegaConf.to_container(cfg, resolve=True))
-    checkpoint = run.checkpoint(cfg.ckpt_path)
-    its_run = checkpoint.parent.parent
-    if (its_run / CONFIG).is_file():
-        require_same_config(checkpoint, run.config, IDENTITY)
-    cfg = from_checkpoint(cfg)
-    require_buildable(cfg)
-    data = data_of(cfg, ready_dataset(cfg))
-    prior = prior_of(cfg, data)
-    module = module_of(cfg, data, prior)
-    load_weights(module, checkpoint)
-    return Trained(run, data, prior, module, precision_of_run(cfg, its_run))
+    config = OmegaConf.to_container(cfg, resolve=True)
+    run = RunFolder(Path(cfg.paths.run), config, root_of(cfg).name)
+    checkpoint = Checkpoint.read(run.checkpoint(cfg.ckpt_path))
+    require_same_config(checkpoint.path, checkpoint.origin.config, config, IDENTITY)
+    return run, checkpoint

@@ -1,13 +1,14 @@
 """The passes over a frame's voxels that are compiled for the CPU."""
 
 import numpy as np
-from numba import njit
+
+from ...jit import njit
 
 SOUND, BAD_TARGET, BAD_PREDS = 0, 1, 2
 CODES = 256
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def count_frame(preds, target, shell, excess, num_classes, ignore_index, count, penalty):
     """Adds all voxels of a frame to its tables, and returns what is wrong with them.
 
@@ -35,7 +36,7 @@ def count_frame(preds, target, shell, excess, num_classes, ignore_index, count, 
     return SOUND
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def sort_frame(
     preds,
     target,

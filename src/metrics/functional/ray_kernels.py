@@ -1,14 +1,14 @@
 """The march of camera rays, compiled for the CPU."""
 
 import numpy as np
-from numba import njit
 
+from ...jit import njit
 from ...voxel_march import enter, start
 
 UNCOUNTED = 255
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def march(codes, origin, directions, free_index, classes, distances):
     """Fills ``classes`` and ``distances`` [2, n] with what every ray meets: predicted, and true.
 
@@ -18,7 +18,7 @@ def march(codes, origin, directions, free_index, classes, distances):
         _march_one(codes, origin, directions[n], free_index, classes[:, n], distances[:, n])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _march_one(codes, origin, ray, free_index, classes, distances):
     size_x, size_y, size_z = codes.shape
     t, _ = enter(codes.shape, origin, ray)

@@ -1,0 +1,27 @@
+"""Functions that numba compiles, kept on the disk for the next process.
+
+Numba notices an edit of the file that a compiled function is written in, and none of a file whose
+functions it calls. Here all compiled functions of the project share a folder that is named after
+what they all say, so an edit of one makes them all anew.
+"""
+
+import functools
+import hashlib
+from pathlib import Path
+
+import numba
+from numba.core import config
+
+SOURCE = Path(__file__).parent
+MARK = b"jit import njit"
+
+
+def kernels_digest(source: Path = SOURCE) -> str:
+    """Twelve hexadecimal digits of the SHA-256 of every file with compiled functions."""
+    texts = [path.read_bytes() for path in sorted(source.rglob("*.py"))]
+    return hashlib.sha256(b"".join(text for text in texts if MARK in text)).hexdigest()[:12]
+
+
+_BASE = Path(config.CACHE_DIR or SOURCE / "__pycache__")
+config.CACHE_DIR = str(_BASE / f"kernels-{kernels_digest()}")
+njit = functools.partial(numba.njit, cache=True)

@@ -1,0 +1,142 @@
+"""Checkpoint files: written whole or not at all, and each enough to run its network."""
+
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from hydra.errors import InstantiationException
+from hydra.utils import instantiate
+from jaxtyping import UInt8
+from lightning.fabric.plugins import TorchCheckpointIO
+from omegaconf import OmegaConf
+from torch import Tensor, nn
+
+from ..atomic import replacing
+from ..errors import UserError
+from .network import SkyOcc
+from .weights import ORIGIN
+
+FORMAT = 2
+"""Of what a checkpoint says of itself. Files of format 1 held weights and no configuration."""
+
+
+class WholeCheckpoints(TorchCheckpointIO):
+    """Writes a checkpoint beside its place and renames it.
+
+    Lightning writes it in the system's folder for temporary files. Where that is another disk, the
+    move is a copy, and a run that is killed meanwhile has no last checkpoint any more.
+    """
+
+    def save_checkpoint(
+        self, checkpoint: dict[str, Any], path: str | Path, storage_options: Any = None
+    ) -> None:
+        """Raises `UserError` where it cannot be written."""
+        with replacing(path) as temporary:
+            torch.save(checkpoint, temporary)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What shaped the weights in a checkpoint: all that loading needs beside them.
+
+    ``config`` is the composed configuration without places and what shapes nothing, ``code`` the
+    digest of each file that shaped the run, ``dataset`` the data set's name. ``class_counts`` [9]
+    are the voxels of each class in the training labels, and ``voxel_prior`` is what they predict
+    where nobody looks. ``backbone`` holds arguments of the image encoder that take the place of
+    those in ``config``: with them it is built without the files that its training began with.
+    """
+
+    config: dict
+    code: dict[str, str]
+    dataset: str
+    class_counts: list[int]
+    voxel_prior: UInt8[Tensor, "X Y Z"]
+    backbone: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A trained network in a file: its weights, where they come from, and the epochs done."""
+
+    path: Path
+    state: dict[str, Tensor]
+    origin: Origin
+    epochs: int
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Checkpoint":
+        """What a run left in its ``checkpoints/``.
+
+        Raises `UserError` for a file that is missing, damaged or no checkpoint, and for one of
+        another format, which it names.
+        """
+        content = read_content(Path(path))
+        facts = dict(content.get(ORIGIN, {}))
+        if (written := facts.pop("format", 1)) != FORMAT:
+            raise UserError(
+                f"ckpt_path: {path} is of format {written}, and this code reads format {FORMAT}, "
+                "with the configuration in it; train again, or use the code that wrote it"
+            )
+        return cls(Path(path), content["state_dict"], Origin(**facts), content["epoch"] + 1)
+
+    def network(self) -> SkyOcc:
+        """The network, in evaluation. Needs no data set, and no file but this one.
+
+        Raises `UserError` where a class that the configuration names is gone or has changed.
+        """
+        model = self.origin.config["model"]
+        model = {**model, "backbone": {**model["backbone"], **self.origin.backbone}}
+        try:
+            network = instantiate(OmegaConf.create(model))
+        except InstantiationException as error:
+            reason = " ".join(str(error.__cause__ or error).split())
+            raise UserError(
+                f"ckpt_path: {self.path} holds a model that cannot be built ({reason}); use the "
+                "code that wrote it"
+            ) from error
+        load_weights(nn.ModuleDict({"network": network}), self.state, self.path)
+        return network.eval()
+
+
+def read_content(path: Path) -> dict[str, Any]:
+    """All that Lightning wrote. Raises `UserError` for a file that is no checkpoint."""
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+        if {"state_dict", "epoch"} - content.keys():
+            raise KeyError("it holds no training")
+        return content
+    except FileNotFoundError:
+        raise UserError(
+            f"ckpt_path: no checkpoint {path}; give best, last or an existing file"
+        ) from None
+    except (
+        *(AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError),
+        pickle.UnpicklingError,
+    ) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise UserError(
+            f"ckpt_path: {path} is no readable checkpoint ({reason}); give another one, or delete "
+            "it to start anew"
+        ) from error
+
+
+def load_weights(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> None:
+    """Fills a module from the weights of a checkpoint, which is named in the error.
+
+    Raises `UserError` for weights of another architecture.
+    """
+    own = module.state_dict()
+    strange = [
+        name
+        for name in sorted(own.keys() | state.keys())
+        if name not in own or name not in state or own[name].shape != state[name].shape
+    ]
+    if strange:
+        raise UserError(
+            f"ckpt_path: {path} is of another architecture ({len(strange)} parameters differ, "
+            f"{strange[0]} first); use the model and scale that it was trained with"
+        )
+    module.load_state_dict(state)
