@@ -1,6 +1,15 @@
 """Composes the configuration and calls the task: ``python run.py +experiment=skyocc``."""
 
 import os
+import sys
+
+if not (3, 10) <= sys.version_info[:2] <= (3, 13):
+    print(
+        "error: this is Python {}.{}, and SkyShield needs 3.10 to 3.13; make setup finds one of "
+        "them".format(*sys.version_info),
+        file=sys.stderr,
+    )
+    sys.exit(2)
 
 import hydra
 from hydra.core.hydra_config import HydraConfig

@@ -22,7 +22,7 @@ from src.data.datamodule import SkyShieldData
 from src.failures import quiet_libraries, told_in_one_line
 from src.ontology import NUM_CLASSES
 from src.provenance import git_commit
-from src.tasks.dataset import data_of, ready_dataset
+from src.tasks.dataset import data_of, finished_dataset
 
 PSEUDO_COUNT = 3.0
 """Voxels that each voxel is taken to have seen of the overall mixture of classes."""
@@ -90,7 +90,7 @@ def main() -> None:
     conf = Path(__file__).parent.parent / "conf"
     with initialize_config_dir(str(conf.resolve()), version_base="1.3"):
         cfg = compose("config", overrides=options.overrides)
-    data = data_of(cfg, ready_dataset(cfg))
+    data = data_of(cfg, finished_dataset(cfg))
     console = Console(highlight=False, soft_wrap=True)
     for name, nats in measure(data, options.every):
         console.print(f"{name}: {nats:.3f} nats a voxel")

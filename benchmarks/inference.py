@@ -2,11 +2,11 @@
 
     python -m benchmarks.inference scale=small [--threads 2] [--exported]
 
-Takes the overrides of run.py and needs the data set to be there; its frames are real, the weights
-are untrained (they do not change the cost). On a GPU where there is one, in bf16 as well. With
-``--exported`` the graphs of task=export run too (on the CPU). All take turns. Prints milliseconds a
-frame, frames a second, the ratio to computing the queue anew, and the memory that a frame takes
-beyond the model; asserts nothing.
+Takes the overrides of run.py and needs the data set to be there; a stream flies through noise, and
+the weights are untrained (neither changes the cost). On a GPU where there is one, in bf16 as well.
+With ``--exported`` the graphs of task=export run too (on the CPU). All take turns. Prints
+milliseconds a frame, frames a second, the ratio to computing the queue anew, and the memory that a
+frame takes beyond the model; asserts nothing.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from pathlib import Path
 import torch
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 from rich.table import Table
 
@@ -29,19 +29,20 @@ from src.models.export import FORMATS, ExportedStep, export_step
 from src.models.network import SkyOcc
 from src.models.stream import SkyOccStream
 from src.provenance import machine
-from src.tasks.dataset import data_of, ready_dataset
-from src.tasks.export import stream_frames
+from src.tasks.dataset import data_of, finished_dataset
+from src.tasks.export import made_up_flight
 
 ROUNDS, WARM_UP = 12, 4
 
 
 def contenders(cfg: DictConfig, exported: bool, folder: Path) -> dict[str, Callable[[], object]]:
     """What is timed, by name; each call takes the next frame."""
-    data = data_of(cfg, ready_dataset(cfg))
+    data = data_of(cfg, finished_dataset(cfg))
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     network: SkyOcc = instantiate(cfg.model).to(device).eval()
     # Each is called once to warm up and once for its memory besides.
-    frames = list(stream_frames(data, WARM_UP + ROUNDS + 2))
+    sim = OmegaConf.to_container(cfg.sim, resolve=True)
+    frames = made_up_flight(sim, WARM_UP + ROUNDS + 2, cfg.data.history_step_s)
     batch = next(iter(data.in_order("test")))
     window = {k: v[-1:].to(device) for k, v in batch.items() if isinstance(v, torch.Tensor)}
     window["history_valid"] = torch.ones_like(window["history_valid"])

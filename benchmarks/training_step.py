@@ -3,9 +3,9 @@
     python -m benchmarks.training_step scale=small [--steps 12]
 
 Takes the overrides of run.py and needs the data set to be there: real frames, through the loader of
-training, with ``data.order=streams`` as well. On a GPU where there is one (`scale=paper` then uses
-bf16, as its configuration says). Prints samples per second, the share of each stage and the peak
-memory; asserts nothing.
+training, with ``data.order=streams`` as well. On a GPU where there is one, in the precision of the
+configuration there. Prints samples per second, the share of each stage, the peak memory, and how
+often a step makes the host wait for a GPU, which a simulated one counts; asserts nothing.
 """
 
 import argparse
@@ -30,8 +30,10 @@ from src.models.memory import PillarMemory
 from src.models.network import Frame, SkyOcc
 from src.ontology import NUM_CLASSES
 from src.provenance import git_commit, machine
-from src.tasks.dataset import data_of, ready_dataset
-from src.tasks.precision import BF16
+from src.tasks.dataset import data_of, finished_dataset
+from src.tasks.precision import BF16, precision_of
+from src.tasks.predictor import on_device
+from tests.simulated_cuda import CUDA, Waits, simulated_cuda
 
 WARM_UP = 2
 
@@ -58,7 +60,7 @@ class Step:
             PillarMemory(self.network.past_frames) if cfg.data.order == "streams" else None
         )
         self.device = device
-        self.bf16 = cfg.trainer.precision == BF16
+        self.bf16 = precision_of(cfg) == BF16
 
     def precision(self) -> AbstractContextManager:
         return torch.autocast(self.device.type, torch.bfloat16) if self.bf16 else nullcontext()
@@ -101,7 +103,7 @@ def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]
     with initialize_config_dir(str(conf.resolve()), version_base="1.3"):
         cfg = compose("config", overrides=overrides)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    data = data_of(cfg, ready_dataset(cfg))
+    data = data_of(cfg, finished_dataset(cfg))
     step = Step(cfg, device)
     batches = iter(data.train_dataloader())
     seconds: Seconds = defaultdict(float)
@@ -110,10 +112,18 @@ def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]
         with timed(spent, "waiting for the loader"):
             batch = next(batches)
         with timed(spent, "to the device"):
-            batch = {k: v.to(device) for k, v in batch.items() if isinstance(v, Tensor)}
+            batch = on_device(batch, device)
         step(batch, spent)
     precision = BF16 if step.bf16 else "fp32"
-    return cfg, seconds, f"{precision}, {_where()}"
+    waits = waits_of_step(cfg, next(batches))
+    return cfg, seconds, f"{precision}, {_where()}; {waits.total()} waits for a GPU: {dict(waits)}"
+
+
+def waits_of_step(cfg: DictConfig, batch: Mapping[str, Tensor]) -> Waits:
+    """What of a training step would make the host wait for a GPU, and how often."""
+    with simulated_cuda() as waits:
+        Step(cfg, CUDA)(on_device(batch, CUDA), defaultdict(float))
+        return waits.copy()
 
 
 def _where() -> str:

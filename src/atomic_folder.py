@@ -3,45 +3,57 @@
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from .atomic import unwritable
-from .locks import alone_at
 
 
 @contextmanager
 def replacing_folder(path: str | Path) -> Iterator[Path]:
     """A new folder to fill, which takes the place of ``path`` when the block succeeds.
 
-    After any failure the old one stands. A second process that writes the same folder waits for its
-    turn. Raises `UserError` where it cannot be written.
+    After any failure the old one stands. Of two processes that write the same folder at once, each
+    fills its own, and the later one stays. Raises `UserError` where it cannot be written.
 
     A process that is killed between the two renames leaves the old folder as ``.<name>.old``; the
-    next one puts it back before it begins.
+    next one puts it back before it begins, and removes what dead processes were filling.
     """
     path = Path(path)
-    temporary, old = (path.with_name(f".{path.name}.{kind}") for kind in ("new", "old"))
-    with ExitStack() as held:
-        try:
-            held.enter_context(alone_at(path, f"{path}: another process is writing it"))
-            _put_back(old, path)
-            for left_over in (temporary, old):
+    temporary, old = (
+        path.with_name(f".{path.name}.{kind}") for kind in (f"{os.getpid()}.new", "old")
+    )
+    try:
+        _put_back(old, path)
+        for left_over in path.parent.glob(f".{path.name}.*.new"):
+            if left_over == temporary or not _is_alive(int(left_over.suffixes[-2][1:])):
                 shutil.rmtree(left_over, ignore_errors=True)
-            temporary.mkdir(parents=True)
-            yield temporary
-            if path.exists():
-                os.rename(path, old)
-            os.rename(temporary, path)
-            shutil.rmtree(old, ignore_errors=True)
-        except OSError as error:
-            raise unwritable(path, error) from error
-        finally:
-            with suppress(OSError):
-                _put_back(old, path)
-            shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir(parents=True)
+        yield temporary
+
+        shutil.rmtree(old, ignore_errors=True)
+        if path.exists():
+            os.rename(path, old)
+        os.rename(temporary, path)
+        shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        raise unwritable(path, error) from error
+    finally:
+        with suppress(OSError):
+            _put_back(old, path)
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _put_back(old: Path, path: Path) -> None:
     if old.exists() and not path.exists():
         os.rename(old, path)
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # somebody else's
+        return True
+    return True

@@ -3,7 +3,7 @@
 import errno
 import fcntl
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
@@ -34,20 +34,6 @@ def locked(path: Path, on_wait: Callable[[], None], shared: bool = False) -> Ite
         if not _take(file.fileno(), kind | fcntl.LOCK_NB, path):
             on_wait()
             _take(file.fileno(), kind, path)
-        yield
-
-
-@contextmanager
-def alone_at(path: Path, told: str) -> Iterator[None]:
-    """Keeps other processes that ask for the same away from a file or folder; says ``told`` once
-    while it waits. On a file system that has no locks nobody waits.
-    """
-    # Beside it, as it may be moved or replaced.
-    lock = path.with_name(f".{path.name}.lock")
-    lock.parent.mkdir(parents=True, exist_ok=True)
-    with ExitStack() as held:
-        with suppress(UserError):
-            held.enter_context(locked(lock, telling(told)))
         yield
 
 

@@ -4,7 +4,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pandas as pd
@@ -12,7 +12,7 @@ import yaml
 
 from .atomic import replacing
 from .errors import UserError
-from .locks import alone_at
+from .locks import locked, telling
 from .provenance import TRAINING_CODE, code_of, different_file, digest_of
 
 CONFIG = "config.yaml"
@@ -86,9 +86,20 @@ class RunFolder:
         whole = all((self.path / name).is_file() for name in files)
         return whole and self._recorded_version() == self.version
 
-    def alone(self) -> AbstractContextManager[None]:
-        """Keeps others out of the folder: a second process of the same run waits for its turn."""
-        return alone_at(self.path, f"{self.path}: another process is at work on this run")
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keeps others out of the folder: a second process of the same run waits for its turn.
+
+        On a file system that has no locks nobody waits.
+        """
+        on_wait = telling(f"{self.path}: another process is at work on this run")
+        # Beside the folder, which may be moved aside.
+        lock = self.path.with_name(f".{self.path.name}.lock")
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as held:
+            with suppress(UserError):
+                held.enter_context(locked(lock, on_wait))
+            yield
 
     def open(self, afresh: bool) -> Path | None:
         """Makes the folder ready and returns the checkpoint to go on from, if there is one.

@@ -9,8 +9,7 @@ from lightning.pytorch.callbacks import Callback
 from src.failures import quiet_libraries
 from src.tasks.dataset import data_of, root_of
 from src.tasks.fit import trainer_of
-from src.tasks.model import module_of, prior_of
-from tests.synthetic import compose_config
+from tests.synthetic import compose_config, untrained
 
 
 class WriteGradients(Callback):
@@ -25,8 +24,7 @@ class WriteGradients(Callback):
 def main(path, *overrides):
     cfg = compose_config(*overrides)
     data = data_of(cfg, root_of(cfg))
-    module = module_of(cfg, data, prior_of(cfg, data))
-    trainer = trainer_of(cfg, cfg.trainer.precision)
+    module, trainer = untrained(cfg, data), trainer_of(cfg)
     trainer.callbacks = [WriteGradients(path)]
     trainer.fit(module, datamodule=data)
 

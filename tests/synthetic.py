@@ -28,7 +28,9 @@ from src.geometry import (
     world_from_occ,
 )
 from src.ontology import CLASSES, FREE, UNKNOWN
+from src.run_folder import RunFolder
 from src.tasks.dataset import root_of, spec_of
+from src.tasks.model import module_of, network_of, origin_of
 
 CONF = Path(__file__).parent.parent / "conf"
 BOXES = (  # lower and upper corner in the world (m), class, colour
@@ -62,6 +64,13 @@ def config_of(root, folder):
         values = value if isinstance(value, dict) and value else {"": value}
         words += [f"sim.{key}{'.' * bool(k)}{k}={v}" for k, v in values.items() if key != "grid"]
     return compose_config(*words, "data.test_clips=[suburb/clip01]")
+
+
+def untrained(cfg, data):
+    """The module of a training that would begin now."""
+    config = OmegaConf.to_container(cfg, resolve=True)
+    origin = origin_of(cfg, data, RunFolder(cfg.paths.run, config, data.root.name))
+    return module_of(cfg, data, network_of(cfg, origin), origin)
 
 
 def write_dataset(cfg):

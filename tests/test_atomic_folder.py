@@ -1,6 +1,7 @@
 """Folders of results that are written whole or not at all."""
 
 import os
+import subprocess
 
 import pytest
 
@@ -66,9 +67,24 @@ def test_what_a_killed_process_had_put_aside_is_put_back(tmp_path):
 
 
 def test_what_a_killed_process_left_is_in_nobodys_way(tmp_path):
-    for kind in ("new", "old"):
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    for kind in (f"{dead.pid}.new", "old"):
         (tmp_path / f".results.{kind}").mkdir()
         (tmp_path / f".results.{kind}" / "left").write_text("")
     with replacing_folder(tmp_path / "results") as temporary:
         assert names(temporary) == []
+    assert names(tmp_path) == ["results"]
+
+
+def test_two_processes_do_not_write_into_each_other(tmp_path, monkeypatch):
+    """The later one stays, and what it wrote is all that is there."""
+    with replacing_folder(tmp_path / "results") as first:
+        (first / "first").write_text("")
+        monkeypatch.setattr(os, "getpid", lambda: 1)
+        with replacing_folder(tmp_path / "results") as second:
+            (second / "second").write_text("")
+            assert names(first) == ["first"]
+        assert names(tmp_path / "results") == ["second"]
+    assert names(tmp_path / "results") == ["first"]
     assert names(tmp_path) == ["results"]

@@ -1,19 +1,45 @@
-"""Where a number comes from."""
+"""Where a number comes from: what changes an identity, what does not, and under which Python."""
 
+import ast
 import os
 import platform
+import re
+import shutil
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from src import provenance
-from src.provenance import code_digest, code_version, digest_of, git_commit, package_versions
+from src.jit import kernels_digest
+from src.provenance import (
+    DATA_CODE,
+    SOURCE,
+    TRAINING_CODE,
+    code_of,
+    different_file,
+    digest_of,
+    git_commit,
+    package_versions,
+)
+
+PYTHONS = ("3.10", "3.11", "3.12", "3.13")
+NEUTRAL = {
+    *("errors", "atomic", "provenance", "jit", "run_folder", "locks", "worker_pool"),
+    *("data/shards", "data/manifest", "data/files", "tasks/scoring"),
+}
+"""What the files that shape data or weights use besides, and what shapes neither: errors, writing,
+processes, names, and what configures the scores."""
 
 
 def test_equal_data_have_equal_digests_whatever_their_order():
     assert digest_of({"a": 1, "b": [2, 3]}) == digest_of({"b": [2, 3], "a": 1})
     assert digest_of({"a": 1}) != digest_of({"a": 2})
     assert len(digest_of({})) == 12
+
+
+# ----------------------------------------------------------------------------------- of a file
 
 
 @pytest.fixture
@@ -24,28 +50,43 @@ def digest_after(tmp_path, monkeypatch):
         for old in tmp_path.glob("*.py"):
             old.unlink()
         (tmp_path / name).write_text(text)
-        return code_digest([tmp_path])
+        return code_of([name])
 
     return digest
 
 
-CODE = 'def f(x):\n    """Doubles."""\n    return 2 * x\n'
+CODE = '''def f(x):
+    """Doubles."""
+    if x < 0:
+        raise ValueError("negative")
+    return 2 * x
+'''
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        'def f(x):\n    """Gives twice x."""\n    return 2 * x\n',
-        '"""A module."""\n\ndef f(x):\n    # why\n    return 2 * x\n',
-        "def f(x):\n    return (\n        2 * x\n    )\n",
+        CODE.replace("Doubles", "Gives twice x"),
+        CODE.replace('    """Doubles."""\n', "    # why\n") + '"""Of f."""\n',
+        CODE.replace("2 * x", "(\n        2\n        * x\n    )"),
+        CODE.replace("negative", "below zero"),
     ],
+    ids=["docstring", "comment", "layout", "message"],
 )
 def test_words_and_layout_do_not_count(digest_after, text):
+    assert text != CODE
     assert digest_after(text) == digest_after(CODE)
 
 
 @pytest.mark.parametrize(
-    "text", [CODE.replace("2 *", "3 *"), CODE + "X = 1\n", CODE.replace("f(x)", "f(x, y=0)")]
+    "text",
+    [
+        CODE.replace("2 *", "3 *"),
+        CODE.replace("2 *", "2.0 *"),
+        CODE + "X = 1\n",
+        CODE.replace("f(x)", "f(x, y=0)"),
+        CODE.replace("ValueError", "TypeError"),
+    ],
 )
 def test_statements_count(digest_after, text):
     assert digest_after(text) != digest_after(CODE)
@@ -55,16 +96,123 @@ def test_a_file_s_place_counts(digest_after):
     assert digest_after(CODE, "other.py") != digest_after(CODE)
 
 
-def test_a_text_that_is_a_value_counts(digest_after):
-    assert digest_after('NAME = "a"\n') != digest_after('NAME = "b"\n')
+@pytest.mark.parametrize(("one", "other"), [('"a"', '"b"'), ('"1"', "1"), ("None", "0")])
+def test_values_count(digest_after, one, other):
+    assert digest_after(f"X = {one}\n") != digest_after(f"X = {other}\n")
 
 
-def test_the_version_of_a_result_is_code_and_configuration(digest_after):
-    digest_after(CODE)
-    before = code_version({"seed": 0})
-    assert code_version({"seed": 1}) != before
-    digest_after(CODE + "X = 1\n")
-    assert code_version({"seed": 0}) != before
+def test_the_first_file_that_differs_is_named():
+    before = {"a.py": "1", "b.py": "2"}
+    assert different_file(before, dict(before)) == ""
+    assert different_file(before, {"a.py": "1", "b.py": "3", "c.py": "4"}) == "b.py"
+    assert different_file(before, {"b.py": "2"}) == "a.py"
+
+
+# --------------------------------------------------------------------------------- of the project
+
+
+@pytest.fixture
+def edited(tmp_path, monkeypatch):
+    """Both digests after one replacement in a file of ``src/``."""
+    copy = tmp_path / "src"
+    shutil.copytree(SOURCE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(provenance, "SOURCE", copy)
+
+    def digests(file="geometry.py", old="", new=""):
+        path = copy / file
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+        try:
+            return tuple(digest_of(code_of(parts)) for parts in (DATA_CODE, TRAINING_CODE))
+        finally:
+            path.write_text(text)
+
+    return digests
+
+
+def test_an_edit_changes_what_it_shapes_and_nothing_else(edited):
+    data, training = edited()
+    assert edited("report/latex.py", "import math", "import math\n\nX = 1") == (data, training)
+    assert edited("tasks/report.py", '"""task=report', 'X = 1\n"""task=report') == (data, training)
+    assert edited("models/losses.py", "max_ratio: float = 4.0", "max_ratio: float = 4.5")[0] == data
+    assert edited("models/losses.py", "= 4.0", "= 4.5")[1] != training
+    assert edited("sim/traffic.py", "\nimport numpy", "\nX = 1\nimport numpy")[0] != data
+    assert edited("sim/traffic.py", "\nimport numpy", "\nX = 1\nimport numpy")[1] == training
+    both = edited("geometry.py", "MIN_DEPTH_M = 0.1", "MIN_DEPTH_M = 0.2")
+    assert both[0] != data
+    assert both[1] != training
+
+
+@pytest.mark.parametrize("parts", [DATA_CODE, TRAINING_CODE], ids=["data", "training"])
+def test_nothing_that_shapes_it_is_left_out(parts):
+    """What the listed files import is listed too, or shapes nothing."""
+    listed = {file.removesuffix(".py") for file in code_of(parts)}
+    listed |= {module.removesuffix("/__init__") for module in listed}
+    for file in code_of(parts):
+        for module in imported(SOURCE / file):
+            assert module in listed | NEUTRAL, f"{file} imports src/{module}.py, which shapes it"
+
+
+def imported(path):
+    """The modules of ``src/`` that a file imports, as paths in there."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            package = path.relative_to(SOURCE).parts[: -node.level]
+            module = "/".join([*package, *(node.module or "").split(".")]).strip("/")
+            if node.module:
+                yield module
+            else:
+                yield from ("/".join([*package, alias.name]) for alias in node.names)
+
+
+def test_it_is_the_same_under_every_python():
+    """As printed with the standard library alone, by each interpreter that this machine has."""
+    said = {}
+    for version in PYTHONS:
+        for name in interpreters(version):
+            done = subprocess.run(
+                [name, "-S", "-m", "src.provenance"],
+                cwd=SOURCE.parent,
+                capture_output=True,
+                text=True,
+            )
+            if done.returncode == 0:
+                said[version] = done.stdout
+                break
+    assert f"{sys.version_info[0]}.{sys.version_info[1]}" in said
+    assert len(set(said.values())) == 1, said
+    data, training = (digest_of(code_of(parts)) for parts in (DATA_CODE, TRAINING_CODE))
+    assert said.popitem()[1] == f"data {data}\ntraining {training}\n"
+
+
+def interpreters(version):
+    """Where a Python of that version may be: this one, on the path, or of pyenv."""
+    if sys.version_info[:2] == tuple(map(int, version.split("."))):
+        yield sys.executable
+    for path in (*os.get_exec_path(), *Path.home().glob(f".pyenv/versions/{version}.*/bin")):
+        if (name := Path(path) / f"python{version}").is_file():
+            yield str(name)
+
+
+def test_compiled_functions_are_kept_apart_by_what_they_call(tmp_path):
+    kernel = tmp_path / "kernel.py"
+    kernel.write_text("from .jit import njit\nX = 1\n")
+    (tmp_path / "other.py").write_text("X = 1\n")
+    before = kernels_digest(tmp_path)
+    (tmp_path / "other.py").write_text("X = 2\n")
+    assert kernels_digest(tmp_path) == before
+    kernel.write_text("from .jit import njit\nX = 2\n")
+    assert kernels_digest(tmp_path) != before
+
+
+def test_every_compiled_function_is_among_them():
+    by_numba = re.compile(r"^\s*(import|from) numba", re.MULTILINE)
+    using = [path.name for path in SOURCE.rglob("*.py") if by_numba.search(path.read_text())]
+    assert using == ["jit.py"]
+
+
+# ------------------------------------------------------------------------------ commit and machine
 
 
 def test_the_commit_says_whether_files_were_changed(tmp_path, monkeypatch):

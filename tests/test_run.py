@@ -16,19 +16,19 @@ import yaml
 from hydra.core.global_hydra import GlobalHydra
 from lightning.pytorch.loggers.csv_logs import ExperimentWriter
 
+from src.data.datamodule import SkyShieldData
 from src.errors import UserError
 from src.failures import one_line
 from src.metrics.tally import Tally
+from src.models.checkpoint import Checkpoint
 from src.models.module import OccupancyModule, rate_share
 from src.models.network import SkyOcc
 from src.ontology import CLASSES
 from src.report.results import SCORES, read_results
-from src.tasks import evaluate, precision
-from src.tasks.checkpoint import epochs_done
+from src.tasks import evaluate
 from src.tasks.compare import compare
 from src.tasks.dataset import data_of
 from src.tasks.fit import fit
-from src.tasks.model import module_of, prior_of
 from src.tasks.predict import predict
 from src.tasks.score import score as score_predictions
 from src.tasks.test import test as score
@@ -132,7 +132,7 @@ def test_a_run_leaves_its_folder_complete(finished):
         *("config.yaml", ".version", ".code", "class_weights.json", "metrics.csv", "results.csv"),
         *("checkpoints/best.ckpt", "checkpoints/last.ckpt"),
         *("figures/curves.png", "figures/qualitative.png"),
-        *("scores.csv", "precision.json", "sessions/version_0/metrics.csv"),
+        *("scores.csv", "sessions/version_0/metrics.csv"),
         *(f"tallies/{name}.npz" for name in ("skyocc", "all_free", "voxel_prior")),
     }
     assert yaml.safe_load((folder / "config.yaml").read_text())["name"] == "skyocc"
@@ -195,10 +195,11 @@ def test_it_says_what_it_trains_and_needs_no_simulator_where_the_data_exist(here
     done = command(*here, "trainer.max_epochs=1", start=("-c", script))
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
-    first, second, third, *_ = done.stdout.splitlines()
-    assert re.fullmatch(r"skyocc, scale tiny, seed 0: 0\.\d+ M parameters on cpu, 1 epochs", first)
+    first, second, *_ = done.stdout.splitlines()
+    assert re.fullmatch(
+        r"skyocc, scale tiny, seed 0: 0\.\d+ M .* on cpu in 32-true, 1 epochs", first
+    )
     assert second.endswith(": 25 / 3 / 32 frames to train / validate / test")
-    assert third == "precision 32-true: trainer.precision says so"
     assert "voxel_prior" in done.stdout
 
 
@@ -235,7 +236,7 @@ def test_the_best_one_stays_and_no_later_one_is_trained_again(here, monkeypatch,
     assert fit(compose_config(*words)) == f"finished, went on after epoch {epoch} of 3"
     checkpoints = folder_of(here) / "checkpoints"
     assert {path.name for path in checkpoints.iterdir()} == {"best.ckpt", "last.ckpt"}
-    epochs = [epochs_done(checkpoints / f"{name}.ckpt") for name in ("best", "last")]
+    epochs = [Checkpoint.read(checkpoints / f"{name}.ckpt").epochs for name in ("best", "last")]
     assert epochs == [1, 3]
 
 
@@ -288,58 +289,39 @@ def test_last_goes_on_and_another_configuration_is_refused(here, monkeypatch):
             fit(compose_config(*here))
     with pytest.raises(UserError, match=r"optimizer\.lr=0\.002, and now it is 0\.1"):
         fit(compose_config(*here, "ckpt_path=last", "optimizer.lr=0.1"))
-    code = folder_of(here) / ".code"
-    ours = code.read_text()
-    code.write_text("0ther\n")
-    with pytest.raises(UserError, match=r"last\.ckpt was trained by code 0ther, and src/ is"):
+    last = folder_of(here) / "checkpoints/last.ckpt"
+    ours, content = last.read_bytes(), torch.load(last, weights_only=True)
+    content["skyshield"]["code"]["models/losses.py"] = "0123456789ab"
+    torch.save(content, last)
+    with pytest.raises(UserError, match=r"last\.ckpt was trained by other code: src/models/losses"):
         fit(compose_config(*here, "ckpt_path=last"))
-    code.write_text(ours)
+    last.write_bytes(ours)
     fit(compose_config(*here, "ckpt_path=last"))
     table = pd.read_csv(folder_of(here) / "metrics.csv")
     assert table.dropna(subset=["val/kar_miou"])["epoch"].tolist() == [0, 1]
 
 
-@pytest.fixture
-def auto(here, monkeypatch):
-    """The words of a run with trainer.precision=auto, and what settles what its probe finds."""
-    monkeypatch.setattr(precision, "obstacle_to_bf16", lambda device: None)
-
-    def probe_finds(chosen):
-        monkeypatch.setattr(precision, "faster", lambda *_: precision.Choice(chosen, "it is so"))
-
-    return [*here, "trainer.precision=auto"], probe_finds
-
-
-def test_a_run_that_was_probed_is_the_run_that_was_not(finished, auto):
-    words, probe_finds = auto
-    probe_finds("32-true")
-    fit(compose_config(*words))
-    probed = weights(folder_of(words) / "checkpoints/last.ckpt")
-    plain = weights(finished[0] / "checkpoints/last.ckpt")
-    assert all(torch.equal(probed[name], value) for name, value in plain.items())
-
-
-def test_a_run_keeps_its_precision_when_it_goes_on_elsewhere(auto, monkeypatch, capsys):
-    words, probe_finds = auto
-    probe_finds("bf16-mixed")
+def test_a_run_resumes_without_reading_the_training_labels_again(here, monkeypatch):
     with monkeypatch.context() as patched:
-        stop_at(patched, 1, 0)
+        stop_at(patched, 1, 1)
         with pytest.raises(Stop):
-            fit(compose_config(*words))
-    probe_finds("32-true")
+            fit(compose_config(*here))
+    monkeypatch.setattr(SkyShieldData, "labels", None)
+    assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
+
+
+def test_a_precision_holds_for_training_and_for_what_comes_after(here, monkeypatch):
+    words = [*here, "trainer.precision=bf16-mixed", "trainer.max_epochs=1"]
     fit(compose_config(*words))
-    assert capsys.readouterr().out.count("precision bf16-mixed: it is so") == 2
-    score(compose_config(*words, "task=test", "ckpt_path=last"))
-    for folder in (folder_of(words), folder_of(words) / "test"):
-        table = read_results(folder / "results.csv").set_index("experiment")
-        assert set(table.loc["skyocc", "precision"]) == {"bf16-mixed"}
-    forward, autocast = OccupancyModule.forward, []
+    table = read_results(folder_of(words) / "results.csv").set_index("experiment")
+    assert set(table.loc["skyocc", "precision"]) == {"bf16-mixed"}
+    forward, autocast = SkyOcc.forward, []
 
     def watched(self, batch):
         autocast.append(torch.is_autocast_enabled("cpu"))
         return forward(self, batch)
 
-    monkeypatch.setattr(OccupancyModule, "forward", watched)
+    monkeypatch.setattr(SkyOcc, "forward", watched)
     predict(compose_config(*words, "task=predict", "ckpt_path=last"), "val", logits=False)
     assert set(autocast) == {True}
     facts = yaml.safe_load((folder_of(words) / "predictions/val/predictions.json").read_text())
@@ -355,6 +337,15 @@ def test_there_is_nothing_to_resume_before_the_first_run(here):
 def test_fit_does_not_go_on_from_another_run(finished, here):
     with pytest.raises(UserError, match="belongs to another run"):
         fit(compose_config(*here, f"ckpt_path={finished[0]}/checkpoints/last.ckpt"))
+
+
+def test_what_cannot_be_done_is_refused_before_a_finished_run_is_moved(finished):
+    """A device that there is not, for a command that would train in the folder of another run."""
+    folder, words = finished
+    with pytest.raises(UserError, match=r"trainer\.accelerator: tpu, but PyTorch finds only"):
+        fit(compose_config(*words, "seed=0", "optimizer.lr=0.1", "trainer.accelerator=tpu"))
+    assert (folder / "results.csv").is_file()
+    assert not folder.with_name("seed0.before1").exists()
 
 
 def test_overwriting_keeps_the_old_run_aside(place, here):
@@ -457,11 +448,9 @@ def test_a_file_that_is_no_checkpoint_is_named(finished, tmp_path, content):
     assert "\n" not in str(info.value)
 
 
-def test_a_checkpoint_of_another_architecture_is_named(finished, tmp_path):
-    path = tmp_path / "wide.ckpt"
-    path.write_bytes((finished[0] / "checkpoints/best.ckpt").read_bytes())
-    words = [*finished[1], "task=test", f"ckpt_path={path}", "model.encoder.dim=32"]
-    with pytest.raises(UserError, match=r"another architecture .*parameters differ"):
+def test_a_checkpoint_of_another_architecture_is_named(finished):
+    words = [*finished[1], "task=test", "ckpt_path=best", "model.encoder.dim=32"]
+    with pytest.raises(UserError, match=r"decoder\.dim=16, and now it is 32"):
         score(compose_config(*words))
 
 
@@ -506,6 +495,10 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
         (["data.order=stream"], "data.order: 'stream'; there are shuffled, streams"),
         (["model.history=foo"], "model.history: 'foo' is neither 'queue' nor 'recursive'"),
         (["trainer.precision=fp16"], "trainer.precision: 'fp16'; there are auto, 32-true"),
+        (["trainer.accelerator=cpu", "trainer.precision=16-mixed"], "trainer.precision: 16-mixed"),
+        (["trainer.accelerator=tpu"], "trainer.accelerator: tpu, but PyTorch finds only"),
+        (["trainer.strategy=no"], "trainer: You selected an invalid strategy name"),
+        (["gpu_precision=fp8"], "gpu_precision: 'fp8'; there are 32-true"),
         (["trainer.precision=null"], "trainer.precision: None; there are auto, 32-true"),
         (["sim.image.width=100"], "sim.image.width: 100 is not a multiple of 32"),
         (
@@ -628,7 +621,7 @@ def test_four_samples_can_be_learnt_by_heart(mini_dataset, tmp_path):
     cfg = compose_config(*words, "data.val_clips=[]", "data.test_clips=[suburb/clip01]")
     data = data_of(cfg, mini_dataset)
     data.split["train"] = [("suburb/clip00", frame) for frame in (4, 10, 16, 22)]
-    module = module_of(cfg, data, prior_of(cfg, data))
+    module = untrained(cfg, data)
     batch = next(iter(data.train_dataloader()))
     optimizer = torch.optim.AdamW(module.network.parameters())
     losses = []

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -10,10 +11,12 @@ import yaml
 from src import run_folder
 from src.errors import UserError
 from src.run_folder import (
+    ANCHORS,
     IDENTITY,
     RunFolder,
-    code_of,
     differences,
+    read_config,
+    recorded_code,
     require_same_config,
     shaping,
 )
@@ -29,12 +32,13 @@ def config(folder, **changes):
         "data": {"workers": 1, "batch_size": 8},
         "sim": {"workers": None, "dry_run": False, "seed": 0},
         "threads": None,
+        "trainer": {"log_every_n_steps": 10},
         **changes,
     }
 
 
-def folder_of(path, **changes):
-    return RunFolder(path, config(path, **changes))
+def folder_of(path, dataset="mini-0", **changes):
+    return RunFolder(path, config(path, **changes), dataset)
 
 
 def half_done(path, **changes):
@@ -65,17 +69,17 @@ def test_a_half_done_run_goes_on(tmp_path):
 
 
 def test_a_run_killed_before_its_first_checkpoint_begins_again_where_it_is(tmp_path):
-    """Nothing is lost, so nothing is moved aside; what it computes with was settled."""
+    """Nothing is lost, so nothing is moved aside."""
     folder = folder_of(tmp_path / "seed0")
     folder.open(afresh=False)
-    folder.write_json("precision.json", {"precision": "bf16-mixed"})
+    folder.write_json("class_weights.json", {"car": 5.0})
     session(folder, 0, {"step": [0, 1], "train/total": [9.0, 8.0]})
     (folder.path / ".class_weights.json.17.tmp").write_text("half of it")
     again = folder_of(tmp_path / "seed0", threads=2)
     assert again.open(afresh=False) is None
     assert [path.name for path in tmp_path.iterdir()] == ["seed0"]
     names = {path.name for path in folder.path.iterdir()}
-    assert names == {"config.yaml", ".version", ".code", "precision.json"}
+    assert names == {"config.yaml", ".version", ".code", "class_weights.json"}
     assert yaml.safe_load((folder.path / "config.yaml").read_text())["threads"] == 2
 
 
@@ -144,7 +148,8 @@ def test_afresh_moves_the_same_run_aside_too(tmp_path):
 
 def test_finished_means_results_of_this_very_configuration(tmp_path):
     folder = half_done(tmp_path / "seed0")
-    files = [folder.path / name for name in ("results.csv", "scores.csv", "tallies/skyocc.npz")]
+    tallies = [f"tallies/{name}.npz" for name in ("skyocc", *ANCHORS)]
+    files = [folder.path / name for name in ("results.csv", "scores.csv", *tallies)]
     files[2].parent.mkdir()
     for file in files:
         file.write_text("experiment\n")
@@ -164,6 +169,8 @@ def test_finished_means_results_of_this_very_configuration(tmp_path):
         {"sim": {"workers": 2, "dry_run": True, "seed": 0}},
         {"threads": 2},
         {"ckpt_path": "last"},
+        {"logger": {"flush_logs_every_n_steps": 5}},
+        {"trainer": {"log_every_n_steps": 7}},
     ],
 )
 def test_what_shapes_no_result_does_not_change_the_version(tmp_path, changes):
@@ -172,19 +179,35 @@ def test_what_shapes_no_result_does_not_change_the_version(tmp_path, changes):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"seed": 1}, {"model": {"dim": 32}}, {"data": {"workers": 1, "batch_size": 4}}],
+    [
+        {"seed": 1},
+        {"model": {"dim": 32}},
+        {"data": {"workers": 1, "batch_size": 4}},
+        {"dataset": "mini-1"},
+    ],
 )
 def test_what_shapes_a_result_does(tmp_path, changes):
     assert folder_of(tmp_path, **changes).version != folder_of(tmp_path).version
 
 
-def test_the_code_of_a_run_is_recorded_apart_from_its_configuration(tmp_path, monkeypatch):
-    one, other = (half_done(tmp_path / name, seed=n).path for n, name in enumerate("ab"))
-    assert code_of(one) == code_of(other) != ""
-    monkeypatch.setattr(run_folder, "source_digest", lambda: "0123456789ab")
-    assert code_of(half_done(tmp_path / "c").path) == "0123456789ab"
-    (one / ".code").unlink()
-    assert code_of(one) == ""
+def test_the_code_of_a_run_is_recorded_file_by_file(tmp_path):
+    folder = half_done(tmp_path / "a")
+    assert recorded_code(folder.path) == folder.code
+    assert "models/losses.py" in folder.code
+    (folder.path / ".code").write_text("0123456789ab\n")
+    assert recorded_code(folder.path) == {"": "0123456789ab"}, "of runs before format 2"
+    (folder.path / ".code").unlink()
+    assert recorded_code(folder.path) == {}
+
+
+def test_what_is_moved_aside_is_told_with_the_file_that_differs(tmp_path, monkeypatch, capsys):
+    code = half_done(tmp_path / "seed0").code
+    other = {**code, "models/losses.py": "0123456789ab"}
+    monkeypatch.setattr(run_folder, "code_of", lambda parts: other)
+    assert folder_of(tmp_path / "seed0").open(afresh=False) is None
+    said = capsys.readouterr().out
+    assert "seed0.before1" in said
+    assert "src/models/losses.py" in said
 
 
 def test_a_run_may_be_moved_to_another_place(tmp_path):
@@ -193,20 +216,28 @@ def test_a_run_may_be_moved_to_another_place(tmp_path):
     assert folder_of(tmp_path / "there").open(afresh=False) is not None
 
 
+def refuse(tmp_path, change, keys=()):
+    """What is said of a checkpoint that was trained under another configuration."""
+    before, now = config(tmp_path), config(tmp_path, **change)
+    if not keys:
+        before, now = shaping(before), shaping(now)
+    with pytest.raises(UserError) as caught:
+        require_same_config(tmp_path / "last.ckpt", before, now, keys)
+    return str(caught.value)
+
+
 def test_a_checkpoint_of_another_configuration_is_refused_by_its_key(tmp_path):
-    folder = half_done(tmp_path / "seed0")
-    require_same_config(folder.last_checkpoint, folder.config)
-    other = config(tmp_path / "seed0", model={"dim": 16, "projection": "level"})
-    with pytest.raises(UserError, match=r'model\.projection="attitude", and now it is "level"'):
-        require_same_config(folder.last_checkpoint, other)
+    same = shaping(config(tmp_path))
+    require_same_config(tmp_path / "last.ckpt", same, same)
+    said = refuse(tmp_path, {"model": {"dim": 16, "projection": "level"}})
+    assert 'model.projection="attitude", and now it is "level"' in said
 
 
 def test_only_the_part_that_matters_is_compared(tmp_path):
-    folder = half_done(tmp_path / "seed0")
-    other = config(tmp_path / "seed0", data={"workers": 1, "batch_size": 4})
-    require_same_config(folder.last_checkpoint, other, IDENTITY)
-    with pytest.raises(UserError, match="batch_size=8, and now it is 4"):
-        require_same_config(folder.last_checkpoint, other)
+    change = {"data": {"workers": 1, "batch_size": 4}}
+    other = config(tmp_path, **change)
+    require_same_config(tmp_path / "last.ckpt", config(tmp_path), other, IDENTITY)
+    assert "batch_size=8, and now it is 4" in refuse(tmp_path, change)
 
 
 @pytest.mark.parametrize(
@@ -218,28 +249,25 @@ def test_only_the_part_that_matters_is_compared(tmp_path):
     ],
 )
 def test_a_checkpoint_of_another_rung_or_seed_is_refused_though_it_fits(tmp_path, change, said):
-    folder = half_done(tmp_path / "seed0")
-    with pytest.raises(UserError, match=f"{said}.*or another ckpt_path$"):
-        require_same_config(folder.last_checkpoint, folder.config | change, IDENTITY)
+    assert said in refuse(tmp_path, change, IDENTITY)
 
 
 def test_what_the_encoder_began_with_says_nothing_of_a_checkpoints_network(tmp_path):
-    model = {"projection": "attitude", "backbone": {"weights": "encoder.pth"}}
-    folder = half_done(tmp_path / "seed0", model=model)
-    model = {"projection": "attitude", "backbone": {"weights": None}}
-    other = config(tmp_path / "seed0", model=model)
-    require_same_config(folder.last_checkpoint, other, IDENTITY)
+    began, other = (
+        config(tmp_path, model={"projection": "attitude", "backbone": {"weights": weights}})
+        for weights in ("encoder.pth", None)
+    )
+    require_same_config(tmp_path / "last.ckpt", began, other, IDENTITY)
     with pytest.raises(UserError, match=r'weights="encoder\.pth", and now it is null'):
-        require_same_config(folder.last_checkpoint, other)
+        require_same_config(tmp_path / "last.ckpt", shaping(began), shaping(other))
 
 
 @pytest.mark.parametrize("content", [None, "", "- a list", "{", "name: x"])
 def test_an_unreadable_config_is_named(tmp_path, content):
-    folder = half_done(tmp_path / "seed0")
-    path = folder.path / "config.yaml"
+    path = half_done(tmp_path / "seed0").path / "config.yaml"
     path.unlink() if content is None else path.write_text(content)
     with pytest.raises(UserError, match=r"config\.yaml: cannot be read \(") as caught:
-        require_same_config(folder.last_checkpoint, folder.config)
+        read_config(path, "so it is none")
     assert "\n" not in str(caught.value)
     assert "object is not" not in str(caught.value), "the words of Python"
 
@@ -247,9 +275,8 @@ def test_an_unreadable_config_is_named(tmp_path, content):
 def test_a_checkpoint_is_named_or_a_file(tmp_path):
     folder = half_done(tmp_path / "seed0")
     assert folder.checkpoint("last") == folder.last_checkpoint
-    assert folder.checkpoint(str(folder.last_checkpoint)) == folder.last_checkpoint
-    with pytest.raises(UserError, match=r"ckpt_path: no checkpoint .*best\.ckpt"):
-        folder.checkpoint("best")
+    assert folder.checkpoint("best") == folder.best_checkpoint
+    assert folder.checkpoint("some/file.ckpt") == Path("some/file.ckpt")
 
 
 def test_metrics_of_sessions_are_joined_and_lost_steps_left_out(tmp_path):

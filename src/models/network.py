@@ -108,12 +108,14 @@ class SkyOcc(nn.Module):
         valid = batch["history_valid"][:, :-1]
         if valid.shape[1] == 0:
             return None
+        exists = valid.cpu()  # once: to ask a GPU frame by frame would stall it each time
         gradient = nullcontext() if self.history_grad else torch.no_grad()
         steps: list[Tensor] = []
         with gradient, running_statistics(self.backbone):
             # A step at a time: what one step touches stays in the cache, and memory stays low.
             for at in range(valid.shape[1]):
-                steps.append(self._encode_past(batch, at, steps))
+                rows = exists[:, at].nonzero()[:, 0].to(valid.device)
+                steps.append(self._encode_past(batch, at, rows, steps))
         steps = steps[-self.past_frames :]
         n = len(steps)
         motion = batch["occ_from_past_occ"][:, -1 - n : -1]
@@ -185,10 +187,10 @@ class SkyOcc(nn.Module):
         )
 
     def _encode_past(
-        self, batch: Mapping[str, Tensor], at: int, before: Sequence[Tensor]
+        self, batch: Mapping[str, Tensor], at: int, rows: Tensor, before: Sequence[Tensor]
     ) -> Float[Tensor, "b p dim"]:
-        """What frame ``at`` leaves behind; zero, and not computed, where it does not exist."""
-        rows = batch["history_valid"][:, at].nonzero()[:, 0]
+        """What frame ``at`` leaves behind in the rows of the batch that have one; zero, and not
+        computed, in the others."""
         pillars = self.encoder.query.new_zeros(len(batch["image"]), *self.pillar_shape)
         if len(rows) == 0:
             return pillars

@@ -81,12 +81,12 @@ class Drawing:
             body, -1, rgbaColor=[1, 1, 1, float(shown)], physicsClientId=self._client
         )
 
-    def place(self, body: int, world_from_body: Float[np.ndarray, "4 4"]) -> None:
+    def place(self, body: int, world_from_actor: Float[np.ndarray, "4 4"]) -> None:
         """Moves a body that stands upright."""
-        yaw_rad = np.arctan2(world_from_body[1, 0], world_from_body[0, 0])
+        yaw_rad = np.arctan2(world_from_actor[1, 0], world_from_actor[0, 0])
         quat_xyzw = [0.0, 0.0, np.sin(yaw_rad / 2), np.cos(yaw_rad / 2)]
         self._bullet.resetBasePositionAndOrientation(
-            body, world_from_body[:3, 3].tolist(), quat_xyzw, physicsClientId=self._client
+            body, world_from_actor[:3, 3].tolist(), quat_xyzw, physicsClientId=self._client
         )
 
     def picture(

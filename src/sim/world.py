@@ -186,16 +186,16 @@ class World:
     def _place(self, step: int, camera_from_world: Float[np.ndarray, "4 4"]) -> None:
         """Shows what can be seen, where it is at the step, and hides the rest."""
         moved = [actor.world_from_actor[step] for actor in self._scene.bodies]
-        world_from_body = np.stack([*moved, np.eye(4)])[self._actor]
-        middle_m = np.einsum("nij,nj->ni", world_from_body[:, :3, :3], self._middle_m)
-        middle_m += world_from_body[:, :3, 3]
+        world_from_actor = np.stack([*moved, np.eye(4)])[self._actor]
+        middle_m = np.einsum("nij,nj->ni", world_from_actor[:, :3, :3], self._middle_m)
+        middle_m += world_from_actor[:, :3, 3]
         sphere_m = middle_m, self._reach_m
         seen = in_view(self._planes, camera_from_world, *sphere_m, self._far_m)
         for body in np.flatnonzero(seen != self._shown).tolist():
             self._drawing.show(body, bool(seen[body]))
         self._shown = seen
         for body in np.flatnonzero(seen & (self._actor != STATIC)).tolist():
-            self._drawing.place(body, world_from_body[body])
+            self._drawing.place(body, world_from_actor[body])
 
     def _add(self, parts: Iterable[Part], actor: int, cell_m: float) -> None:
         """One body of the drawing for each class, texture and cell."""

@@ -144,7 +144,7 @@ def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
             shutil.rmtree(unfinished(folder), ignore_errors=True)
             folder.rename(unfinished(folder))
     make_dataset(cfg, root, spec_of(cfg))
-    if (root / CARD).is_file():
+    if findings.of_whole and (root / CARD).is_file():
         write_card(root)
 
 

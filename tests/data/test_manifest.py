@@ -5,11 +5,9 @@ import shutil
 
 import pytest
 
-from src.data import manifest as manifest_module
 from src.data.clip import SUMS
 from src.data.files import sha256_of
 from src.data.manifest import (
-    GENERATOR_CODE,
     MANIFEST,
     NOT_SHAPING,
     DatasetSpec,
@@ -20,7 +18,7 @@ from src.data.manifest import (
 )
 from src.data.split import make_split
 from src.errors import UserError
-from src.provenance import SOURCE, code_digest
+from src.provenance import DATA_CODE, SOURCE
 
 
 def test_every_setting_that_shapes_the_data_changes_the_folder(mini_sim, tmp_path):
@@ -52,7 +50,6 @@ def code(tmp_path, monkeypatch):
     """A copy of the generator's code that may be edited."""
     copy = tmp_path / "src"
     shutil.copytree(SOURCE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(manifest_module, "SOURCE", copy)
     monkeypatch.setattr("src.provenance.SOURCE", copy)
     return copy
 
@@ -70,18 +67,13 @@ def test_code_changes_the_folder_and_comments_do_not(mini_sim, code):
     assert DatasetSpec.of("mini", mini_sim).digest == before
 
 
-@pytest.mark.parametrize("part", GENERATOR_CODE)
+@pytest.mark.parametrize("part", DATA_CODE)
 def test_every_part_of_the_generator_counts(mini_sim, code, part):
     before = DatasetSpec.of("mini", mini_sim).digest
     path = code / part
     file = path / "camera.py" if path.is_dir() else path
     file.write_text(file.read_text() + "\nADDED = 1\n")
     assert DatasetSpec.of("mini", mini_sim).digest != before
-
-
-def test_the_digest_is_of_files_not_of_their_place(mini_sim, code):
-    paths = [code / part for part in GENERATOR_CODE]
-    assert DatasetSpec.of("mini", mini_sim).generator == code_digest(paths)
 
 
 def test_the_manifest_holds_the_settings_and_every_hash(mini_dataset, mini_sim):

@@ -179,7 +179,13 @@ def test_padding_changes_nothing(room):
     for some in (references, padded):
         update = module(query, features, some)
         gradients.append([update, *torch.autograd.grad(update.square().sum(), inputs)])
-    torch.testing.assert_close(*gradients)
+
+    # Inside, places and weights are float32: a gradient is a sum over all that is sampled, whose
+    # order depends on how many places there are.
+    terms = len(padded.in_view) * HEADS * POINTS * len(STRIDES)
+    for plain, with_room in zip(*gradients):
+        atol = terms * torch.finfo(torch.float32).eps * plain.abs().max().item()
+        torch.testing.assert_close(with_room, plain, atol=atol, rtol=0)
 
 
 def test_heads_must_divide_the_width():

@@ -130,7 +130,7 @@ def test_a_file_that_is_no_state_dict_is_refused(tmp_path):
     path = tmp_path / "text.pth"
     path.write_text("no weights")
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    with pytest.raises(UserError, match="does not fit"):
+    with pytest.raises(UserError, match=r"model\.backbone\.weights: .*text\.pth is no readable"):
         ResNet(18, 8, weights=str(path), weights_sha256=digest)
 
 

@@ -11,7 +11,7 @@ from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.ontology import COLORS
 from src.report import animation
-from src.report.card import CARD, CARD_SUMS
+from src.report.card import CARD, CARD_SUMS, write_card
 from src.report.check_sheet import overlaid
 from src.report.labels_in_image import COLOR_SHARE, EDGE_SHARE
 from src.tasks.check import check
@@ -34,6 +34,7 @@ def original(mini_dataset, tmp_path_factory):
     root = root_of(config)
     shutil.copytree(mini_dataset, root)
     make_dataset(config, root, spec_of(config))
+    write_card(root)
     return root
 
 

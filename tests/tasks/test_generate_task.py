@@ -10,9 +10,7 @@ import pytest
 from src.data.manifest import MANIFEST, read_manifest
 from src.data.shards import record_of
 from src.errors import UserError
-from src.report import animation
 from src.report.card import CARD
-from src.tasks import dataset as dataset_module
 from src.tasks.dataset import make_dataset, ready_dataset, root_of, spec_of
 from src.tasks.generate import generate
 from tests.synthetic import compose_config, mini_overrides, write_clip
@@ -20,11 +18,8 @@ from tests.synthetic import compose_config, mini_overrides, write_clip
 
 @pytest.fixture
 def config(tmp_path, monkeypatch):
-    """Composes the settings of a shard; clips are synthetic, cards are left out."""
-    monkeypatch.setattr(animation, "SECONDS", 0.8)
+    """Composes the settings of a shard; clips are synthetic."""
     monkeypatch.setattr("src.sim.generate._make_all", write_clips)
-    monkeypatch.setattr(dataset_module, "write_card", lambda root: (root / CARD).write_text("card"))
-    monkeypatch.setattr("src.portrait.pipeline.draw_pipeline", lambda *_: None)
 
     def configured(*words):
         return compose_config(*mini_overrides(tmp_path, "sim.clips_per_town=2", *words))
@@ -58,7 +53,7 @@ def test_the_last_shard_writes_one_manifest_of_all_clips(config, capsys):
     assert list(read_manifest(root)["clips"]) == [
         *("downtown/clip00", "downtown/clip01", "suburb/clip00", "suburb/clip01")
     ]
-    assert (root / CARD).is_file()
+    assert not (root / CARD).exists(), "which task=card draws"
     assert not record.exists()
     # Without shards the same bytes come out, and a shard of a finished data set does nothing.
     sharded = (root / MANIFEST).read_bytes()

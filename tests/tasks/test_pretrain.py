@@ -1,7 +1,6 @@
 """task=pretrain: weights for the image encoder, the same however often it was interrupted."""
 
 import hashlib
-import json
 import os
 from pathlib import Path
 
@@ -12,12 +11,12 @@ from src.data.dataset import OccupancyDataset
 from src.errors import UserError
 from src.models.backbone import ResNet
 from src.models.image_pretraining import ImagePretraining
-from src.tasks.dataset import data_of, ready_dataset
+from src.models.weights import ORIGIN, read_encoder
+from src.tasks.dataset import data_of, finished_dataset
 from src.tasks.encoder import require_unseen, write_encoder
 from src.tasks.fit import fit
-from src.tasks.model import module_of, prior_of
 from src.tasks.pretrain import pretrain
-from tests.synthetic import compose_config, mini_overrides, write_dataset
+from tests.synthetic import compose_config, mini_overrides, untrained, write_dataset
 
 SETTINGS = {"epochs": 2, "batch_size": 4, "lr": 2e-3}
 
@@ -50,13 +49,13 @@ def written(folder):
 def test_the_file_is_named_after_its_content_and_a_run_begins_with_it(weights, cfg):
     digest = hashlib.sha256(weights.read_bytes()).hexdigest()
     assert weights.name == f"image_encoder-{digest[:8]}.pth"
-    trained = torch.load(weights, weights_only=True)
+    trained, _ = read_encoder(weights)
     fresh = ResNet(cfg.size.backbone_depth, cfg.size.backbone_width)
     assert fresh.state_dict().keys() == trained.keys()
     cfg = cfg.copy()
     cfg.model.backbone.weights = str(weights)
-    data = data_of(cfg, ready_dataset(cfg))
-    begins = module_of(cfg, data, prior_of(cfg, data)).network.backbone.state_dict()
+    data = data_of(cfg, finished_dataset(cfg))
+    begins = untrained(cfg, data).network.backbone.state_dict()
     assert all(begins[name].equal(value) for name, value in trained.items())
 
 
@@ -95,7 +94,7 @@ def test_a_broken_checkpoint_is_one_line(cfg, tmp_path):
 def test_the_file_does_not_depend_on_the_process_that_writes_it(cfg, tmp_path, monkeypatch):
     """A sweep that is given a file of another name begins anew."""
     backbone, names = torch.nn.Linear(2, 2), set()
-    data = data_of(cfg, ready_dataset(cfg))
+    data = data_of(cfg, finished_dataset(cfg))
     for process in (11, 22):
         monkeypatch.setattr(os, "getpid", lambda process=process: process)
         names.add(write_encoder(tmp_path, backbone, data).name)
@@ -105,12 +104,12 @@ def test_the_file_does_not_depend_on_the_process_that_writes_it(cfg, tmp_path, m
 def with_test_clips(cfg, *clips):
     cfg = cfg.copy()
     cfg.data.test_clips = list(clips)
-    return data_of(cfg, ready_dataset(cfg))
+    return data_of(cfg, finished_dataset(cfg))
 
 
 def test_an_encoder_that_has_learnt_a_clip_is_not_tested_on_it(weights, cfg):
     (held_out,) = cfg.data.test_clips
-    require_unseen(str(weights), data_of(cfg, ready_dataset(cfg)))
+    require_unseen(str(weights), data_of(cfg, finished_dataset(cfg)))
     require_unseen(str(weights), with_test_clips(cfg))
     others = with_test_clips(cfg, "downtown/clip00")
     assert held_out != "downtown/clip00"
@@ -118,6 +117,16 @@ def test_an_encoder_that_has_learnt_a_clip_is_not_tested_on_it(weights, cfg):
         require_unseen(str(weights), others)
     for nothing_known in (None, "imagenet", str(weights.with_name("other.pth"))):
         require_unseen(nothing_known, others)
+
+
+def test_of_a_published_file_nothing_is_known_and_of_ours_it_must_be(weights, cfg, tmp_path):
+    state, _ = read_encoder(weights)
+    others = with_test_clips(cfg, "downtown/clip00")
+    torch.save(state, tmp_path / "resnet18.pth")
+    require_unseen(str(tmp_path / "resnet18.pth"), others)
+    torch.save(state, tmp_path / "image_encoder.pth")
+    with pytest.raises(UserError, match=r"image_encoder\.pth does not say which flights"):
+        require_unseen(str(tmp_path / "image_encoder.pth"), others)
 
 
 def test_a_run_that_holds_out_other_clips_is_refused_before_it_begins(weights, cfg):
@@ -129,16 +138,24 @@ def test_a_run_that_holds_out_other_clips_is_refused_before_it_begins(weights, c
 
 
 def test_flights_of_another_data_set_are_others_whatever_their_names(weights, cfg, tmp_path):
-    facts = json.loads(weights.with_suffix(".json").read_text())
+    state, origin = read_encoder(weights)
     path = tmp_path / weights.name
-    path.with_suffix(".json").write_text(json.dumps(facts | {"dataset": "tiny-0123"}))
+    torch.save({"state_dict": state, ORIGIN: {**origin, "dataset": "tiny-0123"}}, path)
     require_unseen(str(path), with_test_clips(cfg, "downtown/clip00"))
 
 
-def test_facts_that_cannot_be_read_are_named(weights, cfg, tmp_path):
-    (tmp_path / "some.json").write_text("{}")
-    with pytest.raises(UserError, match=r"some\.json: cannot be read .*; run task=pretrain again"):
-        require_unseen(str(tmp_path / "some.pth"), data_of(cfg, ready_dataset(cfg)))
+def test_a_file_that_cannot_be_read_is_named(cfg, tmp_path):
+    (tmp_path / "some.pth").write_text("{}")
+    with pytest.raises(UserError, match=r"some\.pth is no readable file of weights"):
+        require_unseen(str(tmp_path / "some.pth"), data_of(cfg, finished_dataset(cfg)))
+
+
+def test_without_a_data_set_nothing_is_made(cfg, tmp_path):
+    other = cfg.copy()
+    other.paths.data = str(tmp_path / "data")
+    with pytest.raises(UserError, match=r"manifest\.json: not found"):
+        pretrain(other, str(tmp_path), **SETTINGS)
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_epoch_may_be_shortened(cfg, tmp_path, monkeypatch):
@@ -166,7 +183,7 @@ def test_no_frame_of_the_test_split_is_read(cfg, tmp_path, monkeypatch):
         lambda self, clip, now, past: read.append((clip, now)) or sample(self, clip, now, past),
     )
     pretrain(cfg, str(tmp_path), **SETTINGS)
-    split = data_of(cfg, ready_dataset(cfg)).split
+    split = data_of(cfg, finished_dataset(cfg)).split
     assert set(read) == {*split["train"], *split["val"]}
 
 

@@ -11,12 +11,13 @@ import yaml
 from PIL import Image
 
 from src.data.clip import Clip
+from src.models.checkpoint import Checkpoint
 from src.ontology import CLASSES, FREE
 from src.report.hard_cases import HardCase
 from src.report.scene import TRUTH, unpack_labels
-from src.tasks.dataset import data_of, ready_dataset, root_of
+from src.run_folder import BEST
+from src.tasks.dataset import data_of, finished_dataset, root_of
 from src.tasks.fit import fit
-from src.tasks.model import network_of_run
 from src.tasks.report import report
 from src.tasks.showcase import _scene, _Viewer, ends_of, facts_of
 from tests.report.browser import opened
@@ -61,7 +62,7 @@ def test_frames_are_chosen_by_their_tilt_and_by_what_the_camera_sees(cfg, monkey
     visible_of = Clip.visible
     # The made-up flights hide nothing of themselves.
     monkeypatch.setattr(Clip, "visible", lambda *frame: every_other_slice(visible_of(*frame)))
-    data = data_of(cfg, ready_dataset(cfg))
+    data = data_of(cfg, finished_dataset(cfg))
     facts = facts_of(data).set_index(["clip", "frame"])
     assert list(facts.index) == data.split["test"]
     for clip_id, frame in data.split["test"]:
@@ -90,7 +91,7 @@ def test_each_network_sees_the_history_that_its_run_saw(cfg):
     for frames in (1, 2):
         cfg = cfg.copy()
         cfg.data.frames = frames
-        data = data_of(cfg, ready_dataset(cfg))
+        data = data_of(cfg, finished_dataset(cfg))
         viewers.append(_Viewer(f"of {frames}", network(frames), data.dataset("test")))
     case = HardCase("most tilted", *data.split["test"][0])
     scene = _scene(case, viewers, data.grid)
@@ -126,7 +127,7 @@ def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path
     clip = Clip(root_of(cfg) / clip_id)
     assert (truth == clip.semantics(int(frame))).all()
     assert not (predictions[0] == predictions[1]).all()
-    facts = facts_of(data_of(cfg, ready_dataset(cfg))).set_index(["clip", "frame"])["tilt_rad"]
+    facts = facts_of(data_of(cfg, finished_dataset(cfg))).set_index(["clip", "frame"])["tilt_rad"]
     assert facts[clip_id, int(frame)] == facts.max() > 0.15
     for name in ("comparison.png", "tilt.png"):
         with Image.open(tmp_path / "out/figures" / name) as figure:
@@ -166,7 +167,7 @@ def test_data_settings_of_other_code_leave_the_pictures_out(trained, tmp_path):
 @pytest.mark.slow
 def test_a_shown_network_is_the_runs_best(trained):
     cfg = compose_config(*trained["skyocc"])
-    network = network_of_run(cfg.paths.run)
+    network = Checkpoint.read(f"{cfg.paths.run}/{BEST}").network()
     weights = torch.load(f"{cfg.paths.run}/checkpoints/best.ckpt", weights_only=True)["state_dict"]
     assert all(
         (value == weights[f"network.{name}"]).all() for name, value in network.state_dict().items()

@@ -1,0 +1,158 @@
+"""Training and flying on a simulated GPU: nothing is left behind on the CPU."""
+
+import itertools
+
+import pytest
+import torch
+from torch.optim import AdamW
+
+from src.metrics import OccupancyScores
+from src.models import OccupancyLoss, losses
+from src.models.memory import PillarMemory
+from src.models.module import OccupancyModule
+from src.models.stream import SkyOccStream
+from src.tasks.export import made_up_flight
+from tests.models.synthetic import GRID, LIFTS, VOLUME, build_batch, build_network
+from tests.simulated_cuda import CUDA, SimulatedCuda, simulated_cuda
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*self.log:UserWarning", "ignore:.*CUDA is not")
+MOST_WAITS = {"deformable": 9, "bilinear": 9, "lss": 19}
+"""What is seen, what exists and what is present depends on the data, and is asked for."""
+SIM = {
+    "image": {"width": 96, "height": 64, "hfov_deg": 90.0},
+    "camera": {"position_m": [0.1, 0.0, 0.0], "pitch_deg": 0.0},
+}
+
+
+def build_module(loss, order="shuffled", **network):
+    network = build_network(**network)
+    memory = PillarMemory(network.past_frames) if order == "streams" else None
+    optimizer = {"lr": 1e-3, "weight_decay": 0.01}
+    return OccupancyModule(
+        network, loss, lambda: OccupancyScores(GRID), optimizer, torch.nn.Identity(), memory
+    )
+
+
+def moved(batch, device):
+    return {key: value.to(device) for key, value in batch.items()}
+
+
+def stepped(module, batch):
+    """The loss of a whole training step, and the parameters after it."""
+    batch = {**batch, "clip": ["a", "b"], "frame": [0, 1]}
+    if module.memory is not None:
+        # Before this step of a stream there was one more.
+        none, one = (torch.arange(4) > 3 - past for past in (0, 1))
+        valid = batch["history_valid"]
+        module.training_step({**batch, "history_valid": valid & none.to(valid.device)}, 0)
+        batch["history_valid"] = valid & one.to(valid.device)
+    optimizer = AdamW(module.network.parameters(), lr=1e-3)
+    total = module.training_step(batch, 0)
+    total.backward()
+    torch.nn.utils.clip_grad_norm_(module.network.parameters(), 5.0)
+    optimizer.step()
+    return total, list(module.network.parameters())
+
+
+def step_on(device, **settings):
+    """A training step on the CPU, or on the simulated device with what the host waited for."""
+    weights = torch.rand(9, generator=torch.Generator().manual_seed(0))
+    loss = OccupancyLoss(weights, lovasz_weight=1.0)
+    batch = build_batch()
+    if device == "cpu":
+        return *stepped(build_module(loss, **settings), batch), None
+    module = build_module(loss, **settings)
+    with simulated_cuda() as waits:
+        module.to(CUDA)
+        return *stepped(module, moved(batch, CUDA)), waits.copy()
+
+
+@pytest.mark.parametrize(
+    ("lift", "history", "volume"),
+    list(itertools.product(LIFTS, ("queue", "recursive"), (None, VOLUME))),
+)
+def test_a_training_step_is_that_of_the_cpu(lift, history, volume):
+    settings = {"lift": lift, "history": history, "volume": volume}
+    expected, parameters, _ = step_on("cpu", **settings)
+    total, on_device, waits = step_on("cuda:0", **settings)
+    assert isinstance(total, SimulatedCuda)
+    assert total.inner.equal(expected)
+    assert all(a.inner.equal(b) for a, b in zip(on_device, parameters))
+    assert 0 < waits.total() <= MOST_WAITS[lift]
+
+
+@pytest.mark.parametrize("settings", [{"checkpointing": True}, {"order": "streams"}])
+def test_so_it_is_with_less_memory_and_along_streams(settings):
+    expected, _, _ = step_on("cpu", **settings)
+    total, _, _ = step_on("cuda:0", **settings)
+    assert total.inner.equal(expected)
+
+
+def test_a_stream_flies_on_the_device():
+    logits = {}
+    frames = made_up_flight(SIM, 5, 0.2)
+    stream = SkyOccStream(build_network(), 0.2)
+    logits["cpu"] = [stream(frame) for frame in frames]
+    with simulated_cuda():
+        stream = SkyOccStream(build_network().to(CUDA), 0.2)
+        logits["cuda"] = [stream(frame) for frame in frames]
+    assert all(a.inner.equal(b) for a, b in zip(logits["cuda"], logits["cpu"]))
+
+
+# ------------------------------------------------------------------------ the device can be trusted
+
+
+class MutantTorch:
+    """PyTorch, whose ``arange`` stays on the CPU whatever it is asked."""
+
+    def __getattr__(self, name):
+        return getattr(torch, name)
+
+    def arange(self, *numbers, device, **how):
+        return torch.arange(*numbers, **how)
+
+
+def test_a_tensor_left_on_the_cpu_is_noticed(monkeypatch):
+    monkeypatch.setattr(losses, "torch", MutantTorch())
+    with pytest.raises(RuntimeError, match="all tensors on one device, found cuda:0 and cpu"):
+        step_on("cuda:0")
+
+
+def test_a_tensor_that_is_no_buffer_is_noticed():
+    module = build_module(OccupancyLoss(), volume=VOLUME)
+    heights_m = module.network.ground._buffers.pop("z_m")
+    module.network.ground.z_m = heights_m
+    with simulated_cuda(), pytest.raises(RuntimeError, match="found cuda:0 and cpu"):
+        stepped(module.to(CUDA), moved(build_batch(), CUDA))
+
+
+@pytest.mark.parametrize(
+    "mix",
+    [
+        lambda there, here: there + here,
+        lambda there, here: torch.cat([there, here]),
+        lambda there, here: here[there.long()],
+        lambda there, here: there.copy_(here) @ here,
+        lambda there, here: torch.where(there > 0, there, here),
+    ],
+)
+def test_it_refuses_what_mixes_devices(mix):
+    with simulated_cuda(), pytest.raises(RuntimeError, match="one device"):
+        mix(torch.ones(3, device="cuda"), torch.ones(3))
+
+
+def test_it_allows_numbers_indices_and_copies():
+    with simulated_cuda() as waits:
+        there = torch.arange(4.0, device=CUDA)
+        assert (there + torch.tensor(1.0)).device == CUDA
+        assert there[torch.tensor([2, 0])].device == CUDA
+        there[1:2] = 7
+        assert there.new_tensor([1.0]).is_cuda
+        assert torch.zeros_like(there).is_cuda
+        assert not waits
+        assert there.cpu().equal(torch.tensor([0.0, 7, 2, 3]))
+        assert there.tolist() == [0, 7, 2, 3]
+        assert there.sum().item() == 12
+        there[there > 2]
+    assert waits.total() == 4
+    assert torch.zeros(1).device.type == "cpu"

@@ -1,0 +1,198 @@
+"""A checkpoint stands alone: what needs one needs no training label, and no more than it uses."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+import torch
+
+from src.data.clip import Clip
+from src.data.datamodule import SkyShieldData
+from src.errors import UserError
+from src.models.checkpoint import Checkpoint
+from src.models.export import DESCRIPTION, FORMATS
+from src.models.stream import SkyOccStream
+from src.tasks.attitude import attitude
+from src.tasks.dataset import root_of
+from src.tasks.export import export, made_up_flight
+from src.tasks.fit import fit
+from src.tasks.predict import predict
+from src.tasks.trained import adopted, trained
+from tests.synthetic import compose_config, mini_overrides, write_dataset
+
+DOCS = Path(__file__).parents[2] / "docs"
+ATTITUDE = {"tilt_edges_deg": [5.0], "noise_deg": [], "delay_s": [], "seed": 0, "level": False}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """The words of a run, its checkpoint, and its data set."""
+    words = mini_overrides(tmp_path_factory.mktemp("run"), "trainer.accelerator=cpu")
+    cfg = compose_config(*words, "+experiment=skyocc", "trainer.max_epochs=1")
+    root = write_dataset(cfg)
+    fit(cfg)
+    return words, Path(cfg.paths.run) / "checkpoints/best.ckpt", root
+
+
+@pytest.fixture
+def configured(run, tmp_path):
+    """The configuration of a command that names the checkpoint, and places of its own."""
+    words, checkpoint, root = run
+    data = tmp_path / "data"
+    shutil.copytree(root, data / root.name)
+    places = [f"paths.data={data}", f"paths.runs={tmp_path}/runs", f"ckpt_path={checkpoint}"]
+    neutral = [word for word in words if word.startswith("data.workers")]
+
+    def config(*more):
+        given = [*neutral, *places, "trainer.accelerator=cpu", *more]
+        return adopted(compose_config(*given), given)
+
+    return config
+
+
+def files_below(folder):
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+# ------------------------------------------------------------------------ whose configuration holds
+
+
+def test_its_own_configuration_is_used_where_the_command_says_nothing(configured, run):
+    cfg = configured("task=predict", "data.batch_size=3", "suite.resamples=7", "threads=1")
+    assert (cfg.name, cfg.scale_name, cfg.model.encoder.dim) == ("skyocc", "tiny", 16)
+    assert (cfg.data.batch_size, cfg.suite.resamples, cfg.threads) == (3, 7, 1)
+    assert cfg.paths.run.endswith("/runs/tiny/skyocc/seed0")
+    assert root_of(cfg).name == run[2].name
+    assert trained(cfg, "predict")[1].path == run[1]
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("seed=1", "name=.skyocc., and now it is .custom."),
+        ("+experiment=baseline", "name=.skyocc., and now it is .baseline."),
+        ("model.encoder.dim=16", "name=.skyocc., and now it is .custom."),
+    ],
+)
+def test_a_command_that_says_something_of_the_model_must_say_it_all(configured, word, said):
+    with pytest.raises(UserError, match=said):
+        trained(configured("task=predict", word), "predict")
+
+
+# ----------------------------------------------------------------------------- what is needed of it
+
+
+@pytest.fixture
+def labels_read(monkeypatch):
+    """The frames whose labels were read."""
+    read, semantics = set(), Clip.semantics
+
+    def watched(self, frame):
+        read.add((self.clip_id, frame))
+        return semantics(self, frame)
+
+    monkeypatch.setattr(Clip, "semantics", watched)
+    monkeypatch.setattr(SkyShieldData, "labels", None)
+    return read
+
+
+def test_predict_and_attitude_read_no_training_label(configured, labels_read, tmp_path):
+    cfg = configured("task=predict", f"predictions={tmp_path}/mine")
+    predict(cfg, "test", logits=False)
+    attitude(cfg, **ATTITUDE)
+    data = SkyShieldData(root_of(cfg), seed=0, **{**cfg.data, "workers": 0})
+    assert not labels_read & {*data.split["train"], *data.split["val"]}
+
+
+def test_predict_works_without_the_training_clips_and_writes_nothing_else(configured, tmp_path):
+    cfg = configured("task=predict", f"predictions={tmp_path}/mine")
+    root = root_of(cfg)
+    shutil.rmtree(root / "downtown")
+    before = files_below(tmp_path)
+    predict(cfg, "test", logits=False)
+    assert files_below(tmp_path) - before == {
+        *("mine/predictions.json", "mine/suburb/clip00/occupancy.npz"),
+    }
+    shutil.rmtree(root / "suburb")
+    with pytest.raises(UserError, match="none of its clips is there"):
+        predict(configured("task=predict", f"predictions={tmp_path}/other"), "test", logits=False)
+
+
+def test_nothing_is_generated_where_there_is_no_data_set(configured, tmp_path):
+    cfg = configured("task=predict", f"paths.data={tmp_path}/nowhere")
+    for task in (lambda: predict(cfg, "test", logits=False), lambda: attitude(cfg, **ATTITUDE)):
+        with pytest.raises(UserError, match=r"manifest\.json: not found"):
+            task()
+    assert not (tmp_path / "nowhere").exists()
+    assert not (tmp_path / "runs").exists()
+
+
+def test_export_needs_no_data_set_and_writes_nothing_else(configured, tmp_path):
+    cfg = configured("task=export", f"paths.data={tmp_path}/nowhere")
+    before = files_below(tmp_path)
+    export(cfg, formats=["torch"], frames=5, tolerance=1e-3)
+    written = {f"runs/tiny/skyocc/seed0/export/{name}" for name in (DESCRIPTION, FORMATS["torch"])}
+    assert files_below(tmp_path) - before == written
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_three_lines_of_the_docs_fly_it(run):
+    """The first block of docs/model.md under its heading, with the checkpoint of this run."""
+    text = (DOCS / "model.md").read_text().partition("## In flight")[2]
+    code = re.search(r"```python\n(.*?)```", text, re.DOTALL)[1]
+    assert len([line for line in code.splitlines() if line]) == 3
+    checkpoint = Checkpoint.read(run[1])
+    (frame,) = made_up_flight(checkpoint.origin.config["sim"], 1, 0.2)
+    names = frame._asdict()
+    exec(re.sub(r'"runs/.*?ckpt"', repr(str(run[1])), code), names)
+    expected = SkyOccStream(checkpoint.network(), 0.4)(frame)
+    assert names["logits"].equal(expected)
+
+
+def test_it_needs_no_file_that_its_training_began_with(run, tmp_path):
+    content = torch.load(run[1], weights_only=True)
+    content["skyshield"]["config"]["model"]["backbone"]["weights"] = "gone.pth"
+    torch.save(content, tmp_path / "some.ckpt")
+    assert not Checkpoint.read(tmp_path / "some.ckpt").network().training
+
+
+# -------------------------------------------------------------------------------- what is refused
+
+
+@pytest.fixture
+def spoilt(run, tmp_path):
+    """A copy of the checkpoint in which something of its content is changed."""
+
+    def spoil(change):
+        content = torch.load(run[1], weights_only=True)
+        change(content)
+        torch.save(content, tmp_path / "some.ckpt")
+        return tmp_path / "some.ckpt"
+
+    return spoil
+
+
+def test_a_checkpoint_of_another_format_says_which(spoilt):
+    before = spoilt(lambda content: content.pop("skyshield"))
+    with pytest.raises(UserError, match=r"some\.ckpt is of format 1, and this code reads format 2"):
+        Checkpoint.read(before)
+    later = spoilt(lambda content: content["skyshield"].update(format=3))
+    with pytest.raises(UserError, match="is of format 3"):
+        Checkpoint.read(later)
+
+
+@pytest.mark.parametrize("target", ["src.models.gone.Gone", "src.models.backbone.Gone"])
+def test_a_class_that_is_gone_is_named(spoilt, target):
+    def change(content):
+        content["skyshield"]["config"]["model"]["backbone"]["_target_"] = target
+
+    with pytest.raises(UserError, match=f"cannot be built .*{target}") as info:
+        Checkpoint.read(spoilt(change)).network()
+    assert "\n" not in str(info.value)
+
+
+def test_weights_of_another_architecture_are_named(spoilt):
+    path = spoilt(lambda content: content["state_dict"].pop("network.encoder.query"))
+    with pytest.raises(UserError, match=r"another architecture .*encoder\.query first"):
+        Checkpoint.read(path).network()
