@@ -1,6 +1,7 @@
 """A very small data set from the real generator, made once for all tests that need one."""
 
 import copy
+import os
 
 import pytest
 import torch
@@ -11,8 +12,9 @@ from src.data.split import make_split
 from src.sim.generate import generate
 from src.sim.plan import plan_clips
 
-# The threads of two processes on two cores would wait for each other most of the time.
-torch.set_num_threads(1)
+if "OMP_NUM_THREADS" not in os.environ:
+    # The threads of two processes on two cores would wait for each other most of the time.
+    torch.set_num_threads(1)
 
 MINI_SIM = {
     "seed": 0,

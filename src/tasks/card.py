@@ -4,6 +4,7 @@ from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 
 from ..data.manifest import read_manifest
+from ..errors import UserError
 from ..report.card import CARD, FIGURES, write_card
 from .dataset import root_of
 
@@ -16,12 +17,13 @@ def card(cfg: DictConfig) -> None:
     """
     root, console = root_of(cfg), Console(highlight=False, soft_wrap=True)
     sim = OmegaConf.to_container(cfg.sim, resolve=True) | read_manifest(root)["sim"]
+    picture = root / FIGURES / "pipeline.jpg"
     try:
         from ..portrait.pipeline import draw_pipeline
         from ..sim.plan import plan_clips
-    except ImportError as error:
-        console.print(f"{root / FIGURES / 'pipeline.jpg'}: not drawn ({error})")
-    else:
-        draw_pipeline(sim, plan_clips(sim)[0], root / FIGURES / "pipeline.jpg")
+
+        draw_pipeline(sim, plan_clips(sim)[0], picture)
+    except (ImportError, UserError) as error:
+        console.print(f"{picture}: not drawn ({error})")
     write_card(root)
     console.print(f"{root / CARD}")
