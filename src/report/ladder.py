@@ -74,7 +74,7 @@ PAPER = Ladder(
         "weights": Rung(
             "+ Safety-prior class weights", "Safety-prior class weights", (True, True, False)
         ),
-        "skyocc": Rung("SkyShield", "Lovász-Softmax", (True, True, True)),
+        "skyocc": Rung("SkyOcc", "Lovász-Softmax", (True, True, True)),
     }
 )
 

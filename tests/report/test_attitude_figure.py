@@ -34,7 +34,7 @@ def table(level):
 
 @pytest.fixture(scope="module")
 def figure():
-    levels = {"Baseline": 0.1, "+ Attitude-aware projection": 0.2, "SkyShield": 0.3}
+    levels = {"Baseline": 0.1, "+ Attitude-aware projection": 0.2, "SkyOcc": 0.3}
     tables = {name: table(level) for name, level in levels.items()}
     gains = {name: table(level - 0.1) for name, level in levels.items() if level > 0.1}
     figure = attitude_figure(tables, gains, "the baseline", gains)
@@ -55,7 +55,7 @@ def test_every_run_has_a_line_and_every_gain_the_colour_of_its_run(figure):
         {bars.get_label(): bars.lines[0].get_color() for bars in axes.containers}
         for axes in figure.axes
     )
-    assert list(scores) == ["Baseline", "+ Attitude-aware projection", "SkyShield"]
+    assert list(scores) == ["Baseline", "+ Attitude-aware projection", "SkyOcc"]
     assert faults == [scores, scores]
     assert gains == {name: color for name, color in scores.items() if name != "Baseline"}
     assert worths == gains

@@ -67,7 +67,7 @@ def numbers(table, key):
 def test_the_main_table_has_the_ladder_then_the_others_by_name_then_the_anchors(part):
     table = main_table([part])
     assert [name for name, _ in table.rows] == [
-        *("Baseline", "+ Attitude-aware projection", "+ Safety-prior class weights", "SkyShield"),
+        *("Baseline", "+ Attitude-aware projection", "+ Safety-prior class weights", "SkyOcc"),
         *("bilinear", "lss", "Voxel prior"),
     ]
     assert table.lines == (4, 6)
@@ -81,7 +81,7 @@ def test_the_main_table_has_the_ladder_then_the_others_by_name_then_the_anchors(
 
 def test_a_score_is_the_mean_of_the_seeds_in_percent(part, tallies):
     found = numbers(main_table([part]), "miou")
-    for name, row in (("baseline", "Baseline"), ("skyocc", "SkyShield"), ("lss", "lss")):
+    for name, row in (("baseline", "Baseline"), ("skyocc", "SkyOcc"), ("lss", "lss")):
         scores = [
             part.evidence.suite.metric("occupancy").scores(
                 {key: table.sum(0) for key, table in run.tables["occupancy"].items()}
@@ -100,11 +100,11 @@ def test_differences_are_those_of_the_scores_beside_them(part):
             assert changes[name] == pytest.approx(score_there - scores["Baseline"])
     thin = numbers(main_table([part]), "iou/thin_structure")
     changes = numbers(ablation, "delta_iou/thin_structure")
-    assert changes["SkyShield"] == pytest.approx(thin["SkyShield"] - thin["Baseline"])
+    assert changes["SkyOcc"] == pytest.approx(thin["SkyOcc"] - thin["Baseline"])
     steps, miou = numbers(incremental_table(part), "delta_miou"), numbers(ablation, "miou")
     expected = [above - below for below, above in pairwise(miou.values())]
     assert list(steps.values()) == pytest.approx(expected)
-    assert sum(steps.values()) == pytest.approx(numbers(ablation, "delta_miou")["SkyShield"])
+    assert sum(steps.values()) == pytest.approx(numbers(ablation, "delta_miou")["SkyOcc"])
 
 
 def test_the_ablation_has_the_factors_and_what_they_gain(part):
@@ -185,7 +185,7 @@ def test_an_own_ladder_has_its_own_rungs_and_reference(tallies):
     marks = MARKS | {"lss": ("✓", "✓", "✓")}
     table = ablation_table(part, marks)
     rows = [name for name, _ in table.rows]
-    assert rows == ["weights", "SkyShield", "lss"]
+    assert rows == ["weights", "SkyOcc", "lss"]
     assert "relative to weights." in table.caption
     changes = column(table, "delta_kar_miou")
     expected = part.evidence.difference("lss", "weights", "kar_miou")
@@ -203,7 +203,7 @@ def test_an_own_ladder_has_its_own_rungs_and_reference(tallies):
 
 def test_a_step_that_the_paper_does_not_take_has_not_its_name(tallies):
     part = dataclasses.replace(part_of(tallies), ladder=ladder_named(["baseline", "skyocc"]))
-    assert [name for name, _ in incremental_table(part).rows] == ["SkyShield"]
+    assert [name for name, _ in incremental_table(part).rows] == ["SkyOcc"]
     assert next(name for name, _ in progression_table(part, {4}).rows) == "Multi-frame baseline"
     part = dataclasses.replace(part, ladder=ladder_named(["baseline", "weights"]))
     for table in (incremental_table(part), main_table([part]), progression_table(part, {4})):
@@ -233,7 +233,7 @@ def test_scores_that_no_run_has_are_no_columns():
 def test_a_missing_rung_leaves_its_row_out_and_no_wrong_change_behind(tallies):
     part = part_of(tallies, "attitude")
     rows = [name for name, _ in ablation_table(part, MARKS).rows]
-    assert rows == ["Baseline", "+ Safety-prior class weights", "SkyShield"]
+    assert rows == ["Baseline", "+ Safety-prior class weights", "SkyOcc"]
     steps = incremental_table(part)
     assert [name for name, _ in steps.rows] == ["Safety-prior class weights", "Lovász-Softmax"]
     weights, lovasz = (entries for _, entries in steps.rows)

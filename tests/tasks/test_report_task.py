@@ -64,7 +64,7 @@ def test_a_ladder_leaves_every_table_in_three_forms(ladder, tmp_path, capsys):
     )
     said = capsys.readouterr().out
     assert max(map(len, said.splitlines()[:-1])) <= 110
-    for words in ("Main results, test", "Ablation study, test", "SkyShield", "All 12 runs"):
+    for words in ("Main results, test", "Ablation study, test", "SkyOcc", "All 12 runs"):
         assert words in said
     assert said.splitlines()[-1] == str(out)
 
@@ -91,8 +91,8 @@ def test_seeds_are_the_rows_of_the_runs_in_percent(ladder, tmp_path):
             assert getattr(row, score) == pytest.approx(100 * mine[score].item(), abs=1e-5)
     means = seeds[seeds["split"] == "test"].groupby("experiment")["kar_miou"].mean()
     main = table(out, "main")
-    assert main.loc["SkyShield", "kar_miou"] == pytest.approx(means["skyocc"])
-    assert main.loc["SkyShield", "kar_miou_low"] < means["skyocc"]
+    assert main.loc["SkyOcc", "kar_miou"] == pytest.approx(means["skyocc"])
+    assert main.loc["SkyOcc", "kar_miou_low"] < means["skyocc"]
 
 
 def test_the_same_runs_give_the_same_bytes(ladder, tmp_path):
@@ -126,7 +126,7 @@ def test_what_is_published_gives_the_same_report_again(runs, tmp_path):
 def test_runs_may_be_named_and_nothing_else_is_then_taken(ladder, tmp_path):
     named = (ladder / "baseline", ladder / "skyocc/seed1")
     out = reported(ladder, *named, out=tmp_path / "out")
-    assert list(table(out, "ablation").index) == ["Baseline", "SkyShield"]
+    assert list(table(out, "ablation").index) == ["Baseline", "SkyOcc"]
     assert len(pd.read_csv(out / "seeds.csv")) == 4 * 3
 
 
@@ -188,7 +188,7 @@ def test_an_own_ladder_is_reported_as_the_papers_is(runs):
         write_run(runs, "mine", seed, optimizer__lr=0.01)
     out = reported(runs, rungs=["baseline", "skyocc", "mine"])
     ablation, main = table(out, "ablation"), table(out, "main")
-    assert ablation.index.tolist() == ["Baseline", "SkyShield", "mine"]
+    assert ablation.index.tolist() == ["Baseline", "SkyOcc", "mine"]
     expected = main.loc["mine", "kar_miou"] - main.loc["Baseline", "kar_miou"]
     assert ablation.loc["mine", "delta_kar_miou"] == pytest.approx(expected)
     page = (out / "report.md").read_text().replace("\\_", "_")

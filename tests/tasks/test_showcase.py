@@ -120,7 +120,7 @@ def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path
     scene = json.loads(encoded)
     clip_id, frame = re.match(r"(\S+) frame (\d+) .* most tilted", scene["title"]).groups()
     names = [volume["name"] for volume in scene["volumes"]]
-    assert names == [TRUTH, "Baseline", "SkyShield"]
+    assert names == [TRUTH, "Baseline", "SkyOcc"]
     truth, *predictions = (
         unpack_labels(volume["labels"], tuple(scene["shape"])) for volume in scene["volumes"]
     )
