@@ -2,11 +2,14 @@
 
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from .atomic import unwritable
+
+A_DAY_S = 86_400
 
 
 @contextmanager
@@ -17,7 +20,7 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
     fills its own, and the later one stays. Raises `UserError` where it cannot be written.
 
     A process that is killed between the two renames leaves the old folder as ``.<name>.old``; the
-    next one puts it back before it begins, and removes what dead processes were filling.
+    next one puts it back before it begins, and removes what was left half filled a day ago.
     """
     path = Path(path)
     temporary, old = (
@@ -26,8 +29,9 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
     try:
         _put_back(old, path)
         for left_over in path.parent.glob(f".{path.name}.*.new"):
-            if left_over == temporary or not _is_alive(int(left_over.suffixes[-2][1:])):
+            if time.time() - left_over.stat().st_mtime > A_DAY_S:
                 shutil.rmtree(left_over, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
         yield temporary
 
@@ -47,13 +51,3 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
 def _put_back(old: Path, path: Path) -> None:
     if old.exists() and not path.exists():
         os.rename(old, path)
-
-
-def _is_alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:  # somebody else's
-        return True
-    return True

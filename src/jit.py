@@ -5,8 +5,8 @@ functions it calls. Here all compiled functions of the project share a folder th
 what they all say, so an edit of one makes them all anew.
 """
 
-import functools
 import hashlib
+from functools import partial
 from pathlib import Path
 
 import numba
@@ -24,4 +24,4 @@ def kernels_digest(source: Path = SOURCE) -> str:
 
 _BASE = Path(config.CACHE_DIR or SOURCE / "__pycache__")
 config.CACHE_DIR = str(_BASE / f"kernels-{kernels_digest()}")
-njit = functools.partial(numba.njit, cache=True)
+njit = partial(numba.njit, cache=True)

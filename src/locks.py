@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rich.console import Console
-
 from .errors import UserError
+from .terminal import say
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
@@ -16,10 +15,7 @@ NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 def telling(what: str) -> Callable[[], None]:
     """An ``on_wait`` that says in one line what is waited for."""
 
-    def on_wait() -> None:
-        Console().print(f"{what}; waiting for it", highlight=False, soft_wrap=True)
-
-    return on_wait
+    return lambda: say(f"{what}; waiting for it")
 
 
 @contextmanager

@@ -1,13 +1,11 @@
-"""Where a number comes from: digests of code and configuration, commit, packages, machine.
+"""Where a number comes from: digests of code and configuration, commit, machine.
 
-``python -m src.provenance`` prints the digests of what shapes the data and of what shapes trained
-weights and their scores. It needs the standard library alone, and prints the same under every
-supported Python.
+``python -m src.provenance`` prints what stands for the code of data and of trainings. It needs the
+standard library alone, and prints the same under every supported Python.
 """
 
 import ast
 import hashlib
-import importlib.metadata
 import json
 import os
 import platform
@@ -24,7 +22,6 @@ TRAINING_CODE = (
     *("geometry.py", "ontology.py", "rays.py", "voxel_march.py"),
 )
 """What shapes the weights and the scores of a run, beside its data and its configuration."""
-PACKAGES = ("torch", "lightning", "torchmetrics", "numpy", "numba", "pybullet", "embreex", "pillow")
 
 
 def digest_of(data: object) -> str:
@@ -54,41 +51,21 @@ def different_file(before: Mapping[str, str], now: Mapping[str, str]) -> str:
 
 def git_commit() -> str:
     """The commit of the working tree, with ``+`` where it has changes; empty outside a checkout."""
+    words = ["git", "describe", "--always", "--exclude=*", "--abbrev=12", "--dirty=+"]
+    how = {"cwd": SOURCE, "check": True, "capture_output": True, "text": True, "timeout": 10}
     try:
-        commit = _git("rev-parse", "--short=12", "HEAD")
-        return commit + ("+" if _git("status", "--porcelain", "--untracked-files=no") else "")
+        return subprocess.run(words, **how).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return ""
 
 
-def package_versions() -> dict[str, str]:
-    """Versions of the packages that shape data and results; absent ones are left out."""
-    versions = {}
-    for name in PACKAGES:
-        try:
-            versions[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return versions
-
-
 def machine() -> str:
     """What ran it: the processor's name, the cores that this process may use, Python's version."""
-    name = platform.processor() or platform.machine()
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-        name = names[0] if names else name
-    except OSError:
-        pass
+    file, name = Path("/proc/cpuinfo"), platform.processor() or platform.machine()
+    for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else ():
+        if line.startswith("model name"):
+            name = line.split(":", 1)[1].strip()
     return f"{name}, {len(os.sched_getaffinity(0))} cores, Python {platform.python_version()}"
-
-
-def _git(*words: str) -> str:
-    done = subprocess.run(
-        ["git", *words], cwd=SOURCE, check=True, capture_output=True, text=True, timeout=10
-    )
-    return done.stdout.strip()
 
 
 @cache
@@ -98,21 +75,18 @@ def _file_digest(source: str) -> str:
 
 def _meaning(node: object) -> object:
     """A syntax tree as plain data. `ast.unparse` would write it otherwise in each Python."""
-    if isinstance(node, list):
-        texts = [isinstance(each, ast.Expr) and _is_text(each.value) for each in node]
-        return [_meaning(each) for each, is_text in zip(node, texts) if not is_text]
-    if not isinstance(node, ast.AST):
-        return [type(node).__name__, node if isinstance(node, str) else repr(node)]
-    if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
-        return ["Raise", _meaning(node.exc.func)]
-
-    # Newer versions have more fields, which are empty where the source is the same.
-    fields = [(name, value) for name, value in ast.iter_fields(node) if value not in (None, [])]
-    return [type(node).__name__, *([name, _meaning(value)] for name, value in fields)]
-
-
-def _is_text(node: ast.expr) -> bool:
-    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+    match node:
+        case ast.Expr(value=ast.Constant(value=str())):  # a docstring
+            return None
+        case ast.Raise(exc=ast.Call(func=kind)):  # without its message
+            return ["Raise", _meaning(kind)]
+        case list():
+            return [meaning for each in node if (meaning := _meaning(each)) is not None]
+        case ast.AST():
+            # Newer versions have more fields, which are empty where the source is the same.
+            fields = [each for each in ast.iter_fields(node) if each[1] not in (None, [])]
+            return [type(node).__name__, *([name, _meaning(value)] for name, value in fields)]
+    return [type(node).__name__, node if isinstance(node, str) else repr(node)]
 
 
 if __name__ == "__main__":

@@ -49,30 +49,12 @@ class RunFolder:
     """
 
     def __init__(self, path: Path, config: dict, dataset: str) -> None:
-        self.path = Path(path)
-        self.config = config
+        self.path, self.config = Path(path), config
+        self.results, self.metrics = self.path / RESULTS, self.path / METRICS
+        self.figures = self.path / "figures"
+        self.best_checkpoint, self.last_checkpoint = self.path / BEST, self.path / LAST
         self.code = code_of(TRAINING_CODE)
         self.version = version_of(config, dataset)
-
-    @property
-    def results(self) -> Path:
-        return self.path / RESULTS
-
-    @property
-    def metrics(self) -> Path:
-        return self.path / METRICS
-
-    @property
-    def figures(self) -> Path:
-        return self.path / "figures"
-
-    @property
-    def best_checkpoint(self) -> Path:
-        return self.path / BEST
-
-    @property
-    def last_checkpoint(self) -> Path:
-        return self.path / LAST
 
     def checkpoint(self, name: str) -> Path:
         """What ``ckpt_path`` means: ``best`` or ``last`` of this run, or a file."""
@@ -84,7 +66,7 @@ class RunFolder:
         counted = (self.config["name"], *ANCHORS)
         files = (RESULTS, SCORES, *(f"{TALLIES}/{name}.npz" for name in counted))
         whole = all((self.path / name).is_file() for name in files)
-        return whole and self._recorded_version() == self.version
+        return whole and self._is_same(afresh=False)
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -110,7 +92,8 @@ class RunFolder:
         """
         checkpoint = self.to_resume(afresh)
         if checkpoint or self._has_no_checkpoint(afresh):
-            self._remove_leftovers()
+            for left_over in self.path.rglob(".*.tmp"):  # of a process that was killed
+                left_over.unlink()
         elif self.path.exists():
             self._move_aside()
         if checkpoint is None:
@@ -155,18 +138,10 @@ class RunFolder:
                 yield table
 
     def _is_same(self, afresh: bool) -> bool:
-        return not afresh and self._recorded_version() == self.version
+        return not afresh and _recorded(self.path / VERSION) == self.version
 
     def _has_no_checkpoint(self, afresh: bool) -> bool:
         return self._is_same(afresh) and not any(self.last_checkpoint.parent.glob("*.ckpt"))
-
-    def _remove_leftovers(self) -> None:
-        """Files that a process was writing when it was killed."""
-        for path in self.path.rglob(".*.tmp"):
-            path.unlink()
-
-    def _recorded_version(self) -> str:
-        return _recorded(self.path / VERSION)
 
     def _move_aside(self) -> None:
         number = 1
@@ -208,19 +183,14 @@ def require_same_config(
     ``keys`` narrows the comparison to some at the top level, such as `IDENTITY`, less what the
     training began with. Raises `UserError` that names the first key that differs.
     """
-    for key in keys or sorted(before.keys() | config.keys()):
-        for dotted, old, new in differences(_only(key, before), _only(key, config)):
-            if keys and dotted in START:
-                continue
-            way_out = "or another ckpt_path" if keys else "or drop ckpt_path to start anew"
-            raise UserError(
-                f"ckpt_path: {checkpoint} was trained with {dotted}={json.dumps(old)}, and now it "
-                f"is {json.dumps(new)}; give the old value, {way_out}"
-            )
-
-
-def _only(key: str, config: dict) -> dict:
-    return {key: config.get(key)}
+    way_out = "or another ckpt_path" if keys else "or drop ckpt_path to start anew"
+    for key in keys or before.keys() | config.keys():
+        for dotted, old, new in differences({key: before.get(key)}, {key: config.get(key)}):
+            if not (keys and dotted in START):
+                raise UserError(
+                    f"ckpt_path: {checkpoint} was trained with {dotted}={json.dumps(old)}, and now "
+                    f"it is {json.dumps(new)}; give the old value, {way_out}"
+                )
 
 
 def read_config(path: Path, so: str) -> dict:

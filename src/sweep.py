@@ -10,11 +10,11 @@ from typing import NamedTuple
 from hydra.core.hydra_config import HydraConfig
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from rich.console import Console
 
 from .errors import UserError
 from .failures import one_line, quiet_libraries
 from .settings import TRAINING, require_sound, search_path
+from .terminal import say
 
 FINISHED = "finished"
 SCORING = {"src.tasks.test.test", "src.tasks.attitude.attitude"}
@@ -104,7 +104,7 @@ def launcher_failure(error: Exception) -> UserError:
 def summarise(jobs: Sequence[Sequence[str]], outcomes: Sequence[Outcome]) -> None:
     """Prints a line for each job. Raises `UserError` where one has failed."""
     for label, outcome in zip(labels_of(jobs), outcomes):
-        Console().print(f"{label}: {outcome.words}", highlight=False, soft_wrap=True, markup=False)
+        say(f"{label}: {outcome.words}")
     failed = sum(outcome.failed for outcome in outcomes)
     if failed:
         raise UserError(

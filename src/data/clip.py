@@ -13,7 +13,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -68,11 +67,7 @@ class ClipMeta:
             "image": {"width": self.width, "height": self.height},
             "pix_from_camera": self.pix_from_camera.tolist(),
             "body_from_camera": self.body_from_camera.tolist(),
-            "grid": {
-                "lower_m": list(self.grid.lower_m),
-                "upper_m": list(self.grid.upper_m),
-                "shape": list(self.grid.shape),
-            },
+            "grid": {name: list(value) for name, value in vars(self.grid).items()},
         }
 
     @classmethod
@@ -143,12 +138,7 @@ class ClipWriter:
         self._write("frames.csv", _csv(frames[FRAME_COLUMNS]))
         self._write("actors.csv", _csv(actors[ACTOR_COLUMNS]))
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             if kind is None:
                 self._seal()

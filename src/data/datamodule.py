@@ -1,6 +1,5 @@
 """The data set as the trainer sees it: loaders for the parts of the temporal split."""
 
-import sys
 from collections.abc import Iterator, Sequence
 from multiprocessing import get_all_start_methods
 from pathlib import Path
@@ -9,12 +8,12 @@ from typing import Any
 import torch
 from jaxtyping import Float, UInt8
 from lightning import LightningDataModule
-from rich.progress import track
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..terminal import tracked
 from .batches import ALONE, ORDERS, BatchesInOrder, Rank, StreamBatches, TrainingBatches
 from .clip import Clip
 from .dataset import OccupancyDataset, velocity_world_mps
@@ -123,9 +122,7 @@ class SkyShieldData(LightningDataModule):
 
     def labels(self, part: str) -> Iterator[tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"]]]:
         """Labels and world velocity in m/s of every frame of a part, without its images."""
-        quiet = not sys.stdout.isatty()
-        samples = track(self.split[part], f"reading {part} labels", transient=True, disable=quiet)
-        for clip_id, frame in samples:
+        for clip_id, frame in tracked(self.split[part], f"reading {part} labels"):
             clip = self.clips[clip_id]
             yield torch.from_numpy(clip.semantics(frame)), velocity_world_mps(clip, frame)
 

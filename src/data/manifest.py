@@ -5,17 +5,20 @@ Every clip stands for itself; ``manifest.json`` is derived from them and from th
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from ..atomic import replacing
 from ..errors import UserError
-from ..provenance import DATA_CODE, code_of, digest_of, package_versions
+from ..provenance import DATA_CODE, code_of, digest_of
 from .clip import SUMS, recorded_sums, sha256_of
 from .split import Split, held_out_clips
 
 MANIFEST = "manifest.json"
 MANIFEST_KEYS = {"scale", "sim", "generator", "packages", "split", "held_out", "clips", "digest"}
+PACKAGES = ("torch", "lightning", "torchmetrics", "numpy", "numba", "pybullet", "embreex", "pillow")
 NOT_SHAPING = ("workers", "dry_run", "shards", "shard")
 """Settings of ``sim`` that change no byte of a clip."""
 
@@ -41,6 +44,15 @@ class DatasetSpec:
     def root(self, data_folder: Path) -> Path:
         """``<data folder>/<scale>-<hash of everything that shapes the data>``."""
         return data_folder / f"{self.scale}-{self.digest}"
+
+
+def package_versions() -> dict[str, str]:
+    """Versions of the packages that shape a data set; absent ones are left out."""
+    versions = {}
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):
+            versions[name] = version(name)
+    return versions
 
 
 def missing_clips(root: Path, clip_ids: Sequence[str]) -> list[str]:

@@ -18,6 +18,7 @@ from ..errors import UserError
 from ..geometry import MIN_DEPTH_M, camera_from_occ
 from ..jit import njit
 from ..ontology import ACTOR_TYPES, CLASSES, UNKNOWN
+from ..terminal import tracked
 from .clip import Clip
 from .manifest import missing_clips, read_manifest
 from .split import part_of_time
@@ -97,8 +98,8 @@ class Statistics:
         return table[[*table.columns.drop("bytes"), "bytes"]].reset_index()
 
 
-def statistics_of(root: Path, on_clip: Callable[[], None] = lambda: None) -> Statistics:
-    """Statistics of a finished data set; ``on_clip`` is called after each clip.
+def statistics_of(root: Path) -> Statistics:
+    """Statistics of a finished data set.
 
     Raises `UserError` where the data set is unfinished or a file cannot be read.
     """
@@ -110,14 +111,11 @@ def statistics_of(root: Path, on_clip: Callable[[], None] = lambda: None) -> Sta
             "run task=generate to make them"
         )
     roles = {clip: part for part, clips in manifest["held_out"].items() for clip in clips}
-    return statistics_of_clips(root, clip_ids, roles, on_clip)
+    return statistics_of_clips(root, clip_ids, roles)
 
 
 def statistics_of_clips(
-    root: Path,
-    clip_ids: Sequence[str],
-    roles: Mapping[str, str] | None = None,
-    on_clip: Callable[[], None] = lambda: None,
+    root: Path, clip_ids: Sequence[str], roles: Mapping[str, str] | None = None
 ) -> Statistics:
     """Statistics of some clips, also of a data set that is still being made.
 
@@ -127,13 +125,12 @@ def statistics_of_clips(
 
     def read(clip_id: str) -> tuple[pd.DataFrame, dict]:
         clip, role = Clip(root / clip_id), roles.get(clip_id, "split")
-        tables = _frames_of(clip, role), _summary_of(clip, role)
-        on_clip()
-        return tables
+        return _frames_of(clip, role), _summary_of(clip, role)
 
     # Threads suffice: inflating and counting, which take the time, let go of the interpreter.
     with ThreadPoolExecutor() as pool:
-        frames, clips = zip(*pool.map(read, clip_ids))
+        tables = tracked(pool.map(read, clip_ids), f"reading {root.name}", len(clip_ids))
+        frames, clips = zip(*tables)
     return Statistics(pd.concat(frames, ignore_index=True), pd.DataFrame(clips))
 
 

@@ -74,17 +74,6 @@ class KARBreakdown(PenalizedConfusion):
             **kwargs,
         )
 
-    def update(
-        self,
-        preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
-        target: Int[Tensor, "b X Y Z"],
-        velocity: Float[Tensor, "b 3"] | Float[Tensor, "b"],
-        mask: Bool[Tensor, "b X Y Z"] | None = None,
-        visible: Bool[Tensor, "b X Y Z"] | None = None,
-    ) -> None:
-        """Count a batch, as `PenalizedConfusion.update`; without ``visible`` all is not."""
-        super(PenalizedConfusion, self).update(preds, target, velocity, mask, visible)
-
     def frame_tables(
         self,
         preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
@@ -93,7 +82,8 @@ class KARBreakdown(PenalizedConfusion):
         mask: Bool[Tensor, "b X Y Z"] | None = None,
         visible: Bool[Tensor, "b X Y Z"] | None = None,
     ) -> Tables:
-        """``count`` and ``excess`` of every frame, [b, 2, ttc * distance, c, c]."""
+        """``count`` and ``excess`` of every frame, [b, 2, ttc * distance, c, c]; without
+        ``visible`` nothing is."""
         if visible is None:
             visible = torch.zeros_like(target, dtype=torch.bool)
         return super().frame_tables(preds, target, velocity, mask, visible)

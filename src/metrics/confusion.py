@@ -61,23 +61,6 @@ class PenalizedConfusion(TableMetric):
         self.shell_m, shell = F.distance_shells(grid)
         self.register_buffer("shell", shell, persistent=False)
 
-    def update(
-        self,
-        preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
-        target: Int[Tensor, "b X Y Z"],
-        velocity: Float[Tensor, "b 3"] | Float[Tensor, "b"],
-        mask: Bool[Tensor, "b X Y Z"] | None = None,
-    ) -> None:
-        """Count a batch.
-
-        ``preds`` are class ids of any integer dtype or float logits, ``velocity`` the UAV's
-        velocity or speed in m/s, and ``mask`` restricts what is counted. Raises `UserError`, and
-        leaves the tables as they were, for shapes that fit neither each other nor the grid, class
-        ids out of range at counted voxels, and NaN in logits or velocities. A batch without a
-        counted voxel is no error.
-        """
-        super().update(preds, target, velocity, mask)
-
     def frame_tables(
         self,
         preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
@@ -86,7 +69,14 @@ class PenalizedConfusion(TableMetric):
         mask: Bool[Tensor, "b X Y Z"] | None = None,
         marked: Bool[Tensor, "b X Y Z"] | None = None,
     ) -> Tables:
-        """``count`` and ``excess`` of every frame; arguments as of `update`."""
+        """``count`` and ``excess`` of every frame.
+
+        ``preds`` are class ids of any integer dtype or float logits, ``velocity`` the UAV's
+        velocity or speed in m/s, ``mask`` restricts what is counted, and ``marked`` is told apart.
+        Raises `UserError` for shapes that fit neither each other nor the grid, class ids out of
+        range at counted voxels, and NaN in logits or velocities. A batch without a counted voxel
+        is no error.
+        """
         masks = {"mask": mask, "visible": marked}
         self._check(preds, target, masks)
         speeds_mps = F.speeds(velocity, batch=len(target))

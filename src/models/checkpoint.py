@@ -68,11 +68,8 @@ class Checkpoint:
 
     @classmethod
     def read(cls, path: str | Path) -> "Checkpoint":
-        """What a run left in its ``checkpoints/``.
-
-        Raises `UserError` for a file that is missing, damaged or no checkpoint, and for one of
-        another format, which it names.
-        """
+        """Raises `UserError` for a file that is missing, damaged or no checkpoint, and for one of
+        another format, which it names."""
         content = read_content(Path(path))
         facts = dict(content.get(ORIGIN, {}))
         if (written := facts.pop("format", 1)) != FORMAT:

@@ -70,8 +70,15 @@ class HuggingFaceBackbone(nn.Module):
 
         Such as a last norm: it would never have a gradient, which several processes wait for.
         """
-        maps = _probe(self.model, self.called)[finest:]
-        _freeze_unread(self.model, maps)
+        seen, todo = set(), [level.grad_fn for level in _probe(self.model, self.called)[finest:]]
+        while todo:
+            node = todo.pop()
+            if node is not None and node not in seen:
+                seen.add(node)
+                todo += [before for before, _ in node.next_functions]
+        read = {id(node.variable) for node in seen if hasattr(node, "variable")}
+        for parameter in self.model.parameters():
+            parameter.requires_grad_(id(parameter) in read)
         self.model.train()  # as any new module; what was loaded is in its evaluation mode
 
     def forward(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b _ _ _"]]:
@@ -185,19 +192,6 @@ def _probe(model: nn.Module, name: str) -> list[Float[Tensor, "1 _ _ _"]]:
             f"{list(STRIDES)}; take a ResNet, ConvNeXt, Swin or another hierarchical model"
         )
     return list(maps)
-
-
-def _freeze_unread(model: nn.Module, maps: list[Tensor]) -> None:
-    """Parameters that no map comes from, such as a last norm, would never have a gradient."""
-    seen, todo = set(), [level.grad_fn for level in maps]
-    while todo:
-        node = todo.pop()
-        if node is not None and node not in seen:
-            seen.add(node)
-            todo += [before for before, _ in node.next_functions]
-    read = {id(node.variable) for node in seen if hasattr(node, "variable")}
-    for parameter in model.parameters():
-        parameter.requires_grad_(id(parameter) in read)
 
 
 def _reason(error: Exception) -> str:

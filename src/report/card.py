@@ -1,10 +1,7 @@
 """The card of a finished data set: a page for people, figures, a table, and Croissant metadata."""
 
 import json
-import sys
 from pathlib import Path
-
-from rich.progress import Progress
 
 from ..atomic import replacing
 from ..data.clip import SUMS, sha256_of
@@ -30,9 +27,7 @@ def write_card(root: Path) -> None:
     root = Path(root)
     manifest = read_manifest(root)
     figures = root / FIGURES
-    with Progress(transient=True, disable=not sys.stdout.isatty()) as progress:
-        bar = progress.add_task(f"reading {root.name}", total=len(manifest["clips"]))
-        statistics = statistics_of(root, on_clip=lambda: progress.advance(bar))
+    statistics = statistics_of(root)
     clips = statistics.clip_table()
     with replacing(figures / "clips.csv") as temporary:
         clips.to_csv(temporary, index=False, lineterminator="\n")

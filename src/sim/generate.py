@@ -8,7 +8,6 @@ from contextlib import ExitStack, contextmanager
 from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -23,7 +22,7 @@ from ..data.manifest import missing_clips
 from ..data.rates import frames_per_clip
 from ..data.shards import share_of
 from ..errors import UserError
-from ..locks import locked
+from ..locks import locked, telling
 from ..worker_pool import SPAWN, default_workers, worker_pool
 from .clip_maker import ClipMaker, ClipPlan
 from .plan import plan_clips
@@ -59,10 +58,7 @@ def generate(sim: Mapping, root: Path) -> int:
 @contextmanager
 def _alone_in(root: Path, shard: int, shards: int) -> Iterator[None]:
     """Waits for its turn. Shards share the folder among them, but with nobody else."""
-
-    def on_wait() -> None:
-        Console().print(f"{root}: another process is making this data set; waiting for it")
-
+    on_wait = telling(f"{root}: another process is making this data set")
     with ExitStack() as held:
         held.enter_context(locked(root / LOCK, on_wait, shared=shards > 1))
         if shards > 1:

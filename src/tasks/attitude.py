@@ -1,6 +1,5 @@
 """task=attitude: a checkpoint's scores by the UAV's tilt, and under a wrongly measured attitude."""
 
-import sys
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -9,8 +8,6 @@ import pandas as pd
 import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from rich.console import Console
-from rich.progress import track
 
 from ..atomic_folder import replacing_folder
 from ..data.attitude import MeasuredAttitude
@@ -21,6 +18,7 @@ from ..report.attitude import SCORE, draw_attitude, print_attitude
 from ..report.attitude_evidence import ATTITUDE, TABLE
 from ..report.scores import score_table, write_table
 from ..run_folder import TALLIES
+from ..terminal import say, tracked
 from .condition import Condition, ConditionCount, conditions_of
 from .dataset import data_of, finished_dataset
 from .fit import trainer_of
@@ -57,7 +55,7 @@ def attitude(
         draw_attitude({cfg.name: table[table["score"] == SCORE]}, folder / "attitude.png")
         write_table(table, folder / TABLE)
     print_attitude(table)
-    Console().print(f"{run.path / ATTITUDE}", highlight=False, soft_wrap=True)
+    say(run.path / ATTITUDE)
 
 
 def _counts(
@@ -81,8 +79,7 @@ def _count(
         (noise_deg, delay_s, level): MeasuredAttitude(clips, step, noise_deg, delay_s, seed, level)
         for noise_deg, delay_s, level in of_fault
     }
-    quiet = not sys.stdout.isatty()
-    for batch in track(data.in_order("test"), "scoring", transient=True, disable=quiet):
+    for batch in tracked(data.in_order("test"), "scoring"):
         for fault, measured in told.items():
             labels = scores_of(measured(batch)).argmax(dim=1).to(torch.uint8).cpu()
             for count in of_fault[fault]:

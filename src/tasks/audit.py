@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from omegaconf import DictConfig, OmegaConf
-from rich.console import Console
-from rich.progress import track
 
 from ..atomic import replacing
 from ..audit.agreement import Agreement
@@ -21,6 +19,7 @@ from ..errors import UserError
 from ..provenance import git_commit, machine
 from ..sim.clip_maker import ClipMaker, ClipPlan
 from ..sim.plan import plan_clips
+from ..terminal import say, tracked
 from ..worker_pool import default_workers, mapped
 from .dataset import root_of, spec_of
 
@@ -41,15 +40,13 @@ def audit(cfg: DictConfig, frames_per_clip: int, out: str | None) -> None:
     plans, total = plan_clips(sim), Agreement()
     workers = min(len(plans), sim["workers"] or default_workers())
     job = partial(audit_clip, sim, root, frames_per_clip)
-    quiet = not sys.stdout.isatty()
     results = mapped(job, workers, plans)
-    for result in track(results, f"auditing {root.name}", len(plans), disable=quiet):
+    for result in tracked(results, f"auditing {root.name}", len(plans)):
         total.join(result)
     folder = Path(out) if out else root / "audit"
     _write(folder, total, root, sim)
-    console = Console()
-    console.print(_readable(total.table()), soft_wrap=True, highlight=False)
-    console.print(f"{total.frames} frames of {root}: {folder / 'audit.md'}", soft_wrap=True)
+    say(_readable(total.table()))
+    say(f"{total.frames} frames of {root}: {folder / 'audit.md'}")
 
 
 def audit_clip(sim: Mapping, root: Path, frames_per_clip: int, plan: ClipPlan) -> Agreement:

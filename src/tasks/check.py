@@ -1,7 +1,6 @@
 """task=check: verifies a data set clip by clip, draws its labels, and mends what is damaged."""
 
 import shutil
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -9,8 +8,6 @@ from itertools import groupby
 from pathlib import Path
 
 from omegaconf import DictConfig
-from rich.console import Console
-from rich.progress import track
 
 from ..data.check import Agreement, agreement_of, problems_of
 from ..data.clip import SUMS, Clip, recorded_sums, sha256_of, unfinished
@@ -19,6 +16,7 @@ from ..data.manifest import MANIFEST, read_manifest
 from ..errors import UserError
 from ..report.card import CARD, CARD_SUMS, write_card
 from ..report.check_sheet import draw_check_sheet
+from ..terminal import say, tracked
 from ..worker_pool import default_workers, mapped
 from .dataset import make_dataset, root_of, spec_of
 
@@ -49,7 +47,7 @@ def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
     With ``mend`` damaged clips are made again, and they alone. With ``sheets`` the labels of every
     town are laid over its images, in ``check/<town>.jpg`` under the data set.
     """
-    root, console = root_of(cfg), Console()
+    root = root_of(cfg)
     if mend and cfg.paths.dataset:
         raise UserError(
             "task.mend: only a data set that is named after its settings can be mended; drop "
@@ -57,29 +55,29 @@ def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
         )
     findings = _findings(root, cfg.sim.workers)
     for line in findings.lines:
-        console.print(line, soft_wrap=True, highlight=False)
+        say(line)
     if findings.lines and mend:
         _mend(cfg, root, findings)
-        console.print(f"mended: {', '.join(findings.of_clips) or MANIFEST}", soft_wrap=True)
+        say(f"mended: {', '.join(findings.of_clips) or MANIFEST}")
         findings = _findings(root, cfg.sim.workers)
-    _report(findings, root, console)
+    _report(findings, root)
     if sheets:
-        _draw_sheets(root, console)
+        _draw_sheets(root)
 
 
-def _report(findings: Findings, root: Path, console: Console) -> None:
+def _report(findings: Findings, root: Path) -> None:
     if findings.agreement.pixels:
         for name, share in findings.agreement.shares().items():
-            console.print(f"{name}: {100 * share:.2f} %")
+            say(f"{name}: {100 * share:.2f} %")
     else:
-        console.print("labels not compared with depth: no clip was made with sim.save_aux=true")
+        say("labels not compared with depth: no clip was made with sim.save_aux=true")
     if findings.lines:
         raise UserError(
             f"{root}: {len(findings.lines)} problems, in {len(findings.of_clips)} clips; the lines "
             f"above name them; {WAY_OUT}"
         )
     count = len(read_manifest(root)["clips"])
-    console.print(f"{root}: {count} clips are sound", soft_wrap=True, highlight=False)
+    say(f"{root}: {count} clips are sound")
 
 
 def _findings(root: Path, workers: int | None) -> Findings:
@@ -93,10 +91,9 @@ def _findings(root: Path, workers: int | None) -> Findings:
         findings.of_whole.append(str(error))
         folders = sorted(path.parent for path in root.glob(f"*/*/{SUMS}"))
         clips = {folder.relative_to(root).as_posix(): None for folder in folders}
-    quiet = not sys.stdout.isatty()
     workers = workers or min(default_workers(), 1 + len(clips) // CLIPS_A_WORKER)
     results = mapped(partial(_check_clip, root), workers, clips, clips.values())
-    bar = track(results, f"checking {root.name}", len(clips), transient=True, disable=quiet)
+    bar = tracked(results, f"checking {root.name}", len(clips))
     for clip, (lines, agreement) in zip(clips, bar):
         findings.agreement.join(agreement)
         if lines:
@@ -148,10 +145,10 @@ def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
         write_card(root)
 
 
-def _draw_sheets(root: Path, console: Console) -> None:
+def _draw_sheets(root: Path) -> None:
     manifest: Mapping = read_manifest(root)
     for town, clips in groupby(sorted(manifest["clips"]), key=lambda clip: clip.split("/")[0]):
         path = root / SHEETS / f"{town}.jpg"
         heading = f"{town.replace('_', ' ')}: images, and their labels over them"
         draw_check_sheet(root, list(clips), path, heading)
-        console.print(f"{path}", soft_wrap=True, highlight=False)
+        say(path)

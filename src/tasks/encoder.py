@@ -13,8 +13,6 @@ from ..data.split import held_out_clips
 from ..errors import UserError
 from ..models.weights import ORIGIN, read_encoder
 
-NAME = "image_encoder"
-
 
 def write_encoder(folder: Path, backbone: nn.Module, data: SkyShieldData) -> Path:
     """Writes ``image_encoder-<hash>.pth``, which is named after its content as `models.weights`
@@ -23,7 +21,7 @@ def write_encoder(folder: Path, backbone: nn.Module, data: SkyShieldData) -> Pat
     content = io.BytesIO()  # given a path, torch.save writes its name into the file
     torch.save({"state_dict": backbone.state_dict(), ORIGIN: origin}, content)
     digest = hashlib.sha256(content.getvalue()).hexdigest()
-    path = folder / f"{NAME}-{digest[:8]}.pth"
+    path = folder / f"image_encoder-{digest[:8]}.pth"
     with replacing(path) as temporary:
         temporary.write_bytes(content.getvalue())
     return path
@@ -40,7 +38,7 @@ def require_unseen(weights: str | None, data: SkyShieldData) -> None:
     if not path.is_file():
         return
     _, origin = read_encoder(path)
-    if not origin and path.name.startswith(NAME):
+    if not origin and path.name.startswith("image_encoder"):
         raise UserError(
             f"model.backbone.weights: {path} does not say which flights it was trained on, as "
             "files of task=pretrain do now; run task=pretrain again"

@@ -1,6 +1,5 @@
 """Scores a trained model and the two anchors on the test split, and draws what it sees."""
 
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,8 +9,6 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 from omegaconf import DictConfig
-from rich.console import Console
-from rich.progress import track
 from torch import Tensor
 
 from ..data.batches import frames_in_order
@@ -26,6 +23,7 @@ from ..report.qualitative import pick_frames, qualitative_sheet
 from ..report.results import print_results, read_results, write_results
 from ..report.scores import result_rows, write_scores
 from ..run_folder import ANCHORS, RunFolder
+from ..terminal import say, tracked
 from .processes import is_first_process, part_company
 from .scenes import labels_of, scene_of
 from .scoring import parts_of, protocol_of, suite_of, tally_of
@@ -58,8 +56,8 @@ def evaluate(
         return
     parts, shared = parts_of(cfg.data.test_clips), _facts(cfg, folder, data)
     parameters = sum(p.numel() for p in module.network.parameters())
-    network = {"parameters": parameters, "precision": trainer.precision}
-    facts = {**shared, **network, "seconds": round(seconds, 1)}
+    facts = {**shared, "parameters": parameters, "precision": trainer.precision}
+    facts["seconds"] = round(seconds, 1)
     tallies, rows = [tally], result_rows(tally, parts, facts)
     for name, prediction in _anchors(module).items():
         start_s = time.perf_counter()
@@ -71,7 +69,7 @@ def evaluate(
     _draw(cfg, folder, module, data)
     write_results(folder.results, sorted(rows, key=lambda row: row["split"]))
     print_results(read_results(folder.results))
-    Console().print(f"{folder.results} and {folder.figures}", highlight=False, soft_wrap=True)
+    say(f"{folder.results} and {folder.figures}")
 
 
 def _facts(cfg: DictConfig, folder: RunFolder, data: SkyShieldData) -> dict:
@@ -113,8 +111,7 @@ def anchor_scores(
     suite: ScoreSuite,
 ) -> ScoreSuite:
     """Counts one fixed prediction on the frames named."""
-    quiet = not sys.stdout.isatty()
-    for clip, frame in track(samples, f"scoring {name}", transient=True, disable=quiet):
+    for clip, frame in tracked(samples, f"scoring {name}"):
         suite.update(prediction[None], truth_at(data.clips[clip], frame))
     return suite
 

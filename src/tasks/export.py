@@ -18,6 +18,7 @@ from ..geometry import front_mount, pinhole, rigid, rotation_from_euler
 from ..models.export import FORMATS, ExportedStep, export_step, require_formats
 from ..models.stream import SkyOccStream, StreamFrame
 from ..provenance import git_commit, machine
+from ..terminal import say
 from .trained import trained
 
 
@@ -54,7 +55,7 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
             stream = SkyOccStream(ExportedStep(unchecked, name), step_s)
             rows.append(_checked(stream, shown, expected, unchecked / FORMATS[name], tolerance))
     _print(rows, len(shown))
-    Console().print(f"{folder}", highlight=False, soft_wrap=True)
+    say(folder)
 
 
 def _checked(
@@ -83,8 +84,8 @@ def made_up_flight(sim: Mapping, count: int, step_s: float) -> list[StreamFrame]
     """
     image, mount = sim["image"], sim["camera"]
     generator = torch.Generator().manual_seed(0)
-    shape = (count, 3, image["height"], image["width"])
-    images = torch.randint(0, 256, shape, generator=generator, dtype=torch.uint8)
+    pixels = (count, 3, image["height"], image["width"])
+    images = torch.randint(0, 256, pixels, generator=generator, dtype=torch.uint8)
 
     time_s = step_s * torch.arange(count, dtype=torch.float64)
     roll_rad, pitch_rad, yaw_rad = (0.2 * torch.sin(rate * time_s) for rate in (1.0, 1.7, 0.6))

@@ -8,7 +8,6 @@ import torch
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
-from rich.console import Console
 
 from ..data.datamodule import SkyShieldData
 from ..errors import UserError
@@ -18,6 +17,7 @@ from ..ontology import CLASSES
 from ..provenance import different_file
 from ..report.results import print_results, read_results
 from ..run_folder import RunFolder, require_same_config, shaping
+from ..terminal import say
 from .dataset import data_of, ready_dataset, root_of
 from .encoder import require_unseen
 from .evaluate import evaluate
@@ -59,8 +59,7 @@ def _shown_again(cfg: DictConfig, folder: RunFolder) -> bool:
     """Whether there is nothing to do; prints what was done before."""
     if not folder.is_finished() or cfg.overwrite or cfg.ckpt_path is not None:
         return False
-    line = f"{folder.path}: already finished; overwrite=true trains it again"
-    Console().print(line, highlight=False, soft_wrap=True)
+    say(f"{folder.path}: already finished; overwrite=true trains it again")
     print_results(read_results(folder.results))
     return True
 
@@ -158,9 +157,8 @@ def _announce(
     frames = " / ".join(str(len(samples)) for samples in data.split.values())
     device = trainer.strategy.root_device
     how = f"goes on after {done}" if done else f"{cfg.trainer.max_epochs} epochs"
-    for line in (
+    say(
         f"{cfg.name}, scale {cfg.scale_name}, seed {cfg.seed}: {parameters / 1e6:.2f} M parameters "
-        f"on {device} in {trainer.precision}, {how}",
-        f"{data.root}: {frames} frames to train / validate / test",
-    ):
-        Console().print(line, highlight=False, soft_wrap=True)
+        f"on {device} in {trainer.precision}, {how}"
+    )
+    say(f"{data.root}: {frames} frames to train / validate / test")

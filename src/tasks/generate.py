@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 from omegaconf import DictConfig, OmegaConf
-from rich.console import Console
 
 from ..data.rates import frames_per_clip
 from ..sim.clip_maker import ClipPlan
 from ..sim.plan import plan_clips
+from ..terminal import say
 from ..worker_pool import default_workers
 from .dataset import make_dataset, root_of, spec_of, split_of
 
@@ -24,17 +24,17 @@ def generate(cfg: DictConfig) -> None:
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     plans = plan_clips(sim)
     split = split_of(cfg, [plan.clip_id for plan in plans])
-    root, console = root_of(cfg), Console(soft_wrap=True, highlight=False)
+    root = root_of(cfg)
     if sim["dry_run"]:
-        console.print(f"{root}: {len(plans)} clips, {frames_of(sim, plans):,} frames")
-        console.print(" / ".join(f"{part} {len(frames):,}" for part, frames in split.items()))
-        console.print(_effort(sim, plans))
-        console.print(matrix_of(sim, plans).to_string())
+        say(f"{root}: {len(plans)} clips, {frames_of(sim, plans):,} frames")
+        say(" / ".join(f"{part} {len(frames):,}" for part, frames in split.items()))
+        say(_effort(sim, plans))
+        say(matrix_of(sim, plans).to_string())
         return
     made, missing = make_dataset(cfg, root, spec_of(cfg))
     share = f"shard {sim['shard']} of {sim['shards']}, " if sim["shards"] > 1 else ""
     state = f"{len(missing)} still to be made by other shards" if missing else "all there"
-    console.print(f"{root}: {share}{made} clips made now; of {len(plans)} clips {state}")
+    say(f"{root}: {share}{made} clips made now; of {len(plans)} clips {state}")
 
 
 def frames_of(sim: Mapping, plans: Sequence[ClipPlan]) -> int:

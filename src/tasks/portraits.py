@@ -1,12 +1,9 @@
 """task=portraits: pictures of the simulated world for people who have not generated any of it."""
 
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
-from rich.console import Console
-from rich.progress import track
 
 from ..portrait.pipeline import draw_pipeline
 from ..portrait.sheet import write_sheet
@@ -14,6 +11,7 @@ from ..portrait.shot import aerial_shot, photograph, street_shot
 from ..sim.clip_maker import ClipPlan
 from ..sim.plan import plan_clips
 from ..sim.renderer import require_renderer
+from ..terminal import say, tracked
 
 MAX_TOWN_BYTES, MAX_WEATHER_BYTES = 150_000, 450_000
 TOWN_WIDTH_PIX, WEATHER_WIDTH_PIX, WEATHER_COLUMNS = 620, 400, 5
@@ -28,12 +26,10 @@ def portraits(cfg: DictConfig, out: str) -> None:
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     plans = plan_clips(sim)
     require_renderer(sim["renderer"])
-    folder, console = Path(out), Console()
     steps = len(sim["towns"]) + 2
-    quiet = not sys.stdout.isatty()
-    drawn = _drawn(sim, plans[0], folder)
-    for path in track(drawn, "drawing", steps, transient=True, disable=quiet):
-        console.print(f"{path}", soft_wrap=True, highlight=False)
+    drawn = _drawn(sim, plans[0], Path(out))
+    for path in tracked(drawn, "drawing", steps):
+        say(path)
 
 
 def _drawn(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:

@@ -16,9 +16,8 @@ def kind_of_device(accelerator: str) -> str:
     found = {"mps": torch.backends.mps.is_available(), "cuda": torch.cuda.is_available()}
     there = [*(kind for kind, is_there in found.items() if is_there), "cpu"]
     wanted = {"auto": there, "gpu": ["mps", "cuda"]}.get(accelerator, [accelerator])
-    for kind in there:
-        if kind in wanted:
-            return kind
+    if kinds := [kind for kind in there if kind in wanted]:
+        return kinds[0]
     raise UserError(
         f"trainer.accelerator: {accelerator}, but PyTorch finds only {', '.join(there)} here; give "
         "one of these, or auto"

@@ -1,12 +1,9 @@
 """task=predict: writes a checkpoint's labels of one part of the split, for task=score or others."""
 
-import sys
 from pathlib import Path
 
 import torch
 from omegaconf import DictConfig
-from rich.console import Console
-from rich.progress import track
 
 from ..data.datamodule import SkyShieldData
 from ..data.predictions import PredictionWriter
@@ -14,6 +11,7 @@ from ..data.split import held_out_clips
 from ..data.truth import PARTS
 from ..errors import UserError
 from ..provenance import git_commit
+from ..terminal import say, tracked
 from .dataset import data_of, finished_dataset
 from .fit import trainer_of
 from .predictor import Predictor, predictor
@@ -50,15 +48,13 @@ def predict(cfg: DictConfig, part: str, logits: bool) -> None:
     with PredictionWriter(folder, facts) as writer:
         _write(writer, scores_of, data, part, logits)
     missing = f"; {len(data.missing)} clips are not there" if data.missing else ""
-    line = f"{folder}: {len(data.split[part])} frames{missing}"
-    Console().print(line, highlight=False, soft_wrap=True)
+    say(f"{folder}: {len(data.split[part])} frames{missing}")
 
 
 def _write(
     writer: PredictionWriter, scores_of: Predictor, data: SkyShieldData, part: str, logits: bool
 ) -> None:
-    quiet = not sys.stdout.isatty()
-    for batch in track(data.in_order(part), f"predicting {part}", transient=True, disable=quiet):
+    for batch in tracked(data.in_order(part), f"predicting {part}"):
         scores = scores_of(batch)
         for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):
             labels = scores[n].argmax(dim=0).to(torch.uint8)

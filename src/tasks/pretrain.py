@@ -7,7 +7,6 @@ import lightning
 import torch
 from hydra.utils import get_class, instantiate
 from omegaconf import DictConfig, OmegaConf
-from rich.console import Console
 from torch.utils.data import DataLoader
 
 from ..data.batches import BatchesInOrder, TrainingBatches
@@ -18,6 +17,7 @@ from ..models.backbone import STRIDES, ResNet
 from ..models.checkpoint import load_weights, read_content
 from ..models.image_pretraining import ImagePretraining
 from ..run_folder import RunFolder, version_of
+from ..terminal import say
 from .dataset import data_of, finished_dataset, root_of
 from .encoder import write_encoder
 from .precision import FP32, precision_of
@@ -67,7 +67,7 @@ def pretrain(
         finally:
             folder.merge_metrics()
         path = write_encoder(folder.path, backbone, data)
-    Console().print(f"model.backbone.weights={path}", highlight=False, soft_wrap=True)
+    say(f"model.backbone.weights={path}")
     return "finished"
 
 

@@ -1,7 +1,6 @@
 """task=report: the paper's tables and pictures from the run folders of a ladder."""
 
 import os
-import sys
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
@@ -9,7 +8,6 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 from rich.console import Console
-from rich.progress import track
 
 from ..atomic import replacing
 from ..errors import UserError
@@ -31,6 +29,7 @@ from ..report.scores import write_table
 from ..report.table_files import ENDINGS, write_files
 from ..report.table_print import print_table
 from ..settings import GROUPS
+from ..terminal import tracked
 from .scoring import parts_of
 from .showcase import COMPARISON, TILT, showcase
 
@@ -86,8 +85,7 @@ def _found(
 ) -> tuple[list[ScoredRun], list[UnfinishedRun]]:
     """The finished runs, of which there must be one, and the others."""
     places = [Path(str(place)) for place in runs] or [Path(cfg.paths.runs) / cfg.scale_name]
-    paths, quiet = run_folders(places, folder), not sys.stdout.isatty()
-    found = [read_run(path) for path in track(paths, "reading", transient=True, disable=quiet)]
+    found = [read_run(path) for path in tracked(run_folders(places, folder), "reading")]
     finished = [run for run in found if isinstance(run, ScoredRun)]
     unfinished = [run for run in found if isinstance(run, UnfinishedRun)]
     if not finished:

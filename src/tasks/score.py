@@ -1,12 +1,9 @@
 """task=score: scores a folder of predictions, anyone's, against the labels of a data set."""
 
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
-from rich.console import Console
-from rich.progress import track
 
 from ..data.predictions import FACTS
 from ..errors import UserError
@@ -18,6 +15,7 @@ from ..report.protocols import protocol_table
 from ..report.results import print_results, read_results, write_results
 from ..report.scores import Parts, result_rows, write_scores, write_table
 from ..run_folder import version_of
+from ..terminal import say, tracked
 from .pairing import LAYOUTS, Pairing, Sample
 from .scoring import clips_of, parts_of, score_settings, tally_of
 
@@ -42,8 +40,7 @@ def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> N
     with_logits = _count(scored, samples, pairing, name)
     if 0 < with_logits < len(samples):
         scored.by_clip["calibration"].reset()
-        line = f"{folder}: has logits of {with_logits} of {len(samples)} frames, so no calibration"
-        Console().print(line, highlight=False, soft_wrap=True)
+        say(f"{folder}: has logits of {with_logits} of {len(samples)} frames, so no calibration")
     protocol = Protocol.of(
         pairing.dataset, part, len(samples), pairing.grid, pairing.mask, metric, suite
     )
@@ -54,8 +51,8 @@ def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> N
 
 def _count(scored: ScoreSuite, samples: Sequence[Sample], pairing: Pairing, name: str) -> int:
     """Counts all samples; returns how many have logits."""
-    with_logits, quiet = 0, not sys.stdout.isatty()
-    for sample in track(samples, f"scoring {name}", transient=True, disable=quiet):
+    with_logits = 0
+    for sample in tracked(samples, f"scoring {name}"):
         labels, truth, logits = pairing.frame(sample)
         scored.update(labels, truth, logits)
         with_logits += logits is not None
@@ -94,7 +91,7 @@ def _write(
     write_table(breakdown, folder / "breakdown.csv")
     write_results(folder / "results.csv", result_rows(tally, parts, facts))
     print_results(read_results(folder / "results.csv"))
-    Console().print(f"{folder}", highlight=False, soft_wrap=True)
+    say(folder)
 
 
 def _sound_samples(pairing: Pairing, folder: Path, allow_missing: bool) -> list[Sample]:
@@ -112,5 +109,5 @@ def _sound_samples(pairing: Pairing, folder: Path, allow_missing: bool) -> list[
     samples = [sample for sample in pairing.samples if pairing.has(sample)]
     if not samples:
         raise UserError(f"{folder}: {found}; nothing is left to score")
-    Console().print(f"{folder}: {found}; left out", highlight=False, soft_wrap=True)
+    say(f"{folder}: {found}; left out")
     return samples

@@ -1,6 +1,5 @@
 """What a report shows beside its numbers: hard frames, and what rungs of the ladder see there."""
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from inspect import signature
@@ -11,7 +10,6 @@ import numpy as np
 import pandas as pd
 import torch
 from omegaconf import DictConfig
-from rich.progress import track
 
 from ..data.batch import Batch
 from ..data.datamodule import SkyShieldData
@@ -28,6 +26,7 @@ from ..report.scene import Scene
 from ..report.scored_runs import ScoredRun
 from ..report.tilt_figure import draw_tilt
 from ..run_folder import BEST, CONFIG
+from ..terminal import tracked
 from .scenes import camera_of, labels_of, scene_of
 
 COMPARISON, TILT = "comparison.png", "tilt.png"
@@ -102,9 +101,7 @@ def _drawn(
     data: SkyShieldData, viewers: Sequence[_Viewer], folder: Path, count: int, seed: int
 ) -> Showcase:
     cases = hard_cases(facts_of(data), count)
-    quiet = not sys.stdout.isatty()
-    drawn = track(cases, "predicting", transient=True, disable=quiet)
-    scenes = [_scene(case, viewers, data.grid) for case in drawn]
+    scenes = [_scene(case, viewers, data.grid) for case in tracked(cases, "predicting")]
     heading = f"{data.root.name}, seed {seed}: the hardest test frames by rule"
     qualitative_sheet(scenes, folder / COMPARISON, heading, tops=False)
     names = [viewer.name for viewer in viewers]
@@ -141,11 +138,8 @@ def _caption(cases: Sequence[HardCase], names: Sequence[str], seed: int) -> str:
 def facts_of(data: SkyShieldData) -> pd.DataFrame:
     """What `hard_cases` asks of every test frame: its tilt, and how many voxels of each class the
     camera sees."""
-    quiet = not sys.stdout.isatty()
     rows = []
-    for clip_id, frame in track(
-        data.split["test"], "choosing frames", transient=True, disable=quiet
-    ):
+    for clip_id, frame in tracked(data.split["test"], "choosing frames"):
         clip = data.clips[clip_id]
         row = clip.frames.loc[frame]
         seen = np.bincount(clip.semantics(frame)[clip.visible(frame)], minlength=len(CLASSES))
