@@ -1,8 +1,9 @@
 """How far finished runs are apart that should be the same: python -m benchmarks.sameness RUN RUN...
 
 Each RUN is the folder of a run of one configuration, trained elsewhere or otherwise; the first is
-what the others are compared with. Prints the largest difference of the logged losses, of the
-network's scores and of the anchors' scores, and how many clips of the data sets differ in any byte.
+what the others are compared with. Prints the largest difference of the logged losses, of the mean
+scores on the test split and on its parts, and of the anchors' scores, and how many clips of the
+data sets differ in any byte.
 """
 
 import argparse
@@ -18,8 +19,9 @@ from src.report.results import MEANS, read_results
 from src.run_folder import ANCHORS, CONFIG, METRICS, RESULTS
 
 
-def differences(first: Path, other: Path) -> tuple[float, float, float]:
-    """The largest of the losses, of the network's scores and of the anchors' scores."""
+def differences(first: Path, other: Path) -> tuple[float, float, float, float]:
+    """The largest of the losses, of the network's scores on the test split and on its parts, and of
+    the anchors' scores."""
     logs = [pd.read_csv(run / METRICS).set_index("step") for run in (first, other)]
     names = [name for name in logs[0] if "/" in name and ("train" in name or "loss" in name)]
     losses = (logs[0][names] - logs[1][names]).abs().max(axis=None)
@@ -29,8 +31,10 @@ def differences(first: Path, other: Path) -> tuple[float, float, float]:
         for run in (first, other)
     ]
     scores = (tables[0] - tables[1]).abs().max(axis=1)
-    of_anchor = scores.index.get_level_values("experiment").isin(ANCHORS)
-    return losses, scores[~of_anchor].max(), scores[of_anchor].max()
+    experiment, split = (scores.index.get_level_values(level) for level in scores.index.names)
+    of_anchor, of_whole = experiment.isin(ANCHORS), split == "test"
+    chosen = (~of_anchor & of_whole, ~of_anchor & ~of_whole, of_anchor)
+    return losses, *(scores[rows].max() for rows in chosen)
 
 
 def clips_of(run: Path) -> dict[str, str]:
@@ -46,7 +50,7 @@ def main() -> None:
     parser.add_argument("runs", type=Path, nargs="+", metavar="RUN")
     first, *others = parser.parse_args().runs
     table = Table(title=f"largest differences from {first}")
-    for column in ("run", "losses", "scores", "anchors' scores", "clips that differ"):
+    for column in ("run", "losses", "test", "its parts", "anchors", "clips that differ"):
         table.add_column(column, justify="left" if column == "run" else "right", overflow="fold")
     clips = clips_of(first)
     for other in others:
