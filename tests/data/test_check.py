@@ -45,6 +45,10 @@ def frustum(rows):
     return in_image(pix, depth_m, WIDTH, HEIGHT).numpy().reshape(GRID.shape)
 
 
+def free_labels(rows):
+    return np.where(frustum(rows), FREE, UNKNOWN).astype(np.uint8)
+
+
 def wall_labels(rows):
     """A wall across the view at x in [10, 11) of the grid, free space before it."""
     labels = np.full(GRID.shape, UNKNOWN, np.uint8)
@@ -127,8 +131,7 @@ def test_counts_add_up_over_frames(tmp_path):
 @pytest.mark.parametrize("attitude", [(0.0, 0.0, 0.5), (0.3, -0.2, 3.1), (-0.2, 0.25, -3.1)])
 def test_a_sound_clip_has_no_problem(tmp_path, attitude):
     rows = table(*attitude)
-    labels = np.where(frustum(rows), FREE, UNKNOWN).astype(np.uint8)
-    assert list(problems_of(write(tmp_path / "c", rows, labels))) == []
+    assert list(problems_of(write(tmp_path / "c", rows, free_labels(rows)))) == []
 
 
 @pytest.mark.parametrize(
@@ -136,7 +139,7 @@ def test_a_sound_clip_has_no_problem(tmp_path, attitude):
     [(-0.3, 0.1, 0.5), (0.6, 0.1, 0.5), (0.0, 0.1, 0.5), (0.3, -0.1, 0.5), (0.3, 0.2, 0.5)],
 )
 def test_labels_made_under_another_attitude_are_found(tmp_path, truth):
-    labels = np.where(frustum(table(*truth)), FREE, UNKNOWN).astype(np.uint8)
+    labels = free_labels(table(*truth))
     found = list(problems_of(write(tmp_path / "c", table(0.3, 0.1, 0.5), labels)))
     assert len(found) == FRAMES
     assert all("outside the image carry labels" in line for line in found)
@@ -145,7 +148,7 @@ def test_labels_made_under_another_attitude_are_found(tmp_path, truth):
 
 def test_angles_that_are_not_the_quaternion_s_are_found(tmp_path):
     rows = table(0.3, 0.1, 0.5)
-    labels = np.where(frustum(rows), FREE, UNKNOWN).astype(np.uint8)
+    labels = free_labels(rows)
     rows.loc[4, "roll_rad"] *= -1
     found = list(problems_of(write(tmp_path / "c", rows, labels)))
     assert len(found) == 1

@@ -33,6 +33,11 @@ def root(mini_dataset, tmp_path_factory):
     return root
 
 
+@pytest.fixture
+def metadata(root):
+    return json.loads((root / "croissant.json").read_text())
+
+
 @pytest.fixture(scope="module")
 def dataset(root):
     return mlc.Dataset(jsonld=str(root / "croissant.json"))
@@ -46,8 +51,7 @@ def test_it_is_valid(dataset):
     assert "datePublished" in next(iter(issues.warnings))
 
 
-def test_it_says_what_it_conforms_to(root):
-    metadata = json.loads((root / "croissant.json").read_text())
+def test_it_says_what_it_conforms_to(root, metadata):
     assert metadata["conformsTo"] == "http://mlcommons.org/croissant/1.0"
     assert isinstance(metadata["@context"], dict)
     assert metadata["name"] == root.name
@@ -79,8 +83,7 @@ def test_the_classes_are_listed(dataset):
     assert listed == dict(enumerate(CLASSES))
 
 
-def test_every_kind_of_file_is_described(root):
-    metadata = json.loads((root / "croissant.json").read_text())
+def test_every_kind_of_file_is_described(root, metadata):
     patterns = [entry.get("includes") for entry in metadata["distribution"]]
     in_clip = {file.name for file in (root / "suburb/clip00").iterdir()}
     assert in_clip <= set(FILE_SETS)
@@ -95,8 +98,7 @@ def test_files_that_are_not_there_are_not_described(root):
     assert "*/*/aux.npz" not in [entry.get("includes") for entry in metadata["distribution"]]
 
 
-def test_every_column_has_a_description_and_lengths_a_unit(root):
-    metadata = json.loads((root / "croissant.json").read_text())
+def test_every_column_has_a_description_and_lengths_a_unit(metadata):
     fields = {field["@id"]: field for r in metadata["recordSet"] for field in r["field"]}
     assert all(field["description"] for field in fields.values())
     assert fields["frames/altitude_m"]["description"].endswith("(metres)")
@@ -106,9 +108,8 @@ def test_every_column_has_a_description_and_lengths_a_unit(root):
     assert fields["actors/visible_pixels"]["dataType"] == "sc:Integer"
 
 
-def test_the_manifest_is_covered_by_its_hash(root):
+def test_the_manifest_is_covered_by_its_hash(root, metadata):
     """And by its own hashes, every file of every clip."""
-    metadata = json.loads((root / "croissant.json").read_text())
     (listed,) = (entry for entry in metadata["distribution"] if entry["@id"] == MANIFEST)
     assert listed["sha256"] == sha256_of(root / MANIFEST)
     assert listed["contentSize"] == f"{(root / MANIFEST).stat().st_size} B"

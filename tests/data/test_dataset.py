@@ -6,11 +6,9 @@ import pytest
 import torch
 
 from src.data.batches import Key
-from src.data.clip import Clip
 from src.data.dataset import OccupancyDataset, history_stride
 from src.errors import UserError
 from src.geometry import euler_from_rotation, inverse, transform, world_from_occ
-from tests.synthetic import write_clip
 
 CLIP = "downtown/clip00"
 
@@ -152,15 +150,6 @@ def test_a_mirrored_key_gives_the_mirrored_sample(clips):
     dataset = OccupancyDataset(clips, [(CLIP, 20)], 4, 0.2)
     assert torch.equal(dataset[Key(0, mirror=True)]["image"], dataset[0]["image"].flip(-1))
     assert torch.equal(dataset[Key(0)]["image"], dataset[0]["image"])
-
-
-def test_a_broken_file_is_named(tmp_path):
-    write_clip(tmp_path / "downtown/clip00")
-    path = tmp_path / "downtown/clip00/occupancy.npz"
-    path.write_bytes(path.read_bytes()[:2000])
-    clips = {CLIP: Clip(tmp_path / "downtown/clip00")}
-    with pytest.raises(UserError, match=r"occupancy\.npz: cannot be read"):
-        window(clips, 5, history_step_s=0.4)
 
 
 def test_a_key_may_shorten_the_history(clips):

@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from src.data.batches import Key
-from src.data.clip import Clip
 from src.data.dataset import OccupancyDataset
 from src.data.image_labels import ImageLabelDataset, labels_of_pixels
 from src.geometry import (
@@ -21,7 +20,6 @@ from src.geometry import (
     unproject,
 )
 from src.ontology import FREE, UNKNOWN
-from tests.synthetic import write_clip
 
 GRID = VoxelGrid((0, -5, -5), (20, 5, 5), (20, 10, 10))
 SIZE, STRIDE = (96, 64), 4
@@ -58,13 +56,11 @@ def test_the_nearest_one_is_seen_and_what_has_no_label_is_not():
     assert (seen(((4, 5, 5), UNKNOWN), far)[0] == CAR).any()
 
 
-@pytest.fixture(scope="module")
-def labelled(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clips") / "town" / "a"
-    write_clip(folder, capture_hz=5)
-    clip = Clip(folder)
-    frames = OccupancyDataset({"town/a": clip}, [("town/a", 9)], 1, 0.2)
-    return frames, clip.meta.grid
+@pytest.fixture
+def labelled(clips):
+    clip_id = "downtown/clip00"
+    frames = OccupancyDataset(clips, [(clip_id, 9)], 1, 0.2)
+    return frames, clips[clip_id].meta.grid
 
 
 def test_every_pixel_names_the_voxel_at_its_depth(labelled):

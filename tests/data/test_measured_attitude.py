@@ -7,20 +7,10 @@ import torch
 from torch.utils.data import default_collate
 
 from src.data.attitude import MeasuredAttitude, delayed, roll_pitch_of
-from src.data.clip import Clip
 from src.data.dataset import OccupancyDataset
 from src.errors import UserError
-from tests.synthetic import write_clip
 
-NAMES = ("town/a", "town/b")
-
-
-@pytest.fixture(scope="module")
-def clips(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clips")
-    for seed, name in enumerate(NAMES):
-        write_clip(folder / name, capture_hz=5, seed=seed)
-    return {name: Clip(folder / name) for name in NAMES}
+FIRST, SECOND = "downtown/clip00", "suburb/clip00"
 
 
 def batch_of(clips, *samples):
@@ -29,7 +19,7 @@ def batch_of(clips, *samples):
 
 
 def test_a_faultless_measurement_is_the_truth(clips):
-    batch = batch_of(clips, ("town/a", 9), ("town/b", 4))
+    batch = batch_of(clips, (FIRST, 9), (SECOND, 4))
     told = MeasuredAttitude(clips, step=2)(batch)
     for key in ("occ_from_body", "attitude_rad"):
         torch.testing.assert_close(told[key], batch[key], atol=1e-6, rtol=0)
@@ -38,14 +28,14 @@ def test_a_faultless_measurement_is_the_truth(clips):
 
 def test_every_frame_of_the_queue_is_told_what_was_true_before(clips):
     """Two frames late: the queue's own attitudes, one frame of the queue back."""
-    batch, before = (batch_of(clips, ("town/a", now)) for now in (12, 10))
+    batch, before = (batch_of(clips, (FIRST, now)) for now in (12, 10))
     told = MeasuredAttitude(clips, step=2, delay_s=0.4)(batch)
     torch.testing.assert_close(told["occ_from_body"], before["occ_from_body"], atol=1e-6, rtol=0)
     torch.testing.assert_close(told["attitude_rad"], before["attitude_rad"], atol=1e-6, rtol=0)
 
 
 def test_told_a_level_attitude_the_camera_is_said_to_look_straight_ahead(clips):
-    batch = batch_of(clips, ("town/a", 9), ("town/b", 4))
+    batch = batch_of(clips, (FIRST, 9), (SECOND, 4))
     told = MeasuredAttitude(clips, step=2, level=True)(batch)
     straight = torch.eye(4).expand_as(batch["occ_from_body"])
     torch.testing.assert_close(told["occ_from_body"], straight, atol=1e-6, rtol=0)
@@ -54,7 +44,7 @@ def test_told_a_level_attitude_the_camera_is_said_to_look_straight_ahead(clips):
 
 
 def test_labels_and_motion_stay_as_they_are(clips):
-    batch = batch_of(clips, ("town/a", 9))
+    batch = batch_of(clips, (FIRST, 9))
     told = MeasuredAttitude(clips, step=2, noise_deg=5.0, delay_s=0.2)(batch)
     changed = {key for key in batch if batch[key] is not told[key]}
     assert changed == {"occ_from_body", "attitude_rad"}
@@ -70,7 +60,7 @@ def test_noise_has_the_size_asked_for_and_belongs_to_the_frame(clips):
     small_deg = torch.rad2deg(torch.cat([one.roll_pitch_rad[n] - true[n] for n in clips]))
     torch.testing.assert_close(5 * small_deg, error_deg)
     # The queue of one window and the current frame of an earlier one are the same frame.
-    later, earlier = (five(batch_of(clips, ("town/b", now))) for now in (9, 7))
+    later, earlier = (five(batch_of(clips, (SECOND, now))) for now in (9, 7))
     torch.testing.assert_close(later["occ_from_body"][:, -2], earlier["occ_from_body"][:, -1])
 
 

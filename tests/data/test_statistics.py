@@ -28,6 +28,12 @@ def statistics(mini_dataset):
     return statistics_of(mini_dataset)
 
 
+@pytest.fixture
+def copy(mini_dataset, tmp_path):
+    """The root of a copy that may be damaged."""
+    return shutil.copytree(mini_dataset, tmp_path / "data")
+
+
 def centres_in_image(clip, frame):
     """The projection chain itself, point by point."""
     meta = clip.meta
@@ -166,23 +172,15 @@ def test_the_clip_table_adds_up(statistics):
         assert row[[f"share_{name}" for name in CLASSES]].sum() == pytest.approx(1, abs=1e-6)
 
 
-def test_clips_come_in_the_order_of_the_towns_of_the_plan(mini_dataset, tmp_path):
-    root = tmp_path / "data"
-    shutil.copytree(mini_dataset, root)
-    shutil.copytree(root / "suburb/clip00", root / "downtown/clip00")
-    text = (root / MANIFEST).read_text()
+def test_clips_come_in_the_order_of_the_towns_of_the_plan(copy):
+    shutil.copytree(copy / "suburb/clip00", copy / "downtown/clip00")
+    text = (copy / MANIFEST).read_text()
     text = text.replace('"suburb"\n', '"suburb",\n   "downtown"\n')
     manifest = json.loads(text.replace('"suburb/clip00": {', '"downtown/clip00": {'))
     manifest["digest"] = digest_of({**manifest, "digest": None})
-    (root / MANIFEST).write_text(json.dumps(manifest))
-    assert list(read_manifest(root)["clips"]) == ["downtown/clip00", "suburb/clip01"]
-    assert statistics_of(root).clips["clip"].tolist() == ["suburb/clip01", "downtown/clip00"]
-
-
-def test_progress_is_told_of_every_clip(mini_dataset):
-    told = []
-    statistics_of(mini_dataset, on_clip=lambda: told.append(1))
-    assert len(told) == 2
+    (copy / MANIFEST).write_text(json.dumps(manifest))
+    assert list(read_manifest(copy)["clips"]) == ["downtown/clip00", "suburb/clip01"]
+    assert statistics_of(copy).clips["clip"].tolist() == ["suburb/clip01", "downtown/clip00"]
 
 
 def test_clips_of_an_unfinished_data_set_can_be_read(mini_dataset, tmp_path, statistics):
@@ -203,11 +201,9 @@ def test_clips_of_an_unfinished_data_set_can_be_read(mini_dataset, tmp_path, sta
         (lambda root: (root / "suburb/clip01/actors.csv").write_text("frame\n"), "actors.csv"),
     ],
 )
-def test_what_cannot_be_read_is_named_in_one_line(mini_dataset, tmp_path, damage, message):
-    root = tmp_path / "data"
-    shutil.copytree(mini_dataset, root)
-    damage(root)
+def test_what_cannot_be_read_is_named_in_one_line(copy, damage, message):
+    damage(copy)
     with pytest.raises(UserError, match=message) as error:
-        statistics_of(root)
+        statistics_of(copy)
     assert "task=generate" in str(error.value)
     assert "\n" not in str(error.value)

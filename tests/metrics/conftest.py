@@ -1,19 +1,19 @@
-"""A small grid, random batches, and KAR-IoU written out as plain loops from App. A.4."""
-
-import math
+"""A small grid, and random batches for every metric."""
 
 import pytest
 import torch
 
 from src.geometry import VoxelGrid
+from src.metrics import Calibration, KARBreakdown, RayIoU
+from src.ontology import CAR, FREE
+from tests.metrics.inputs import coins, random_logits, random_rays
 
-LOWER_M, SIDE_M, SHAPE = (0.0, -10.0, -6.0), 4.0, (6, 5, 3)
+SHAPE = (6, 5, 3)
 
 
 @pytest.fixture
 def grid():
-    upper_m = tuple(lower + SIDE_M * n for lower, n in zip(LOWER_M, SHAPE))
-    return VoxelGrid(LOWER_M, upper_m, SHAPE)
+    return VoxelGrid(lower_m=(0.0, -10.0, -6.0), upper_m=(24.0, 10.0, 6.0), shape=SHAPE)
 
 
 @pytest.fixture
@@ -35,33 +35,38 @@ def random_batch():
 
 
 @pytest.fixture
-def kar_iou_by_loops():
-    """KAR-IoU of every class, NaN where the class has no TP, FP or FN."""
+def sparse_batch(random_batch):
+    """As `random_batch`, without velocity and mostly free, so that some rays meet nothing."""
 
-    def penalty(voxel, velocity, horizon_s, decay_per_s, penalty_scale, min_speed_mps):
-        centre_m = [lower + (i + 0.5) * SIDE_M for lower, i in zip(LOWER_M, voxel)]
-        speed_mps = max(math.sqrt(sum(v * v for v in velocity)), min_speed_mps)
-        ttc_s = math.sqrt(sum(x * x for x in centre_m)) / speed_mps
-        inside = 1 if ttc_s <= horizon_s else 0
-        return 1 + inside * penalty_scale * math.exp(-decay_per_s * ttc_s)
+    def make(seed, frames=4):
+        preds, target, _ = random_batch(seed, frames)
+        rng = torch.Generator().manual_seed(3)
+        kept = torch.rand(target.shape, generator=rng) < 0.3
+        preds = torch.where(torch.rand(target.shape, generator=rng) < 0.1, CAR, preds)
+        known = target != 255
+        return preds.masked_fill(~kept, FREE), target.masked_fill(~kept & known, FREE)
 
-    def kar_iou(preds, target, velocity, num_classes=9, mask=None, **parameters):
-        defaults = {"horizon_s": 5, "decay_per_s": 0.5, "penalty_scale": 2, "min_speed_mps": 5}
-        parameters = defaults | parameters
-        hits, errors = [0] * num_classes, [0.0] * num_classes
-        for b in range(len(target)):
-            for x in range(SHAPE[0]):
-                for y in range(SHAPE[1]):
-                    for z in range(SHAPE[2]):
-                        t, p = int(target[b, x, y, z]), int(preds[b, x, y, z])
-                        if t == 255 or (mask is not None and not mask[b, x, y, z]):
-                            continue
-                        if t == p:
-                            hits[t] += 1
-                            continue
-                        weight = penalty((x, y, z), velocity[b].tolist(), **parameters)
-                        errors[t] += weight
-                        errors[p] += weight
-        return [h / (h + e) if h + e else math.nan for h, e in zip(hits, errors)]
+    return make
 
-    return kar_iou
+
+@pytest.fixture
+def batch_for(random_batch, sparse_batch):
+    """``batch_for(metric, seed, frames)`` -> what a metric of this class is updated with.
+
+    With ``masked`` also the masks that it takes: the voxels to count, and the visible ones.
+    """
+
+    def make(metric, seed=0, frames=4, masked=False):
+        preds, target, velocity = random_batch(seed, frames)
+        batch = preds, target, velocity
+        if metric is Calibration:
+            batch = random_logits(seed, target), target, velocity
+        if metric is RayIoU:
+            batch = *sparse_batch(seed, frames), *random_rays(seed, frames)
+        if masked:
+            batch = *batch, coins(10 + seed, target)
+        if masked and metric is KARBreakdown:
+            batch = *batch, coins(20 + seed, target)
+        return batch
+
+    return make

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from src.errors import UserError
+from src.geometry import camera_from_occ as chain
 from src.geometry import (
-    VoxelGrid,
     front_mount,
     inverse,
     occ_from_body,
@@ -17,32 +16,14 @@ from src.geometry import (
     rigid,
     rotation_from_euler,
 )
-from src.geometry import camera_from_occ as chain
 from src.metrics import RayIoU
 from src.metrics import functional as F
 from src.ontology import BUILDING, CAR, CLASSES, FREE
+from tests.metrics.inputs import LINE, assert_same, line, random_rays, scores_of, updated
 
 STEP_M = 1e-3
-LINE = VoxelGrid(lower_m=(0, -1, -1), upper_m=(20, 1, 1), shape=(10, 1, 1))
 AHEAD = torch.tensor([[[1.0, 0.0, 0.0]]])
 HERE = torch.zeros(1, 3)
-
-
-@pytest.fixture
-def random_rays():
-    """``random_rays(seed, frames, n)`` -> origins, half of them in the grid, and directions."""
-
-    def make(seed, frames=4, n=12):
-        rng = torch.Generator().manual_seed(seed)
-        origin_m = torch.rand(frames, 3, generator=rng, dtype=torch.float64)
-        origin_m = origin_m * torch.tensor([24.0, 20.0, 12.0]) + torch.tensor([0.0, -10.0, -6.0])
-        origin_m[::2, 0] -= 27.0
-        towards = torch.rand(frames, n, 3, generator=rng, dtype=torch.float64)
-        towards = towards * torch.tensor([24.0, 24.0, 16.0]) + torch.tensor([0.0, -12.0, -8.0])
-        directions = torch.nn.functional.normalize(towards - origin_m[:, None], dim=-1)
-        return origin_m, directions
-
-    return make
 
 
 def met_by_steps(labels, known, origin_m, direction, grid):
@@ -59,13 +40,11 @@ def met_by_steps(labels, known, origin_m, direction, grid):
     return int(labels.numpy()[cells][first]), float(s[first])
 
 
-def met_in_batch(grid, preds, target, origin_m, directions, mask=None):
+def met_in_batch(grid, preds, target, origin_m, directions):
     """(predicted, its distance), (true, its distance) of every ray."""
-    known = target != 255
-    known = known if mask is None else known & mask
     return [
         [
-            met_by_steps(labels[b], known[b], origin_m[b], directions[b, n], grid)
+            met_by_steps(labels[b], target[b] != 255, origin_m[b], directions[b, n], grid)
             for labels in (preds, target)
         ]
         for b in range(len(target))
@@ -97,37 +76,12 @@ def expected_scores(rays, thresholds_m=(1.0, 2.0, 4.0)):
     return scores
 
 
-def scores_of(grid, *batches, **arguments):
-    rays = RayIoU(grid, **arguments)
-    for batch in batches:
-        rays.update(*batch)
-    return {name: float(score) for name, score in rays.compute().items()}
-
-
-def sparse(batch):
-    """Mostly free, so that some rays meet nothing."""
-    rng = torch.Generator().manual_seed(3)
-    preds, target, _ = batch
-    kept = torch.rand(target.shape, generator=rng) < 0.3
-    preds = torch.where(torch.rand(target.shape, generator=rng) < 0.1, CAR, preds)
-    free = torch.tensor(FREE, dtype=torch.uint8)
-    return (torch.where(kept, preds, free), torch.where(kept | (target == 255), target, free))
-
-
-def state(rays):
-    return {name: table.clone() for name, table in rays.tables.items()}
-
-
-def same(a, b):
-    return all(torch.equal(a[name], b[name]) for name in a)
-
-
 # ---------------------------------------------------------------------- against tiny steps
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_what_rays_meet_first_matches_tiny_steps(grid, random_batch, random_rays, seed):
-    preds, target = sparse(random_batch(seed))
+def test_what_rays_meet_first_matches_tiny_steps(grid, sparse_batch, seed):
+    preds, target = sparse_batch(seed)
     origin_m, directions = random_rays(seed)
     expected = iter(met_in_batch(grid, preds, target, origin_m, directions))
     codes = F.encode(preds, target, None, num_classes=9, ignore_index=255)
@@ -140,49 +94,31 @@ def test_what_rays_meet_first_matches_tiny_steps(grid, random_batch, random_rays
 
 
 @pytest.mark.parametrize("thresholds_m", [(1.0, 2.0, 4.0), (0.5, 9.5)])
-def test_every_score_matches_tiny_steps(grid, random_batch, random_rays, thresholds_m):
-    batches = [(*sparse(random_batch(seed)), *random_rays(seed)) for seed in range(2)]
+def test_every_score_matches_tiny_steps(grid, sparse_batch, thresholds_m):
+    batches = [(*sparse_batch(seed), *random_rays(seed)) for seed in range(2)]
     rays = [ray for batch in batches for ray in met_in_batch(grid, *batch)]
     expected = expected_scores(rays, thresholds_m)
-    found = scores_of(grid, *batches, thresholds_m=thresholds_m)
+    found = scores_of(RayIoU(grid, thresholds_m=thresholds_m), *batches)
     assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
     assert 0 < expected["ray_iou"] < 1
     assert 0 < expected["ray_phantom_rate"] < 1
 
 
-def test_a_mask_hides_voxels_from_every_ray(grid, random_batch, random_rays):
-    preds, target = sparse(random_batch(2))
-    mask = torch.rand(target.shape, generator=torch.Generator().manual_seed(0)) < 0.6
-    rays = random_rays(2)
-    expected = expected_scores(met_in_batch(grid, preds, target, *rays, mask))
-    found = scores_of(grid, (preds, target, *rays, mask))
-    assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
-    assert found != scores_of(grid, (preds, target, *rays))
-
-
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_rays_along_an_axis_match_tiny_steps(grid, random_batch, axis, sign):
-    preds, target = sparse(random_batch(1))
+def test_rays_along_an_axis_match_tiny_steps(grid, sparse_batch, axis, sign):
+    preds, target = sparse_batch(1)
     direction = torch.zeros(len(target), 1, 3, dtype=torch.float64)
     direction[:, 0, axis] = sign
     for inside in (True, False):
         origin_m = torch.tensor([9.0, 0.5, -0.7], dtype=torch.float64).expand(len(target), 3)
         origin_m = origin_m if inside else origin_m - 30.0 * direction[:, 0]
         expected = expected_scores(met_in_batch(grid, preds, target, origin_m, direction))
-        found = scores_of(grid, (preds, target, origin_m, direction))
+        found = scores_of(RayIoU(grid), (preds, target, origin_m, direction))
         assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
 
 
 # ------------------------------------------------------------------------------------- by hand
-
-
-def line(**occupied):
-    """Free labels with class ids at ``x<index>``, 2 m apart."""
-    labels = torch.full((1, *LINE.shape), FREE)
-    for name, class_id in occupied.items():
-        labels[0, int(name[1:])] = class_id
-    return labels
 
 
 def met_on_line(preds, target, origin_m=HERE, directions=AHEAD):
@@ -212,14 +148,14 @@ def test_unknown_voxels_are_passed_through_even_where_something_is_predicted():
 
 @pytest.mark.parametrize(("index", "hits"), [(4, 3), (3, 1), (5, 1), (2, 0), (6, 0)])
 def test_a_hit_is_nearer_than_the_threshold(index, hits):
-    scores = scores_of(LINE, (line(**{f"x{index}": CAR}), line(x4=CAR), HERE, AHEAD))
+    scores = scores_of(RayIoU(LINE), (line(**{f"x{index}": CAR}), line(x4=CAR), HERE, AHEAD))
     assert [scores[f"ray_iou_{t}m"] for t in (1, 2, 4)] == [0.0] * (3 - hits) + [1.0] * hits
     assert scores["ray_iou"] == pytest.approx(hits / 3)
     assert scores["ray_iou/car"] == pytest.approx(hits / 3)
 
 
 def test_another_class_at_the_right_place_is_no_hit():
-    scores = scores_of(LINE, (line(x4=BUILDING), line(x4=CAR), HERE, AHEAD))
+    scores = scores_of(RayIoU(LINE), (line(x4=BUILDING), line(x4=CAR), HERE, AHEAD))
     assert (scores["ray_iou/car"], scores["ray_iou/building"]) == (0.0, 0.0)
     assert math.isnan(scores["ray_iou/vru"])
 
@@ -227,7 +163,7 @@ def test_another_class_at_the_right_place_is_no_hit():
 def test_what_lies_behind_the_first_voxel_does_not_matter():
     target = line(x4=CAR)
     thin, thick = line(x4=CAR), line(x4=CAR, x5=CAR, x6=BUILDING, x9=CAR)
-    scores = [scores_of(LINE, (preds, target, HERE, AHEAD)) for preds in (thin, thick)]
+    scores = [scores_of(RayIoU(LINE), (preds, target, HERE, AHEAD)) for preds in (thin, thick)]
     assert scores[0] == pytest.approx(scores[1], abs=0, nan_ok=True)
     assert scores[0]["ray_iou"] == 1.0
 
@@ -235,15 +171,15 @@ def test_what_lies_behind_the_first_voxel_does_not_matter():
 def test_a_ray_that_truly_meets_nothing_counts_for_phantoms_only():
     clear, blocked = (line(), line(x4=CAR))
     batches = [(preds, clear, HERE, AHEAD) for preds in (clear, clear, clear, blocked)]
-    scores = scores_of(LINE, *batches)
+    scores = scores_of(RayIoU(LINE), *batches)
     assert scores["ray_phantom_rate"] == 0.25
     assert math.isnan(scores["ray_iou"])
-    scores = scores_of(LINE, *batches, (blocked, blocked, HERE, AHEAD))
+    scores = scores_of(RayIoU(LINE), *batches, (blocked, blocked, HERE, AHEAD))
     assert (scores["ray_phantom_rate"], scores["ray_iou"]) == (0.25, 1.0)
 
 
 def test_a_missed_surface_costs_and_is_no_phantom():
-    scores = scores_of(LINE, (line(), line(x4=CAR), HERE, AHEAD))
+    scores = scores_of(RayIoU(LINE), (line(), line(x4=CAR), HERE, AHEAD))
     assert scores["ray_iou"] == 0.0
     assert math.isnan(scores["ray_phantom_rate"])
 
@@ -265,6 +201,14 @@ def test_rays_that_miss_the_grid_meet_nothing(origin_m, direction):
     assert not rays.hits.any()
     assert not rays.met.any()
     assert rays.clear[1] == 0
+
+
+def test_a_batch_without_a_ray_changes_nothing(grid, batch_for):
+    preds, target, origin_m, directions = batch = batch_for(RayIoU)
+    expected = updated(RayIoU(grid), batch).tables
+    no_frames = preds[:0], target[:0], origin_m[:0], directions[:0]
+    no_rays = preds, target, origin_m, directions[:, :0]
+    assert_same(updated(RayIoU(grid), batch, no_frames, no_rays).tables, expected)
 
 
 # -------------------------------------------------------------------------- rays of a camera
@@ -325,116 +269,3 @@ def test_a_level_camera_ahead_looks_along_x_and_its_upper_rows_up():
     torch.testing.assert_close(directions[0, 4], AHEAD[0, 0].double())
     assert left[1] > 0 > right[1]
     assert top[2] > 0 > bottom[2]
-
-
-# ------------------------------------------------------------------- input kinds and batches
-
-
-def test_logits_score_as_the_labels_of_their_maximum(grid, random_batch, random_rays):
-    _, target = sparse(random_batch(0))
-    logits = torch.randn(4, 9, *grid.shape, generator=torch.Generator().manual_seed(0))
-    by_logits = scores_of(grid, (logits, target, *random_rays(0)))
-    by_labels = scores_of(grid, (logits.argmax(1), target, *random_rays(0)))
-    assert by_logits == pytest.approx(by_labels, abs=0, nan_ok=True)
-
-
-@pytest.mark.parametrize("masked", [False, True])
-@pytest.mark.parametrize("dtype", [torch.int8, torch.int64, torch.uint16])
-def test_labels_of_any_integer_dtype(grid, random_batch, random_rays, dtype, masked):
-    preds, target = sparse(random_batch(0))
-    target[target == 255] = FREE
-    mask = (target != BUILDING,) if masked else ()
-    expected = scores_of(grid, (preds, target, *random_rays(0), *mask))
-    found = scores_of(grid, (preds.to(dtype), target.to(dtype), *random_rays(0), *mask))
-    assert found == pytest.approx(expected, abs=0, nan_ok=True)
-
-
-def test_another_label_may_mean_unknown_and_a_mask_still_works(grid, random_batch, random_rays):
-    preds, target = sparse(random_batch(0))
-    target[target == 255] = FREE
-    batch = (preds, target, *random_rays(0), target != BUILDING)
-    expected = scores_of(grid, batch)
-    assert scores_of(grid, batch, ignore_index=-100) == pytest.approx(expected, nan_ok=True)
-
-
-@pytest.mark.parametrize("size", [1, 2, 5])
-def test_any_split_into_batches_gives_the_same_bits(grid, random_batch, random_rays, size):
-    batch = (*sparse(random_batch(0, frames=7)), *random_rays(0, frames=7))
-    at_once, in_parts = RayIoU(grid), RayIoU(grid)
-    at_once.update(*batch)
-    for split in reversed(list(zip(*(tensor.split(size) for tensor in batch)))):
-        in_parts.update(*split)
-    assert same(state(at_once), state(in_parts))
-    assert at_once.hits.any()
-
-
-@pytest.mark.parametrize("how", ["no frames", "no rays"])
-def test_a_batch_without_a_ray_changes_nothing(grid, random_batch, random_rays, how):
-    preds, target = sparse(random_batch(0))
-    origin_m, directions = random_rays(0)
-    rays = RayIoU(grid)
-    rays.update(preds, target, origin_m, directions)
-    before = state(rays)
-    if how == "no frames":
-        rays.update(preds[:0], target[:0], origin_m[:0], directions[:0])
-    else:
-        rays.update(preds, target, origin_m, directions[:, :0])
-    assert same(state(rays), before)
-
-
-# -------------------------------------------------------------------------------------- errors
-
-
-BAD_BATCHES = {
-    "target id 9": ("target:", lambda p, t, o, d: (p, t.fill_(9), o, d)),
-    "preds id 9": ("preds:", lambda p, t, o, d: (p.fill_(9), t, o, d)),
-    "preds of another batch": ("preds:", lambda p, t, o, d: (p[:2], t, o, d)),
-    "logits with NaN": (
-        "preds:",
-        lambda p, t, o, d: (torch.full((4, 9, 6, 5, 3), torch.nan), t, o, d),
-    ),
-    "target of another grid": ("target:", lambda p, t, o, d: (p[:, :5], t[:, :5], o, d)),
-    "mask of bytes": ("mask:", lambda p, t, o, d: (p, t, o, d, t)),
-    "origins of another batch": ("rays:", lambda p, t, o, d: (p, t, o[:3], d)),
-    "directions of another batch": ("rays:", lambda p, t, o, d: (p, t, o, d[:3])),
-    "one direction a frame": ("rays:", lambda p, t, o, d: (p, t, o, d[:, 0])),
-    "directions in the plane": ("rays:", lambda p, t, o, d: (p, t, o, d[..., :2])),
-    "no direction": ("rays:", lambda p, t, o, d: (p, t, o, 0 * d)),
-    "long directions": ("rays:", lambda p, t, o, d: (p, t, o, 1.001 * d)),
-    "origin NaN": ("rays:", lambda p, t, o, d: (p, t, o.fill_(torch.nan), d)),
-    "direction infinite": ("rays:", lambda p, t, o, d: (p, t, o, d.fill_(torch.inf))),
-}
-
-
-@pytest.mark.parametrize("call", ["update", "forward"])
-@pytest.mark.parametrize("what", BAD_BATCHES)
-def test_a_bad_batch_is_one_clear_error_and_leaves_the_state(
-    grid, random_batch, random_rays, call, what
-):
-    names, spoil = BAD_BATCHES[what]
-    rays = RayIoU(grid)
-    rays.update(*sparse(random_batch(0)), *random_rays(0))
-    before = state(rays)
-    with pytest.raises(UserError, match=f"^{names}"):
-        getattr(rays, call)(*spoil(*random_batch(1)[:2], *random_rays(1)))
-    assert same(state(rays), before)
-    assert rays.update_count == 1
-
-
-@pytest.mark.parametrize("thresholds_m", [(), (0.0,), (1.0, -2.0)])
-def test_thresholds_that_make_no_sense_are_refused_by_name(grid, thresholds_m):
-    with pytest.raises(UserError, match=r"^thresholds_m:"):
-        RayIoU(grid, thresholds_m=thresholds_m)
-
-
-def test_a_threshold_that_is_not_a_number_is_refused_by_name(grid):
-    with pytest.raises(UserError, match=r"^thresholds_m:"):
-        RayIoU(grid, thresholds_m=(math.nan, 1.0))
-
-
-@pytest.mark.parametrize(
-    "labels", [{"num_classes": 16}, {"num_classes": 1}, {"free_index": 9}, {"ignore_index": 3}]
-)
-def test_labels_that_make_no_sense_are_refused_by_name(grid, labels):
-    with pytest.raises(UserError, match=f"^{next(iter(labels))}:"):
-        RayIoU(grid, **labels)

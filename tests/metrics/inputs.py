@@ -1,0 +1,55 @@
+"""What the tests of several metrics are made of: marks, logits, rays, a line of voxels, scores."""
+
+import torch
+
+from src.geometry import VoxelGrid
+from src.ontology import FREE
+
+LINE = VoxelGrid(lower_m=(0, -1, -1), upper_m=(20, 1, 1), shape=(10, 1, 1))  # 1, 3, 5 ... m away
+
+
+def line(**occupied):
+    """Free labels of `LINE` with class ids at ``x<index>``."""
+    labels = torch.full((1, *LINE.shape), FREE)
+    for name, class_id in occupied.items():
+        labels[0, int(name[1:])] = class_id
+    return labels
+
+
+def coins(seed, like, chance=0.5):
+    """A random mask of this shape."""
+    return torch.rand(like.shape, generator=torch.Generator().manual_seed(seed)) < chance
+
+
+def random_logits(seed, target, num_classes=9):
+    rng = torch.Generator().manual_seed(seed)
+    return 2.0 * torch.randn(len(target), num_classes, *target.shape[1:], generator=rng)
+
+
+def random_rays(seed, frames=4, n=12):
+    """Origins, half of them in the grid, and directions."""
+    rng = torch.Generator().manual_seed(seed)
+    origin_m = torch.rand(frames, 3, generator=rng, dtype=torch.float64)
+    origin_m = origin_m * torch.tensor([24.0, 20.0, 12.0]) + torch.tensor([0.0, -10.0, -6.0])
+    origin_m[::2, 0] -= 27.0
+    towards = torch.rand(frames, n, 3, generator=rng, dtype=torch.float64)
+    towards = towards * torch.tensor([24.0, 24.0, 16.0]) + torch.tensor([0.0, -12.0, -8.0])
+    return origin_m, torch.nn.functional.normalize(towards - origin_m[:, None], dim=-1)
+
+
+def updated(metric, *batches):
+    """The metric itself, which has counted the batches."""
+    for batch in batches:
+        metric.update(*batch)
+    return metric
+
+
+def scores_of(metric, *batches):
+    """The scores of a metric that has counted the batches, as plain numbers."""
+    scores = updated(metric, *batches).compute()
+    return {name: float(score) for name, score in scores.items()}
+
+
+def assert_same(found, expected):
+    """Of tables or scores: the same to the last bit, NaN included."""
+    torch.testing.assert_close(found, expected, rtol=0, atol=0, equal_nan=True)
