@@ -1,7 +1,6 @@
 """Folders of results that are written whole or not at all."""
 
 import os
-import subprocess
 
 import pytest
 
@@ -67,14 +66,14 @@ def test_what_a_killed_process_had_put_aside_is_put_back(tmp_path):
 
 
 def test_what_a_killed_process_left_is_in_nobodys_way(tmp_path):
-    dead = subprocess.Popen(["true"])
-    dead.wait()
-    for kind in (f"{dead.pid}.new", "old"):
-        (tmp_path / f".results.{kind}").mkdir()
-        (tmp_path / f".results.{kind}" / "left").write_text("")
+    """What was left yesterday goes; what is younger may be another process's work."""
+    for name in ("1.new", "2.new", "old"):
+        (tmp_path / f".results.{name}").mkdir()
+        (tmp_path / f".results.{name}" / "left").write_text("")
+    os.utime(tmp_path / ".results.1.new", (0, 0))
     with replacing_folder(tmp_path / "results") as temporary:
         assert names(temporary) == []
-    assert names(tmp_path) == ["results"]
+    assert names(tmp_path) == [".results.2.new", "results"]
 
 
 def test_two_processes_do_not_write_into_each_other(tmp_path, monkeypatch):

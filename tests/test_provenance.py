@@ -21,12 +21,11 @@ from src.provenance import (
     different_file,
     digest_of,
     git_commit,
-    package_versions,
 )
 
 PYTHONS = ("3.10", "3.11", "3.12", "3.13")
 NEUTRAL = {
-    *("errors", "atomic", "provenance", "jit", "run_folder", "locks", "worker_pool"),
+    *("errors", "atomic", "provenance", "jit", "run_folder", "locks", "terminal", "worker_pool"),
     *("data/shards", "data/manifest", "data/files", "tasks/scoring"),
 }
 """What the files that shape data or weights use besides, and what shapes neither: errors, writing,
@@ -235,11 +234,6 @@ def test_outside_a_checkout_the_commit_is_empty(tmp_path, monkeypatch):
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
     monkeypatch.setattr(provenance, "SOURCE", tmp_path)
     assert git_commit() == ""
-
-
-def test_versions_of_absent_packages_are_left_out(monkeypatch):
-    monkeypatch.setattr(provenance, "PACKAGES", ("torch", "no-such-package"))
-    assert set(package_versions()) == {"torch"}
 
 
 def test_the_machine_is_told_with_its_cores_and_python():

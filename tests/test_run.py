@@ -32,7 +32,7 @@ from src.tasks.fit import fit
 from src.tasks.predict import predict
 from src.tasks.score import score as score_predictions
 from src.tasks.test import test as score
-from tests.synthetic import compose_config, mini_overrides, write_dataset
+from tests.synthetic import compose_config, mini_overrides, untrained, write_dataset
 
 ROOT = Path(__file__).parent.parent
 FIT = ("+experiment=skyocc", "trainer.accelerator=cpu")

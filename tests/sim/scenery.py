@@ -10,6 +10,8 @@ from src.sim.fusion import ActorMap, StaticMap
 from src.sim.scene import Body, Scene, parts_of
 from src.sim.sensors import scan
 from src.sim.solid import Solid
+from src.sim.weather import WEATHERS
+from src.sim.world import World
 
 WIDTH, HEIGHT = 96, 64
 PIX_FROM_CAMERA = pinhole(WIDTH, HEIGHT, np.deg2rad(90))
@@ -69,6 +71,14 @@ def view_of(scene, step, world_from_body):
         hits.class_id.reshape(shape),
         hits.actor_id.reshape(shape),
     )
+
+
+def world_of(scene, renderer="tiny"):
+    return World(scene, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer)
+
+
+def render(world, world_from_body, step=0, weather=WEATHERS["clear"]):
+    return world.render(step, world_from_body @ BODY_FROM_CAMERA, weather)
 
 
 class Stage:

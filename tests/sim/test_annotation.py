@@ -17,7 +17,7 @@ from src.sim.annotation import (
 )
 from src.sim.fusion import ActorMap
 from src.sim.point_set import POINT_CUBE_M
-from src.sim.scene import Hits, Scene
+from src.sim.scene import Hits, Scene, parts_of
 from src.sim.sensors import Scan
 from tests.sim.scenery import (
     HEIGHT,
@@ -47,25 +47,34 @@ def inside(points_m, low_m, high_m):
     return ((points_m > low_m) & (points_m < high_m)).all(axis=-1)
 
 
-def sees_from(stage, *places):
-    """Fuses a scan from every place at its step, and freezes."""
+def scanned(grid, static, bodies, *places):
+    """A stage frozen after a scan from every place at its step, and the last scan's returns."""
+    stage = Stage(grid, static, bodies)
     returns = [stage.sense(step, place) for step, place in places]
     stage.freeze()
-    return returns[-1]
+    return stage, returns[-1]
+
+
+def shown_voxels(stage, here):
+    """Of every pixel that shows something in the grid: the voxel of that point, and its class."""
+    origins_m, directions, _ = camera_rays(here)
+    hits = stage.scene.cast(0, origins_m, directions)
+    hit = hits.actor_id >= 0
+    ends_m = origins_m[hit] + directions[hit] * hits.distance_m[hit, None]
+    ends_occ = transform(inverse(world_from_occ(here)), torch.from_numpy(ends_m))
+    index, within = stage.grid.index_of(ends_occ)
+    return tuple(index[within].T.numpy()), hits.class_id[hit][within.numpy()]
 
 
 # ----------------------------------------------------------------------------- static and free
 
 
 def test_what_is_hidden_now_is_known_from_elsewhere():
-    stage = Stage(GRID, [ground(), WALL, SCREEN])
     behind = inside(centres_world(HERE), (19.7, -7, 1), (20.2, 7, 8))
+    alone, _ = scanned(GRID, [ground(), WALL, SCREEN], [], (0, HERE))
+    assert (alone.label(0, HERE, {}).semantics[behind] == UNKNOWN).all()
     beside = pose((12.0, 0.0, 5.3))
-    sees_from(stage, (0, HERE))
-    alone = stage.label(0, HERE, {}).semantics
-    assert (alone[behind] == UNKNOWN).all()
-    fused = Stage(GRID, [ground(), WALL, SCREEN])
-    sees_from(fused, (0, HERE), (0, beside))
+    fused, _ = scanned(GRID, [ground(), WALL, SCREEN], [], (0, HERE), (0, beside))
     labels = fused.label(0, HERE, {})
     supervised = labels.semantics[behind] != UNKNOWN
     assert supervised.sum() > 20
@@ -74,8 +83,7 @@ def test_what_is_hidden_now_is_known_from_elsewhere():
 
 
 def test_space_between_is_free_and_what_nothing_saw_is_unknown():
-    stage = Stage(GRID, [ground(), WALL])
-    sees_from(stage, (0, HERE))
+    stage, _ = scanned(GRID, [ground(), WALL], [], (0, HERE))
     semantics = stage.label(0, HERE, {}).semantics
     centres_m = centres_world(HERE)
     air = inside(centres_m, (8, -3, 3.5), (18.5, 3, 7))
@@ -92,9 +100,8 @@ def test_space_between_is_free_and_what_nothing_saw_is_unknown():
 @pytest.mark.parametrize("yaw", [0.0, 0.3, np.pi / 4, 1.2])
 def test_no_rotation_of_the_frame_opens_holes_in_a_fused_surface(yaw):
     """Fails if voxels of a fused grid were carried over by their centres instead of points."""
-    far_wall = solid(BUILDING, (0.8, 60.0, 30.0), (14.0 * np.cos(yaw), 14.0 * np.sin(yaw), 0.0))
-    far_wall.scene_from_solid[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
-    stage = Stage(FINE, [far_wall])
+    middle_m = (14.0 * np.cos(yaw), 14.0 * np.sin(yaw), 0.0)
+    stage = Stage(FINE, [solid(BUILDING, (0.8, 60.0, 30.0), middle_m, yaw_rad=yaw)])
     for k in range(6):
         stage.sense(0, pose((0.2 * k, 0.0, 5.3), yaw=yaw), rays=16_000)
     stage.freeze()
@@ -108,13 +115,7 @@ def test_no_rotation_of_the_frame_opens_holes_in_a_fused_surface(yaw):
 
 
 def test_static_points_are_thinned_to_one_in_a_cube_and_bar_free_space():
-    stage = Stage(GRID, [ground(), WALL])
-    stage.sense(0, HERE)
-    stage.sense(0, HERE)
-    stage.freeze()
-    once = Stage(GRID, [ground(), WALL])
-    sees_from(once, (0, HERE))
-    assert len(stage.static.points_m) == len(once.static.points_m)
+    stage, _ = scanned(GRID, [ground(), WALL], [], (0, HERE), (0, HERE))
     cubes = np.floor(stage.static.points_m / POINT_CUBE_M).astype(int)
     assert len(np.unique(np.c_[cubes, stage.static.class_id], axis=0)) == len(cubes)
     cell = np.floor((stage.static.points_m - stage.static.lower_m) / stage.static.cell_m)
@@ -124,8 +125,7 @@ def test_static_points_are_thinned_to_one_in_a_cube_and_bar_free_space():
 
 
 def test_free_is_a_voxel_whose_centre_lies_in_a_cell_that_a_ray_passed():
-    stage = Stage(GRID, [ground(), WALL])
-    sees_from(stage, (0, HERE))
+    stage, _ = scanned(GRID, [ground(), WALL], [], (0, HERE))
     for yaw in (0.0, 0.7, -2.5):
         here = pose((0.3, 0.2, 5.3), yaw=yaw)
         found = stage.static.free_in(GRID, world_from_occ(here).numpy())
@@ -151,8 +151,7 @@ def car_box(place, margin_m=0.0):
 
 
 def test_a_moving_actor_leaves_no_ghost():
-    stage = Stage(FINE, [ground()], [actor([AWAY, NEAR])])
-    returns = sees_from(stage, (0, HERE), (1, HERE))
+    stage, returns = scanned(FINE, [ground()], [actor([AWAY, NEAR])], (0, HERE), (1, HERE))
     semantics = stage.label(1, HERE, returns).semantics
     centres_m = centres_world(HERE, FINE)
     left = inside(centres_m, *car_box(AWAY, 0.3))
@@ -165,10 +164,8 @@ def test_a_moving_actor_leaves_no_ghost():
 
 
 def test_where_an_actor_is_now_is_not_free_but_where_the_camera_looks_through():
-    stage = Stage(FINE, [ground()], [actor([AWAY, NEAR])])
     # It is scanned before it comes, when its place is free, and never again.
-    stage.sense(0, HERE)
-    stage.freeze()
+    stage, _ = scanned(FINE, [ground()], [actor([AWAY, NEAR])], (0, HERE))
     centres_m = centres_world(HERE, FINE)
     core = inside(centres_m, *car_box(NEAR, -0.3))
     before = stage.label(0, HERE, {1: 99}).semantics
@@ -194,21 +191,17 @@ def test_an_actor_s_points_go_where_it_is_and_turn_with_it():
 
 
 def test_all_sides_ever_seen_close_the_actor_of_now():
-    far_side = pose((22.0, -2.0, 5.3), yaw=np.pi)
-    stage = Stage(FINE, [ground()], [actor([NEAR, NEAR])])
-    returns = sees_from(stage, (0, far_side), (1, HERE))
-    semantics = stage.label(1, HERE, returns).semantics
-    one_sided = Stage(FINE, [ground()], [actor([NEAR, NEAR])])
-    returns = sees_from(one_sided, (1, HERE))
-    seen_once = one_sided.label(1, HERE, returns).semantics
+    car, far_side = actor([NEAR, NEAR]), pose((22.0, -2.0, 5.3), yaw=np.pi)
     far_face = inside(centres_world(HERE, FINE), (15.7, -3, 0.5), (16.2, -1, 1.5))
-    assert (semantics[far_face] == CAR).sum() > 4
-    assert CAR not in seen_once[far_face]
+    both_sides, returns = scanned(FINE, [ground()], [car], (0, far_side), (1, HERE))
+    assert (both_sides.label(1, HERE, returns).semantics[far_face] == CAR).sum() > 4
+    one_side, returns = scanned(FINE, [ground()], [car], (1, HERE))
+    assert CAR not in one_side.label(1, HERE, returns).semantics[far_face]
 
 
 def test_a_hidden_actor_without_support_is_unknown():
-    stage = Stage(FINE, [ground(), SCREEN], [actor([NEAR, NEAR])])
-    sees_from(stage, (0, pose((12.0, -2.0, 5.3))), (0, pose((20.0, 2.0, 5.3), yaw=np.pi)))
+    places = (0, pose((12.0, -2.0, 5.3))), (0, pose((20.0, 2.0, 5.3), yaw=np.pi))
+    stage, _ = scanned(FINE, [ground(), SCREEN], [actor([NEAR, NEAR])], *places)
     centres_m = centres_world(HERE, FINE)
     core = inside(centres_m, *car_box(NEAR, -0.3))
     unsupported = stage.label(1, HERE, {1: MIN_LIDAR_RETURNS - 1})
@@ -221,8 +214,7 @@ def test_a_hidden_actor_without_support_is_unknown():
 
 
 def test_few_visible_pixels_are_support_enough():
-    stage = Stage(FINE, [ground()], [actor([AWAY, NEAR])])
-    sees_from(stage, (0, HERE))
+    stage, _ = scanned(FINE, [ground()], [actor([AWAY, NEAR])], (0, HERE))
     view = view_of(stage.scene, 1, HERE)
     seen = view.actor_id == 1
     assert view.visible_pixels == {1: seen.sum()}
@@ -251,8 +243,7 @@ def test_the_space_of_an_actor_is_its_box_grown_by_half_a_voxel(yaw_rad):
 
 
 def test_depth_consistency_removes_what_the_camera_looks_through():
-    scene = Stage(GRID, [ground(), WALL]).scene
-    view = view_of(scene, 0, HERE)
+    view = view_of(Scene(parts_of([ground(), WALL]), ()), 0, HERE)
     phantom, surface, behind = (12.0, 0, 5), (19.9, 0, 5), (23.0, 0, 5)
     aside, above = (5.0, 30.0, 5), (3.0, 0.0, 60.0)
     points_m = np.array([phantom, surface, behind, aside, above])
@@ -262,8 +253,7 @@ def test_depth_consistency_removes_what_the_camera_looks_through():
 
 
 def test_depth_consistency_spares_silhouettes():
-    edge = Stage(GRID, [WALL]).scene
-    view = view_of(edge, 0, HERE)
+    view = view_of(Scene(parts_of([WALL]), ()), 0, HERE)
     across_m = np.linspace(7.0, 9.0, 41)
     points_m = np.stack([np.full(41, 19.9), across_m, np.full(41, 5.0)], axis=1)
     through = sees_through(view, points_m, 0.5)
@@ -274,12 +264,11 @@ def test_depth_consistency_spares_silhouettes():
 
 def test_an_actor_that_left_is_not_drawn_from_a_wrong_pose():
     """The simulator says where it is, but the camera looks through that place: no label there."""
-    stage = Stage(FINE, [ground()], [actor([AWAY, NEAR])])
-    returns = sees_from(stage, (0, HERE))
+    stage, returns = scanned(FINE, [ground()], [actor([AWAY, NEAR])], (0, HERE))
     elsewhere = view_of(stage.scene, 0, HERE)
     labels = stage.label(1, HERE, returns, elsewhere)
-    phantom = inside(centres_world(HERE, FINE), *car_box(NEAR, 0.2))
-    above_road = phantom & (centres_world(HERE, FINE)[..., 2] > 1.0)
+    centres_m = centres_world(HERE, FINE)
+    above_road = inside(centres_m, *car_box(NEAR, 0.2)) & (centres_m[..., 2] > 1.0)
     assert CAR not in labels.semantics[above_road]
 
 
@@ -327,8 +316,7 @@ def in_view(u, v, depth_m):
 def test_labels_stand_exactly_where_the_rolled_image_is(roll, pitch, yaw):
     """Fails if the sign of roll or pitch is flipped, or if either enters twice or not at all."""
     here = pose((0.3, 0.2, 5.3), roll, pitch, yaw)
-    stage = Stage(GRID)
-    sees_from(stage, (0, here))
+    stage, _ = scanned(GRID, [], [], (0, here))
     labels = stage.label(0, here, {})
     expected = in_view(*by_hand(roll, pitch))
     np.testing.assert_array_equal(labels.semantics == FREE, expected)
@@ -343,8 +331,7 @@ def test_labels_stand_exactly_where_the_rolled_image_is(roll, pitch, yaw):
 def test_visible_is_what_the_camera_sees_now():
     roll, pitch, yaw = 0.25, 0.15, 0.4
     here, beside = pose((0.3, 0.2, 5.3), roll, pitch, yaw), pose((12.0, 3.0, 5.3))
-    stage = Stage(GRID, [ground(), WALL, SCREEN])
-    sees_from(stage, (0, here), (0, beside))
+    stage, _ = scanned(GRID, [ground(), WALL, SCREEN], [], (0, here), (0, beside))
     view = view_of(stage.scene, 0, here)
     labels = stage.label(0, here, {}, view)
     semantics, visible = labels.semantics, labels.visible
@@ -359,14 +346,9 @@ def test_visible_is_what_the_camera_sees_now():
     assert free[seen_free].sum() > 300
     assert (free & ~visible).sum() > 50
 
+    voxels, _ = shown_voxels(stage, here)
     held = np.zeros(GRID.shape, dtype=bool)
-    origins_m, directions, _ = camera_rays(here)
-    hits = stage.scene.cast(0, origins_m, directions)
-    hit = hits.actor_id >= 0
-    ends_m = origins_m[hit] + directions[hit] * hits.distance_m[hit, None]
-    ends_occ = transform(inverse(world_from_occ(here)), torch.from_numpy(ends_m))
-    index, within = GRID.index_of(ends_occ)
-    held[tuple(index[within].T.numpy())] = True
+    held[voxels] = True
     occupied = semantics < FREE
     assert (visible[occupied] == held[occupied]).mean() > 0.995
     assert visible[occupied].sum() > 50
@@ -380,17 +362,9 @@ def test_every_pixel_s_point_lies_in_a_voxel_of_its_class(attitude):
     boxes = [
         solid(BUILDING, (4, 4, 8), (11 * np.cos(k), 11 * np.sin(k), 4)) for k in range(0, 6, 2)
     ]
-    stage = Stage(FINE, [ground(), *boxes], [actor([(9.0, 5.0, 0.0)])])
-    returns = sees_from(stage, (0, here))
-    semantics = stage.label(0, here, returns).semantics
-    origins_m, directions, _ = camera_rays(here)
-    hits = stage.scene.cast(0, origins_m, directions)
-    hit = hits.actor_id >= 0
-    ends_m = origins_m[hit] + directions[hit] * hits.distance_m[hit, None]
-    ends_occ = transform(inverse(world_from_occ(here)), torch.from_numpy(ends_m))
-    index, within = FINE.index_of(ends_occ)
-    label = semantics[tuple(index[within].T.numpy())]
-    own = hits.class_id[hit][within.numpy()]
+    stage, returns = scanned(FINE, [ground(), *boxes], [actor([(9.0, 5.0, 0.0)])], (0, here))
+    voxels, own = shown_voxels(stage, here)
+    label = stage.label(0, here, returns).semantics[voxels]
     supervised = label != UNKNOWN
     assert supervised.mean() > 0.9
     assert (label[supervised] < FREE).mean() > 0.999

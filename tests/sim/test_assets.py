@@ -30,6 +30,7 @@ EXTENTS_M = {
     "bicycle": ((1.6, 1.9), (0.5, 0.7), (1.6, 2.0)),
     "motorcycle": ((1.9, 2.3), (0.6, 0.8), (1.5, 1.9)),
 }
+HOUSE = {"bays": 4, "depth_m": 10.0, "facade": "facade_panel"}
 STANDING = {
     "broadleaf": (vegetation.broadleaf, {VEGETATION}),
     "street_tree": (vegetation.street_tree, {VEGETATION}),
@@ -69,18 +70,9 @@ STANDING = {
     "palm": (waterside.palm, {VEGETATION}),
     "shed": (buildings.shed, {BUILDING}),
     "kiosk": (buildings.kiosk, {BUILDING}),
-    "tower": (
-        partial(buildings.tower, bays=5, depth_m=14.0, storeys=11, facade="facade_glass"),
-        {BUILDING},
-    ),
-    "apartment": (
-        partial(buildings.apartment, bays=4, depth_m=10.0, storeys=4, facade="facade_panel"),
-        {BUILDING},
-    ),
-    "gabled_house": (
-        partial(buildings.gabled_house, bays=4, depth_m=9.0, storeys=2, facade="siding_white"),
-        {BUILDING},
-    ),
+    "tower": (partial(buildings.tower, storeys=11, **HOUSE), {BUILDING}),
+    "apartment": (partial(buildings.apartment, storeys=4, **HOUSE), {BUILDING}),
+    "gabled_house": (partial(buildings.gabled_house, storeys=2, **HOUSE), {BUILDING}),
 }
 SEEDS = range(6)
 

@@ -4,17 +4,10 @@ import numpy as np
 import pytest
 
 from src.sim.driver import DECISION_S, EMERGENCY_MPS2, drive
-from src.sim.layout import Path
 from src.sim.pilot import STEP_S
 from src.sim.route import Route
 from src.sim.traveller import HABITS, Traveller
-
-SIZES_M = {"car": (4.5, 1.8, 1.5), "bus": (11.0, 2.5, 3.2), "pedestrian": (0.5, 0.6, 1.75)}
-
-
-def way(*points_m, successors=(), speed_mps=9.0):
-    return Path(np.array(points_m, dtype=float), 1.6, speed_mps, successors)
-
+from tests.sim.roads import SIZES_M, way
 
 LANE = way((-50, -2), (100, -2))
 
@@ -26,10 +19,7 @@ def traveller(name, path, start_m, speed_mps, left_m=0.0):
 
 
 def line_up(*cars):
-    route = Route.through((LANE,), (0,), 1.0)
-    return [
-        Traveller("car", SIZES_M["car"], route, start_m, speed_mps) for start_m, speed_mps in cars
-    ]
+    return [traveller("car", LANE, start_m, speed_mps) for start_m, speed_mps in cars]
 
 
 def test_a_fast_car_settles_behind_a_slow_one():
@@ -50,19 +40,19 @@ def test_cars_stop_at_the_end_of_their_way():
 
 def test_who_crosses_is_waited_for():
     crossing = way((50, -30), (50, 30), speed_mps=1.4)
-    route = Route.through((crossing,), (0,), 0.5)
-    walker = Traveller("pedestrian", SIZES_M["pedestrian"], route, 28.0, 0.05)
+    walker = traveller("pedestrian", crossing, 28.0, 0.05)
     motion = drive([*line_up((70, 9.0)), walker], 8.0)
     assert motion.speed_mps[-1, 0] < 0.3
     assert motion.arc_m[-1, 0] + SIZES_M["car"][0] / 2 < 99.5
     # It does not brake for someone who is still on the pavement.
-    aside = Traveller("pedestrian", SIZES_M["pedestrian"], route, 20.0, 0.05)
+    aside = traveller("pedestrian", crossing, 20.0, 0.05)
     passed = drive([*line_up((70, 9.0)), aside], 5.0)
     assert passed.arc_m[-1, 0] > 105
 
 
-def test_motion_between_decisions_is_continuous():
+def test_motion_is_sampled_at_every_decision_and_continuous_between_them():
     motion = drive(line_up((10, 9.0), (30, 2.0)), 6.0)
+    assert len(motion.arc_m) == round(6.0 / DECISION_S) + 1
     time_s = np.arange(300) * STEP_S
     arc_m = motion.arc_at(time_s)
     assert arc_m[::5] == pytest.approx(motion.arc_m[:60])
@@ -115,8 +105,3 @@ def test_who_is_suddenly_blocked_brakes_as_hard_as_one_can():
     assert -EMERGENCY_MPS2 <= motion.acceleration_mps2[:, 0].min() < -HABITS["car"].brake_mps2
     assert motion.speed_mps.min() >= 0
     assert np.diff(motion.arc_m, axis=0).min() >= -1e-9
-
-
-def test_motion_is_sampled_at_every_decision():
-    motion = drive(line_up((10, 9.0)), 6.0)
-    assert len(motion.arc_m) == round(6.0 / DECISION_S) + 1

@@ -1,6 +1,7 @@
 """Flights over towns made of a few boxes, whose rays are intersected analytically."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,11 +11,13 @@ from src.errors import UserError
 from src.geometry import euler_from_rotation, rotation_from_quat
 from src.sim.clearance import obstacle_heights, stays_clear
 from src.sim.flight import STEP_HZ, STEP_S, FlightConfig, fly
-from src.sim.layout import Path, Town
+from src.sim.layout import Town
 from src.sim.pilot import Pilot, lead_steps, reference_altitude
 from src.sim.route import Route
+from tests.sim.roads import way
 
-LOW = dataclasses.replace(FlightConfig(), altitude_range_m=(3.5, 4.5))
+NORMAL = FlightConfig()
+LOW = dataclasses.replace(NORMAL, altitude_range_m=(3.5, 4.5))
 
 
 def level(x, y):
@@ -25,10 +28,7 @@ def rolling(x, y):
     return 0.4 * np.sin(x / 12) * np.cos(y / 15)
 
 
-def corridor(*points_m, successors=(), half_width_m=3.0):
-    return Path(np.array(points_m, dtype=float), half_width_m, 9.0, successors)
-
-
+corridor = partial(way, half_width_m=3.0)
 STRAIGHT = (corridor((0, 0), (200, 0)),)
 BLOCK = (
     corridor((0, 0), (70, 0), successors=(1,)),
@@ -37,10 +37,6 @@ BLOCK = (
     corridor((0, 70), (0, 0), successors=(0,)),
     corridor((70, 70), (200, 70), successors=()),
 )
-
-
-def town_of(corridors, terrain=level):
-    return Town("hand-made", terrain, (), (), (), (), corridors)
 
 
 def cast_on(*boxes_m, terrain=level):
@@ -63,15 +59,15 @@ def cast_on(*boxes_m, terrain=level):
     return cast
 
 
-def flights(count, corridors=BLOCK, terrain=rolling, config=None):
-    config = config or FlightConfig()
-    town, cast = town_of(corridors, terrain), cast_on(terrain=terrain)
+def flights(count, corridors, *boxes_m, terrain=level, config=NORMAL):
+    town = Town("hand-made", terrain, (), (), (), (), corridors)
+    cast = cast_on(*boxes_m, terrain=terrain)
     return [fly(town, np.random.default_rng(seed), cast, config) for seed in range(count)]
 
 
 @pytest.fixture(scope="module")
 def twenty():
-    return flights(20)
+    return flights(20, BLOCK, terrain=rolling)
 
 
 def all_of(several, name):
@@ -88,17 +84,14 @@ def test_a_flight_is_twelve_seconds_of_whole_states(twenty):
 
 
 def test_climb_and_descent_are_bounded_and_the_ceiling_holds(twenty):
-    config = FlightConfig()
-    boxes = [((60, -9, 0), (62, 9, 12)), ((110, -9, 0), (111, 9, 15))]
-    cast = cast_on(*boxes)
-    over = [fly(town_of(STRAIGHT), np.random.default_rng(seed), cast, config) for seed in range(6)]
+    over = flights(6, STRAIGHT, ((60, -9, 0), (62, 9, 12)), ((110, -9, 0), (111, 9, 15)))
     for flight in twenty + over:
         rate_mps = np.diff(flight.altitude_m) / STEP_S
-        assert rate_mps.max() <= config.climb_mps + 1e-9
-        assert rate_mps.min() >= -config.descend_mps - 1e-9
+        assert rate_mps.max() <= NORMAL.climb_mps + 1e-9
+        assert rate_mps.min() >= -NORMAL.descend_mps - 1e-9
         assert flight.altitude_m.max() < 20
     fastest = max((np.diff(flight.altitude_m) / STEP_S).max() for flight in over)
-    assert fastest > 0.8 * config.climb_mps
+    assert fastest > 0.8 * NORMAL.climb_mps
 
 
 def test_altitude_is_above_the_terrain(twenty):
@@ -124,14 +117,7 @@ def test_angles_quaternion_pose_and_rates_agree(twenty):
     assert flight.world_from_body[:, :3, :3] == pytest.approx(rotation.numpy())
     assert flight.world_from_body[:, :3, 3] == pytest.approx(flight.position_m)
     step = (rotation[:-1].transpose(1, 2) @ rotation[1:]).numpy()
-    turned = np.stack(
-        [
-            step[:, 2, 1] - step[:, 1, 2],
-            step[:, 0, 2] - step[:, 2, 0],
-            step[:, 1, 0] - step[:, 0, 1],
-        ],
-        axis=1,
-    )
+    turned = (step - step.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
     assert turned / 2 / STEP_S == pytest.approx(flight.body_rates_radps[:-1], rel=0.02, abs=1e-3)
 
 
@@ -144,8 +130,8 @@ def test_the_nose_points_along_the_way(twenty):
 
 
 def test_left_turns_bank_with_negative_roll():
-    calm = dataclasses.replace(FlightConfig(), gust_sigma_rad=0.0)
-    several = flights(8, config=calm)
+    calm = dataclasses.replace(NORMAL, gust_sigma_rad=0.0)
+    several = flights(8, BLOCK, terrain=rolling, config=calm)
     roll_rad = all_of(several, "roll_rad")
     turning = np.concatenate([np.gradient(np.unwrap(f.yaw_rad), STEP_S) for f in several])
     assert np.degrees(roll_rad[turning > 0.4]).max() < -5
@@ -165,30 +151,27 @@ def test_attitude_is_large_enough_to_matter(twenty):
 
 
 def test_reference_altitudes_are_continuous_and_mostly_low():
-    config = FlightConfig()
     time_s = np.arange(600) * STEP_S
-    drawn = [reference_altitude(np.random.default_rng(s), time_s, config) for s in range(600)]
-    low_m, high_m = config.altitude_range_m
+    drawn = [reference_altitude(np.random.default_rng(s), time_s, NORMAL) for s in range(600)]
+    low_m, high_m = NORMAL.altitude_range_m
     assert all(low_m < wave.min() and wave.max() < high_m for wave in drawn)
     assert len({wave[0] for wave in drawn}) == 600
     assert 0.8 < (np.array(drawn) < 11).mean() < 0.97
 
 
 def test_the_same_seed_flies_the_same_bytes(twenty):
-    again, other = flights(2)[1], flights(3)[2]
+    _, again = flights(2, BLOCK, terrain=rolling)
     for field in dataclasses.fields(again):
         mine = getattr(again, field.name)
         assert mine.tobytes() == getattr(twenty[1], field.name).tobytes()
-    assert (other.position_m != again.position_m).any()
+    assert (twenty[2].position_m != again.position_m).any()
 
 
 @pytest.mark.parametrize("top_m", [8.0, 13.0])
 def test_it_climbs_over_what_crosses_the_corridor(top_m):
     wall = ((99, -20, 0), (101, 20, top_m))
-    town, cast = town_of(STRAIGHT), cast_on(wall)
     crossed = 0
-    for seed in range(8):
-        flight = fly(town, np.random.default_rng(seed), cast, LOW)
+    for flight in flights(8, STRAIGHT, wall, config=LOW):
         x_m, _, z_m = flight.position_m.T
         above = (x_m > 99) & (x_m < 101)
         assert (z_m[above] > top_m + LOW.touch_m).all()
@@ -206,18 +189,18 @@ def test_a_wire_of_four_centimetres_is_seen():
     assert seen_m[route.arc_m < 45].max() == pytest.approx(0)
 
 
-def commanded(obstacle_m, cruise_mps=8.0, seed=0):
-    """The command of 20 s along a straight line with that profile every half metre, from 10 m."""
-    route = Route.through((corridor((0, 0), (len(obstacle_m) / 2, 0)),), (0,), 5.0, 0.5)
-    pilot = Pilot(route, obstacle_m, np.random.default_rng(seed), LOW, cruise_mps, 20.0)
-    return pilot.fly_from(10.0)
+def commanded(height_m, end_m=300.0):
+    """The command of 20 s along a straight line, from 10 m on, and its speeds: at 60 m begins an
+    obstacle of that height."""
+    route = Route.through((corridor((0, 0), (300, 0)),), (0,), 5.0, 0.5)
+    at_m = np.arange(600) / 2
+    obstacle_m = np.where((at_m >= 60) & (at_m < end_m), height_m, 0.0)
+    command = Pilot(route, obstacle_m, np.random.default_rng(0), LOW, 8.0, 20.0).fly_from(10.0)
+    return command, np.diff(command.arc_m) / STEP_S
 
 
 def test_the_altitude_command_is_the_paper_s():
-    obstacle_m = np.zeros(600)
-    obstacle_m[120:130] = 8.0
-    command = commanded(obstacle_m)
-    speed_mps = np.diff(command.arc_m) / STEP_S
+    command, speed_mps = commanded(8.0, end_m=65.0)
     over = (command.arc_m[1:] > 60) & (command.arc_m[1:] < 64)
     margin_m = LOW.clearance_m + LOW.clearance_per_speed_s * speed_mps[over]
     assert command.altitude_m[1:][over] == pytest.approx(8.0 + margin_m, abs=0.05)
@@ -226,32 +209,24 @@ def test_the_altitude_command_is_the_paper_s():
 
 
 def test_it_slows_down_where_it_cannot_climb_in_time():
-    obstacle_m = np.zeros(600)
-    free_mps = np.diff(commanded(obstacle_m).arc_m) / STEP_S
-    obstacle_m[120:] = 16.0
-    command = commanded(obstacle_m)
-    speed_mps = np.diff(command.arc_m) / STEP_S
-    before = command.arc_m[1:] < 60
+    _, free_mps = commanded(0.0)
+    command, speed_mps = commanded(16.0)
     assert free_mps.min() > 7
-    assert speed_mps[before].min() < 4
+    assert speed_mps[command.arc_m[1:] < 60].min() < 4
     assert command.arc_m[-1] > 65
     assert (command.altitude_m[command.arc_m > 59] > 16 + 0.9 * LOW.clearance_m).all()
 
 
 def test_what_passes_the_ceiling_does_not_raise_the_target():
-    obstacle_m = np.zeros(600)
-    obstacle_m[120:] = 17.9
-    command = commanded(obstacle_m)
+    command, _ = commanded(17.9)
     assert command.arc_m[-1] == pytest.approx(60 - LOW.standoff_m, abs=0.6)
     assert command.altitude_m.max() < 5
 
 
 def test_it_stops_before_what_is_too_tall():
     tower = ((119, -20, 0), (150, 20, 40))
-    town, cast = town_of(STRAIGHT), cast_on(tower)
     stopped = 0
-    for seed in range(10):
-        flight = fly(town, np.random.default_rng(seed), cast, FlightConfig())
+    for flight in flights(10, STRAIGHT, tower):
         if flight.position_m[0, 0] > 119:
             continue
         assert flight.position_m[:, 0].max() < 119 - 1
@@ -272,6 +247,5 @@ def test_touching_and_being_inside_are_both_noticed():
 
 
 def test_a_town_without_room_says_so():
-    short = town_of((corridor((0, 0), (20, 0)),))
     with pytest.raises(UserError, match=r"hand-made.*corridors"):
-        fly(short, np.random.default_rng(0), cast_on(), FlightConfig())
+        flights(1, (corridor((0, 0), (20, 0)),))

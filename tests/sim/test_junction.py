@@ -6,20 +6,14 @@ import numpy as np
 import pytest
 
 from src.sim.driver import DECISION_S, drive
-from src.sim.footprint import boxes_overlap
 from src.sim.junction import RightOfWay, passages_of
-from src.sim.layout import Gate, Path
+from src.sim.layout import Gate
 from src.sim.route import Route
 from src.sim.signals import AMBER_S, GREEN_S, PHASE_S, SignalPlan
 from src.sim.towns.polyline import turn
 from src.sim.traveller import HABITS, Traveller
+from tests.sim.roads import SIZES_M, overlapping, way
 
-SIZES_M = {
-    "car": (4.5, 1.8, 1.5),
-    "bus": (11.0, 2.5, 3.2),
-    "motorcycle": (2.1, 0.8, 1.5),
-    "pedestrian": (0.5, 0.6, 1.75),
-}
 EAST, NORTH, WEST, SOUTH = range(4)
 STRAIGHT, LEFT, RIGHT = 0, 1, 3
 LINE_M, CLEAR_M, END_M = 48.0, 4.0, 52.0
@@ -32,33 +26,32 @@ def rotated(points_m, quarters):
     return np.array(points_m, dtype=float)
 
 
+def turns_of(come):
+    """Indices of the turns of who comes in on a lane: straight on, left and right."""
+    return 8 + 3 * come, 9 + 3 * come, 10 + 3 * come
+
+
 def junction(lights):
     """The lanes into it by their direction, those out of it, then all turns; and a crossing.
 
     People cross the road from the west, both ways.
     """
     phases = [(k % 2, 2) if lights else (None, 0) for k in range(4)]
-    turns, ways_on = [], {come: [] for come in range(4)}
+    turns = []
     for come, by in product(range(4), (STRAIGHT, LEFT, RIGHT)):
         start_m, end_m = rotated([(-8, -2)], come)[0], rotated([(8, -2)], (come + by) % 4)[0]
         corner_m = {STRAIGHT: (0, -2), LEFT: (2, -2), RIGHT: (-2, -2)}[by]
-        ways_on[come].append(8 + len(turns))
         points_m = turn(start_m, rotated([corner_m], come)[0], end_m)
-        turns.append(Path(points_m, 1.4, 6.0, (4 + (come + by) % 4,)))
+        turns.append(way(*points_m, successors=(4 + (come + by) % 4,), speed_mps=6.0))
+    lines = [Gate(0, LINE_M, CLEAR_M, False, *phases[k]) for k in range(4)]
     come_in = [
-        Path(
-            rotated([(-60, -2), (-8, -2)], k),
-            1.4,
-            9.0,
-            tuple(ways_on[k]),
-            gate=Gate(0, LINE_M, CLEAR_M, False, *phases[k]),
-        )
+        way(*rotated([(-60, -2), (-8, -2)], k), successors=turns_of(k), gate=lines[k])
         for k in range(4)
     ]
-    go_out = [Path(rotated([(8, -2), (180, -2)], k), 1.4, 9.0, ()) for k in range(4)]
-    gate = Gate(0, KERB_M, -KERB_M, True, *phases[EAST])
-    ends_m = np.array([(-10.0, -9), (-10, 9)])
-    walks = [Path(points_m, 0.4, 2.5, (), gate=gate) for points_m in (ends_m, ends_m[::-1])]
+    go_out = [way(*rotated([(8, -2), (180, -2)], k)) for k in range(4)]
+    kerb = Gate(0, KERB_M, -KERB_M, True, *phases[EAST])
+    ends_m = (-10, -9), (-10, 9)
+    walks = [way(*points_m, speed_mps=2.5, gate=kerb) for points_m in (ends_m, ends_m[::-1])]
     return (*come_in, *go_out, *turns), tuple(walks)
 
 
@@ -66,8 +59,8 @@ OPEN, LIT = junction(lights=False), junction(lights=True)
 
 
 def wheels(come, by=STRAIGHT, start_m=10.0, speed_mps=9.0, name="car", paths=OPEN):
-    which = (STRAIGHT, LEFT, RIGHT).index(by)
-    indices = (come, 8 + 3 * come + which, 4 + (come + by) % 4)
+    turn_on = turns_of(come)[(STRAIGHT, LEFT, RIGHT).index(by)]
+    indices = (come, turn_on, 4 + (come + by) % 4)
     route = Route.through(paths[0], indices, HABITS[name].corner_m)
     return Traveller(name, SIZES_M[name], route, start_m, speed_mps)
 
@@ -79,28 +72,24 @@ def walker(start_m=1.0, back=False, speed_mps=1.4, paths=OPEN):
     return Traveller("pedestrian", SIZES_M["pedestrian"], route, start_m, speed_mps)
 
 
-def overlap(travellers, motion):
-    places = [one.route.at(motion.arc_m[:, k]) for k, one in enumerate(travellers)]
-    boxes = [(*place, one.size_m[:2]) for place, one in zip(places, travellers)]
-    pairs = ((i, j) for i in range(len(boxes)) for j in range(i))
-    return any(boxes_overlap(*boxes[i], *boxes[j]).any() for i, j in pairs)
+def driven(travellers, duration_s, plans=None):
+    """How they move, without ever overlapping; and when the front of each one passes the line, and
+    its rear is over, in seconds (inf if never)."""
+    motion = drive(travellers, duration_s, plans)
+    arcs_m = motion.arc_m
+    boxes = [(*one.route.at(arc_m), one.size_m[:2]) for one, arc_m in zip(travellers, arcs_m.T)]
+    assert not overlapping(boxes)
+
+    half_m = np.array([one.size_m[0] / 2 for one in travellers])
+    passages = [passage for one in travellers for passage in passages_of(one)]
+    entered = arcs_m + half_m > [passage.start_m for passage in passages]
+    left = arcs_m - half_m > [passage.end_m for passage in passages]
+    return motion, first_s(entered), first_s(left)
 
 
-def times_s(travellers, motion):
-    """When the front of each one passes the line, and when its rear is over; inf if never."""
-    rows = []
-    for k, one in enumerate(travellers):
-        (passage,) = passages_of(one)
-        half_m = one.size_m[0] / 2
-        ahead_m = motion.arc_m[:, k] + half_m - passage.start_m
-        beyond_m = motion.arc_m[:, k] - half_m - passage.end_m
-        rows.append(
-            [
-                np.argmax(m > 0) * DECISION_S if (m > 0).any() else np.inf
-                for m in (ahead_m, beyond_m)
-            ]
-        )
-    return np.array(rows)
+def first_s(holds):
+    """When each column holds for the first time; inf if never."""
+    return np.where(holds.any(axis=0), holds.argmax(axis=0) * DECISION_S, np.inf)
 
 
 def arcs_alone_m(one, duration_s):
@@ -135,9 +124,7 @@ def test_a_passage_sweeps_wherever_the_ends_of_a_long_vehicle_come(by):
 def test_who_comes_first_goes_first_and_the_other_waits_before_the_line(first, by):
     starts_m = (22.0, 12.0) if first == 0 else (12.0, 22.0)
     cars = [wheels(come, by[k], starts_m[k]) for k, come in enumerate((EAST, NORTH))]
-    motion = drive(cars, 25.0)
-    assert not overlap(cars, motion)
-    entered_s, left_s = times_s(cars, motion).T
+    motion, entered_s, left_s = driven(cars, 25.0)
     assert entered_s[first] < left_s[first] <= entered_s[1 - first] < np.inf
     assert left_s.max() < 20
     # The first drives as though it were alone; the other does not.
@@ -152,9 +139,8 @@ def test_ways_that_do_not_meet_are_used_at_the_same_time():
         ((EAST, RIGHT), (NORTH, STRAIGHT)),
         ((EAST, RIGHT), (NORTH, RIGHT), (WEST, RIGHT), (SOUTH, RIGHT)),
     ):
-        cars = [wheels(*way, start_m=20.0) for way in ways]
-        motion = drive(cars, 8.0)
-        assert not overlap(cars, motion)
+        cars = [wheels(come, by, start_m=20.0) for come, by in ways]
+        motion, _, _ = driven(cars, 8.0)
         for k, car in enumerate(cars):
             assert motion.arc_m[:, k] == pytest.approx(arcs_alone_m(car, 8.0), abs=0.2)
 
@@ -162,34 +148,22 @@ def test_ways_that_do_not_meet_are_used_at_the_same_time():
 @pytest.mark.parametrize("by", [(0, 0, 0, 0), (1, 1, 1, 1), (1, 0, 1, 0), (0, 1, 3, 1)])
 def test_of_four_who_come_at_once_nobody_waits_for_ever(by):
     cars = [wheels(come, by[come], 20.0) for come in range(4)]
-    motion = drive(cars, 35.0)
-    assert not overlap(cars, motion)
-    assert times_s(cars, motion)[:, 1].max() < 30
+    _, _, left_s = driven(cars, 35.0)
+    assert left_s.max() < 30
 
 
 @pytest.mark.parametrize("paths", [OPEN, LIT])
 @pytest.mark.parametrize("seed", range(3))
 def test_all_get_over_a_busy_junction_and_nobody_overlaps(paths, seed):
     rng = np.random.default_rng(seed)
-    crowd = [
-        wheels(
-            come,
-            int(rng.choice([STRAIGHT, LEFT, RIGHT])),
-            start_m,
-            rng.uniform(6, 10),
-            str(rng.choice(["car", "bus", "motorcycle"])),
-            paths,
-        )
-        for come, start_m in product(range(4), (8.0, 24.0, 40.0))
-    ]
-    crowd += [walker(2.0, back, paths=paths) for back in (False, True)]
-    motion = drive(crowd, 110.0, {0: SignalPlan(2, rng.uniform(0, 2 * PHASE_S))})
-    assert not overlap(crowd, motion)
-    entered_s, left_s = times_s(crowd, motion).T
+    crowd = [walker(2.0, back, paths=paths) for back in (False, True)]
+    for come, start_m in product(range(4), (40.0, 24.0, 8.0)):
+        by, name = rng.choice([STRAIGHT, LEFT, RIGHT]), rng.choice(["car", "bus", "motorcycle"])
+        crowd.append(wheels(come, by, start_m, rng.uniform(6, 10), name, paths))
+    _, entered_s, left_s = driven(crowd, 110.0, {0: SignalPlan(2, rng.uniform(0, 2 * PHASE_S))})
     assert left_s.max() < 100
     # Nobody passes anybody on an approach.
-    for come in range(4):
-        assert (np.diff(entered_s[3 * come : 3 * come + 3]) < 0).all()
+    assert (np.diff(entered_s[2:].reshape(4, 3)) > 0).all()
 
 
 def test_who_is_behind_waits_for_the_first_of_the_approach():
@@ -206,33 +180,23 @@ def test_who_is_behind_waits_for_the_first_of_the_approach():
     assert waiting(third, behind) == [False, False]
     assert waiting(third, first) == [False, True]
     assert waiting(third, first, behind) == [False, True, True]
-    cars = [third, first, behind]
-    motion = drive(cars, 20.0)
-    entered_s, left_s = times_s(cars, motion).T
+    _, entered_s, left_s = driven([third, first, behind], 20.0)
     assert left_s[0] <= entered_s[1] < entered_s[2]
-    assert not overlap(cars, motion)
 
 
 def test_who_is_on_a_junction_at_the_start_goes_on():
     cars = [wheels(EAST, STRAIGHT, 52.0), wheels(NORTH, STRAIGHT, 40.0)]
-    motion = drive(cars, 15.0)
+    motion, entered_s, left_s = driven(cars, 15.0)
     assert motion.speed_mps[:, 0].min() > 5
-    entered_s, left_s = times_s(cars, motion).T
     assert left_s[0] <= entered_s[1] < np.inf
 
 
 def test_people_and_cars_wait_for_each_other():
     # The walker is on the crossing before the car comes.
-    both = [wheels(EAST, start_m=8.0), walker(4.5)]
-    motion = drive(both, 25.0)
-    assert not overlap(both, motion)
-    entered_s, left_s = times_s(both, motion).T
+    _, entered_s, left_s = driven([wheels(EAST, start_m=8.0), walker(4.5)], 25.0)
     assert left_s[1] <= entered_s[0] < np.inf
     # The car is before the line first.
-    both = [wheels(EAST, start_m=40.0), walker(3.0)]
-    motion = drive(both, 25.0)
-    assert not overlap(both, motion)
-    entered_s, left_s = times_s(both, motion).T
+    motion, entered_s, left_s = driven([wheels(EAST, start_m=40.0), walker(3.0)], 25.0)
     assert left_s[0] <= entered_s[1] < np.inf
     arc_m = motion.arc_m[motion.speed_mps[:, 1] < 0.01, 1]
     waiting = arc_m[arc_m < WALK_M / 2]
@@ -241,28 +205,20 @@ def test_people_and_cars_wait_for_each_other():
 
 
 def test_people_share_a_crossing():
-    people = [walker(3.0), walker(3.0, back=True), walker(1.5)]
-    motion = drive(people, 15.0)
-    assert not overlap(people, motion)
+    motion, _, _ = driven([walker(3.0), walker(3.0, back=True), walker(1.5)], 15.0)
     assert motion.speed_mps[:80].min() > 0.8
 
 
-def drives_under_lights():
-    """Two cars whose arms have green in turn, from many times of the cycle on."""
-    for offset_s, start_m in product(np.arange(0, 2 * PHASE_S, 1.6), (5.0,)):
-        plan = SignalPlan(2, offset_s)
-        cars = [
-            wheels(come, start_m=start_m, speed_mps=speed_mps, paths=LIT)
-            for come, speed_mps in ((EAST, 7.0), (NORTH, 9.0))
-        ]
-        yield plan, cars, drive(cars, 25.0, {0: plan})
-
-
 def test_nobody_enters_on_red_and_everybody_stops_before_the_line():
+    """Two cars whose arms have green in turn, from many times of the cycle on."""
     waited = late = 0
-    for plan, cars, motion in drives_under_lights():
-        assert not overlap(cars, motion)
-        for k, (entered_s, _) in enumerate(times_s(cars, motion)):
+    cars = [
+        wheels(come, start_m=5.0, speed_mps=speed_mps, paths=LIT)
+        for come, speed_mps in ((EAST, 7.0), (NORTH, 9.0))
+    ]
+    for plan in (SignalPlan(2, offset_s) for offset_s in np.arange(0, 2 * PHASE_S, 1.6)):
+        motion, times_s, _ = driven(cars, 25.0, {0: plan})
+        for k, entered_s in enumerate(times_s):
             phase = passages_of(cars[k])[0].gate.phase
             assert entered_s < np.inf
             assert plan.red_for_s(phase, entered_s) == 0
@@ -288,8 +244,7 @@ def test_at_amber_those_go_on_who_cannot_stop_any_more(ahead_m, goes):
     """At 9 m/s a car needs 16 m, and half a metre more to stand before the line."""
     plan = SignalPlan(2, GREEN_S - 1.0)
     car = wheels(EAST, start_m=LINE_M - SIZES_M["car"][0] / 2 - ahead_m - 9.0, paths=LIT)
-    motion = drive([car], 10.0, {0: plan})
-    ((entered_s, _),) = times_s([car], motion)
+    motion, (entered_s,), _ = driven([car], 10.0, {0: plan})
     assert (1 < entered_s < 1 + AMBER_S) if goes else entered_s == np.inf
     always_green = drive([car], 10.0, {0: SignalPlan(2, 0.0)})
     if goes:
@@ -315,8 +270,7 @@ def test_people_cross_on_red_for_the_cars_and_are_off_the_road_before_green():
     waited = 0
     for offset_s in np.arange(0, 2 * PHASE_S, 2.5):
         plan, one = SignalPlan(2, offset_s), walker(3.0, paths=LIT)
-        motion = drive([one], 2 * PHASE_S + 15, {0: plan})
-        ((entered_s, _),) = times_s([one], motion)
+        motion, (entered_s,), _ = driven([one], 2 * PHASE_S + 15, {0: plan})
         assert plan.red_for_s(0, entered_s) > 0
         waited += entered_s > 5
         # Who has waited must first get going, which may cost a second.

@@ -1,6 +1,7 @@
 """Cast shadows: where the light does not come, by hand-made scenes whose shadows are known."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,32 +10,41 @@ from src.ontology import BUILDING
 from src.sim.lighting import cast_shadows, illuminate, surface_normals
 from src.sim.scene import Scene, parts_of
 from src.sim.weather import WEATHERS
-from src.sim.world import World
 from tests.sim.scenery import (
-    BODY_FROM_CAMERA,
     HEIGHT,
-    PIX_FROM_CAMERA,
     WIDTH,
     actor,
     camera_rays,
     ground,
     pose,
+    render,
     solid,
     view_of,
+    world_of,
 )
 
 CLEAR = replace(WEATHERS["clear"], ambient=0.3)
 NO_SHADOW = replace(CLEAR, shadow=False)
 TOWARDS = np.array(CLEAR.light()["lightDirection"])
 SLAB_SIZE_M, SLAB_AT_M = np.array((5.0, 4.0, 0.4)), np.array((12.0, 1.0, 4.0))
+UNDER_SLAB = Scene(parts_of([ground(), solid(BUILDING, SLAB_SIZE_M, SLAB_AT_M)]), ())
+GREY = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
 HERE = pose((0.5, 0.4, 6.2), 0.1, 0.25, 0.05)
 
 
-def places_of(view, here):
+def places_of(view, here=HERE):
     """What every pixel of a view shows, in the world."""
     origins_m, directions, depth_per_m = camera_rays(here)
     distance_m = np.where(np.isinf(view.depth_m), 0, view.depth_m).reshape(-1) / depth_per_m
     return (origins_m + directions * distance_m[:, None]).reshape(HEIGHT, WIDTH, 3)
+
+
+def relit(relight, scene, weather):
+    """A grey picture of the scene with its light, what its pixels show, and where that is."""
+    view = view_of(scene, 0, HERE)
+    places_m = places_of(view).astype(np.float32)
+    picture = relight(GREY, places_m, view.depth_m, weather, partial(scene.blocked, 0))
+    return picture, view, places_m
 
 
 def under_the_slab(places_m):
@@ -45,10 +55,9 @@ def under_the_slab(places_m):
 
 
 def test_a_slabs_shadow_lies_where_the_sun_puts_it_and_keeps_the_ambient_light():
-    scene = Scene(parts_of([ground(), solid(BUILDING, SLAB_SIZE_M, SLAB_AT_M)]), ())
-    with World(scene, PIX_FROM_CAMERA, WIDTH, HEIGHT) as world:
-        lit, shaded = (world.render(0, HERE @ BODY_FROM_CAMERA, w) for w in (NO_SHADOW, CLEAR))
-    places_m = places_of(lit, HERE)
+    with world_of(UNDER_SLAB) as world:
+        lit, shaded = (render(world, HERE, 0, weather) for weather in (NO_SHADOW, CLEAR))
+    places_m = places_of(lit)
     on_ground = (np.abs(places_m[..., 2]) < 0.02) & np.isfinite(lit.depth_m)
     inside_m = under_the_slab(places_m)
     # The slab is 0.4 m thick, which widens its shadow by that over the sun's slope.
@@ -65,13 +74,11 @@ def test_a_slabs_shadow_lies_where_the_sun_puts_it_and_keeps_the_ambient_light()
 
 def test_an_actors_shadow_moves_with_it():
     scene = Scene(parts_of([ground()]), (actor([(12.0, 3, 0), (14.0, -6, 0)]),))
-    with World(scene, PIX_FROM_CAMERA, WIDTH, HEIGHT) as world:
+    with world_of(scene) as world:
         for step in (0, 1):
-            lit, shaded = (
-                world.render(step, HERE @ BODY_FROM_CAMERA, w) for w in (NO_SHADOW, CLEAR)
-            )
+            lit, shaded = (render(world, HERE, step, weather) for weather in (NO_SHADOW, CLEAR))
             dark = (shaded.rgb < lit.rgb).any(axis=-1) & (lit.actor_id == 0)
-            middle_m = places_of(lit, HERE)[dark].mean(axis=0)
+            middle_m = places_of(lit)[dark].mean(axis=0)
             beside_m = middle_m - scene.bodies[0].world_from_actor[step, :3, 3]
             assert dark.sum() > 10
             # From the actor, the shadow lies where the sun is not.
@@ -81,14 +88,8 @@ def test_an_actors_shadow_moves_with_it():
 
 def test_what_is_turned_away_from_the_light_is_not_darkened_twice():
     scene = Scene(parts_of([ground(), solid(BUILDING, (4, 6, 5), (14, 0, 2.5))]), ())
-    view = view_of(scene, 0, HERE)
-    places_m = places_of(view, HERE).astype(np.float32)
-    grey = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
-    towards = np.array([1.0, 0.0, 0.2]) / np.hypot(1, 0.2)
-    behind = replace(CLEAR, light_azimuth_rad=0.0, light_elevation_rad=float(np.arcsin(towards[2])))
-    shaded = cast_shadows(
-        grey, places_m, view.depth_m, behind, lambda points_m, to: scene.blocked(0, points_m, to)
-    )
+    behind = replace(CLEAR, light_azimuth_rad=0.0, light_elevation_rad=np.arctan(0.2))
+    shaded, view, places_m = relit(cast_shadows, scene, behind)
     facade = (view.class_id == BUILDING) & (np.abs(places_m[..., 0] - 12) < 0.02)
     facade &= (places_m[..., 2] > 0.3) & (places_m[..., 2] < 4.7)
     roof = (view.class_id == BUILDING) & (np.abs(places_m[..., 2] - 5) < 0.02)
@@ -99,15 +100,8 @@ def test_what_is_turned_away_from_the_light_is_not_darkened_twice():
 
 
 def test_bare_colours_are_lit_by_the_slope_of_their_face_and_its_shadows():
-    slab = solid(BUILDING, SLAB_SIZE_M, SLAB_AT_M)
-    scene = Scene(parts_of([ground(), slab]), ())
-    view = view_of(scene, 0, HERE)
-    places_m = places_of(view, HERE).astype(np.float32)
-    grey = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
-    lit, unshaded = (
-        illuminate(grey, places_m, view.depth_m, w, lambda p, to: scene.blocked(0, p, to))
-        for w in (CLEAR, NO_SHADOW)
-    )
+    lit, view, places_m = relit(illuminate, UNDER_SLAB, CLEAR)
+    unshaded, _, _ = relit(illuminate, UNDER_SLAB, NO_SHADOW)
     on_ground = (np.abs(places_m[..., 2]) < 0.02) & np.isfinite(view.depth_m)
     inside_m = under_the_slab(places_m)
     full = CLEAR.ambient + CLEAR.diffuse * TOWARDS[2] * np.array(CLEAR.light_color)

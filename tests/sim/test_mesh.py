@@ -30,15 +30,11 @@ def volume_m3(mesh):
     return float((np.cross(a, b) * c).sum() / 6)
 
 
-def frustum_share(bottom, top):
-    """Volume between two similar polygons in [-1, 1]^3, as a share of the height between them."""
-    return POLYGON * (bottom**2 + bottom * top + top**2) / 3
-
-
 def ellipsoid_volume():
+    """A pile of frustums, each between two similar polygons."""
     up = np.linspace(-np.pi / 2, np.pi / 2, ROUND_SIDES // 2 + 1)
-    rings = zip(np.cos(up[:-1]), np.cos(up[1:]), np.diff(np.sin(up)))
-    return sum(frustum_share(a, b) * height for a, b, height in rings)
+    bottom, top, heights = np.cos(up[:-1]), np.cos(up[1:]), np.diff(np.sin(up))
+    return POLYGON * ((bottom**2 + bottom * top + top**2) / 3 * heights).sum()
 
 
 VOLUMES = {
@@ -123,7 +119,6 @@ def test_merging_keeps_every_triangle():
     meshes = [mesh_of_solid(placed(shape)) for shape in SHAPES]
     both = merge(meshes)
     np.testing.assert_array_equal(triangles(both), np.concatenate([triangles(m) for m in meshes]))
-    assert volume_m3(both) == pytest.approx(sum(volume_m3(m) for m in meshes))
 
 
 def corners(mesh):

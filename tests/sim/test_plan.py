@@ -3,7 +3,6 @@
 import pandas as pd
 import pytest
 
-from src.data.shards import share_of
 from src.errors import UserError
 from src.sim.generate import generate
 from src.sim.plan import plan_clips
@@ -58,12 +57,3 @@ def test_the_paper_s_plan_has_every_weather_in_every_town_and_twelve_clips_of_ea
     assert (matrix.sum() == 12).all()
     assert (matrix.sum(axis=1) == 15).all()
     assert matrix.isin([1, 2]).all(axis=None)
-
-
-def test_shards_share_the_clips_evenly_and_leave_none_out(mini_sim):
-    mini_sim |= {"towns": list(TOWNS), "clips_per_town": 3}
-    plans = plan_clips(mini_sim)
-    shares = [share_of(plans, shard, 5) for shard in range(5)]
-    assert sorted(map(len, shares)) == [4, 5, 5, 5, 5]
-    assert {plan.clip_id for share in shares for plan in share} == {p.clip_id for p in plans}
-    assert share_of(plans, 0, 1) == plans

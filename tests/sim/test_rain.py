@@ -30,11 +30,6 @@ def test_rain_draws_streaks_and_more_rain_draws_more():
     assert share[1] < 0.5 * share[2] < share[2] < 0.5 * share[3]
 
 
-def test_the_same_generator_draws_the_same_rain():
-    assert (rained(RAIN) == rained(RAIN)).all()
-    assert (rained(RAIN) != rained(RAIN, seed=1)).any()
-
-
 def test_a_streak_is_short_and_thin():
     one = replace(RAIN, rain=1000 / (HEIGHT * WIDTH))
     seen = [(rained(one, seed) > 0).any(axis=-1) for seed in range(40)]

@@ -1,18 +1,15 @@
 """Chains of paths as smooth curves."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from src.sim.layout import Path
 from src.sim.route import Route, braked, chain, gaussian_window, slow_wave, smoothed
+from tests.sim.roads import way
 
-
-def path(*points_m, successors=()):
-    return Path(np.array(points_m, dtype=float), 3.0, 6.0, successors)
-
-
+path = partial(way, half_width_m=3.0)
 CROSS = (
     path((0, 0), (50, 0), successors=(1, 2, 3)),
     path((50, 0), (100, 0)),

@@ -5,7 +5,7 @@ import pytest
 
 from src.ontology import BUILDING, CAR, GROUND, UNKNOWN, VEGETATION
 from src.sim.layout import GroundPatch, Town
-from src.sim.scene import PATCH_M, Hits, Scene, parts_of, pieces_of, static_parts
+from src.sim.scene import PATCH_M, Scene, parts_of, pieces_of, static_parts
 from src.sim.towns import build_town
 from tests.sim.scenery import actor, ground, solid
 
@@ -51,15 +51,6 @@ def test_an_actor_alone_and_nothing_at_all():
     assert cast(Scene((), ()), 0, ((0, 0, 1), EAST)).actor_id.tolist() == [-1]
 
 
-def test_beyond_the_range_there_is_nothing():
-    distance_m = np.array([3.0, 60.0, 60.1, np.inf])
-    hits = Hits(distance_m, np.array([1, 2, 3, 255], np.uint8), np.array([0, 4, 0, -1]))
-    near = hits.within(60.0)
-    assert near.distance_m.tolist() == [3, 60, np.inf, np.inf]
-    assert near.class_id.tolist() == [1, 2, UNKNOWN, UNKNOWN]
-    assert near.actor_id.tolist() == [0, 4, -1, -1]
-
-
 @pytest.mark.parametrize("towards", [(0.0, 0.0, 1.0), (0.6, 0.64, 0.48), (-0.9, 0.4, 0.17)])
 def test_light_is_blocked_where_a_ray_to_it_meets_anything(towards):
     towards = np.array(towards) / np.linalg.norm(towards)
@@ -93,15 +84,8 @@ def test_in_an_empty_scene_nothing_blocks_the_light():
 
 def test_only_what_is_near_the_way_is_kept():
     far = solid(VEGETATION, (2.0, 2.0, 2.0), (70, 0, 1))
-    town = Town(
-        "t",
-        lambda x, y: 0 * x,
-        (WALL, far),
-        (GroundPatch((0, 0), 0.0, 200.0, 10.0, 0.0, "asphalt"),),
-        (),
-        (),
-        (),
-    )
+    patch = GroundPatch((0, 0), 0.0, 200.0, 10.0, 0.0, "asphalt")
+    town = Town("t", lambda x, y: 0 * x, (WALL, far), (patch,), (), (), ())
     pieces = pieces_of(town)
     whole, near = static_parts(pieces), static_parts(pieces, np.zeros((1, 2)), 30.0)
     assert {part.class_id for part in whole} == {BUILDING, GROUND, VEGETATION}

@@ -11,14 +11,17 @@ from tests.sim.scenery import actor, ground, pose, solid
 WALL = solid(BUILDING, (1.0, 60.0, 20.0), (25.5, 0, 10))
 
 
+def random_directions(count):
+    directions = np.random.default_rng(0).standard_normal((count, 3))
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
 def nearest_angle_deg(directions, wanted):
     return np.degrees(np.arccos(np.clip(wanted @ directions.T, -1, 1).max(axis=1)))
 
 
 def test_together_they_see_every_direction():
-    rng = np.random.default_rng(0)
-    wanted = rng.standard_normal((2000, 3))
-    wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
+    wanted = random_directions(2000)
     seen = [lidar.directions(2000, scan=0) for lidar in LIDARS]
     assert nearest_angle_deg(np.concatenate(seen), wanted).max() < 5
     for alone in seen:
@@ -26,8 +29,7 @@ def test_together_they_see_every_direction():
 
 
 def test_rays_are_spread_evenly_and_scans_fill_gaps():
-    wanted = np.random.default_rng(0).standard_normal((3000, 3))
-    wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
+    wanted = random_directions(3000)
     top = LIDARS[0]
     wanted = wanted[(wanted[:, 2] > -0.55) & (wanted[:, 2] < 0.95)]
     scans = [top.directions(1000, scan=index) for index in range(4)]

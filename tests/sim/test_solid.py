@@ -30,9 +30,3 @@ def test_a_margin_grows_and_shrinks_along_every_axis(shape):
         assert not it.contains(edge).any()
         assert it.contains(edge, margin_m=0.2).all()
     assert not it.contains(np.zeros((1, 3)), margin_m=-1.0).any()
-
-
-def test_a_cone_stands_on_its_base():
-    it = solid(0, (2.0, 2.0, 2.0), (0, 0, 0), "cone")
-    assert it.contains(np.array([[0.9, 0, -0.95], [0.0, 0, 0.95]])).all()
-    assert not it.contains(np.array([[0.9, 0, 0.5]])).any()

@@ -3,7 +3,6 @@
 from functools import cache
 
 import numpy as np
-import pytest
 
 from src.ontology import BUILDING, THIN_STRUCTURE
 from src.sim.assets import bounds_m, pose
@@ -26,15 +25,15 @@ def town() -> Town:
     return build_town("waterfront", np.random.default_rng(0))
 
 
+def standing(class_id: int) -> list[Solid]:
+    return [solid for solid in town().solids if solid.class_id == class_id]
+
+
 def deck() -> list[Solid]:
     """The slabs of the level part of the overpass."""
-    return [
-        solid
-        for solid in town().solids
-        if solid.class_id == BUILDING
-        and bounds_m(solid)[0][2] == pytest.approx(DECK_M[0], abs=1e-6)
-        and bounds_m(solid)[1][2] == pytest.approx(DECK_M[1], abs=1e-6)
-    ]
+    built = standing(BUILDING)
+    heights_m = np.array([bounds_m(solid) for solid in built])[:, :, 2]
+    return [built[k] for k in np.flatnonzero(np.abs(heights_m - DECK_M).max(axis=1) < 1e-6)]
 
 
 def under_the_deck(paths: tuple[Path, ...]) -> np.ndarray:
@@ -70,14 +69,9 @@ def test_the_overpass_crosses_streets_at_a_clear_height():
 
 def test_the_overpass_has_railings_all_along_and_lamps_beside_the_corridors():
     middle_m = deck()[0].scene_from_solid[1, 3]
-    above = [
-        bounds_m(solid)[1]
-        for solid in town().solids
-        if solid.class_id == THIN_STRUCTURE
-        and bounds_m(solid)[0][2] > DECK_M[1]
-        and abs(solid.scene_from_solid[1, 3] - middle_m) < 4.2
-    ]
-    tops_m = np.array(above)[:, 2] - DECK_M[1]
+    near = [s for s in standing(THIN_STRUCTURE) if abs(s.scene_from_solid[1, 3] - middle_m) < 4.2]
+    bottoms_m, tops_m = np.array([bounds_m(solid) for solid in near])[:, :, 2].T - DECK_M[1]
+    tops_m = tops_m[bottoms_m > 0]
     assert (tops_m < 1.2).sum() > 8 * len(deck())
     assert (tops_m > 5.0).sum() > len(deck()) / 2
 
@@ -86,34 +80,22 @@ def test_the_overpass_stands_on_columns():
     """Under every piece, but where it spans a street."""
     feet = [
         solid.scene_from_solid[0, 3]
-        for solid in town().solids
-        if solid.class_id == BUILDING
-        and solid.shape == "cylinder"
-        and bounds_m(solid)[1][2] == pytest.approx(DECK_M[0], abs=0.1)
+        for solid in standing(BUILDING)
+        if solid.shape == "cylinder" and abs(bounds_m(solid)[1][2] - DECK_M[0]) < 0.1
     ]
-    xs = np.sort(feet)
-    assert len(xs) > len(deck())
-    assert np.diff(xs).max() < 40
+    assert len(feet) > len(deck())
+    assert np.diff(np.sort(feet)).max() < 40
 
 
-@pytest.fixture(scope="module")
-def flights():
-    place = town()
-    scene = Scene(static_parts(pieces_of(place)), ())
-    return [
-        fly(place, np.random.default_rng(seed), scene.cast_static, FlightConfig(tries=8))
-        for seed in range(6)
-    ]
-
-
-def test_the_flight_climbs_over_the_overpass(flights):
+def test_the_flight_climbs_over_the_overpass():
     lower, upper = zip(*map(bounds_m, deck()))
     lower, upper = np.min(lower, axis=0), np.max(upper, axis=0)
+    cast = Scene(static_parts(pieces_of(town())), ()).cast_static
     above_m = []
-    for flight in flights:
-        there = ((flight.position_m > lower) | [0, 0, 1]).all(axis=1)
-        there &= ((flight.position_m < upper) | [0, 0, 1]).astype(bool).all(axis=1)
-        above_m += list(flight.position_m[there, 2])
+    for seed in range(6):
+        flight = fly(town(), np.random.default_rng(seed), cast, FlightConfig(tries=8))
+        within = (flight.position_m > lower) & (flight.position_m < upper)
+        above_m += list(flight.position_m[within[:, :2].all(axis=1), 2])
     assert len(above_m) > 50, "no flight crosses it"
     assert min(above_m) > DECK_M[1] + 1.0
 

@@ -3,24 +3,22 @@
 import numpy as np
 import pytest
 
-from src.errors import UserError
 from src.ontology import BUILDING, GROUND, SKY, THIN_STRUCTURE, VEGETATION
 from src.sim.camera import FAR_M
-from src.sim.renderer import require_renderer
 from src.sim.scene import Scene, parts_of
 from src.sim.textures import CAR_PAINT, PALETTE
 from src.sim.weather import WEATHERS
-from src.sim.world import World
 from tests.sim.scenery import (
     BODY_FROM_CAMERA,
     HEIGHT,
-    PIX_FROM_CAMERA,
     WIDTH,
     actor,
     ground,
     pose,
+    render,
     solid,
     view_of,
+    world_of,
 )
 
 PLAIN = PALETTE[0]
@@ -37,12 +35,13 @@ ACTORS = (
     actor([(12, -2, 0), (16, -1, 0)], actor_id=7),
 )
 SCENE = Scene(parts_of(STATIC), ACTORS)
+HERE = pose((0.5, 0.4, 6.2))
 ATTITUDES = [(0.0, 0.0, 0.0), (0.3, 0.2, 0.15), (-0.35, 0.25, -0.2)]
 
 
 @pytest.fixture(scope="module")
 def world():
-    with World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT) as opened:
+    with world_of(SCENE) as opened:
         yield opened
 
 
@@ -57,7 +56,7 @@ def interior(image):
 @pytest.mark.parametrize("step", [0, 1])
 def test_the_picture_is_what_rays_meet(world, attitude, step):
     here = pose((0.5, 0.4, 6.2), *attitude)
-    rendering = world.render(step, here @ BODY_FROM_CAMERA, WEATHERS["clear"])
+    rendering = render(world, here, step)
     truth = view_of(SCENE, step, here)
     assert (rendering.class_id == truth.class_id).mean() > 0.99
     assert (rendering.actor_id == truth.actor_id).mean() > 0.99
@@ -71,13 +70,13 @@ def test_the_picture_is_what_rays_meet(world, attitude, step):
 
 def test_another_attitude_would_not_do(world):
     here, other = (pose((0.5, 0.4, 6.2), roll, 0.1, 0.1) for roll in (0.15, -0.15))
-    rendering = world.render(0, here @ BODY_FROM_CAMERA, WEATHERS["clear"])
+    rendering = render(world, here)
     assert (rendering.class_id == view_of(SCENE, 0, other).class_id).mean() < 0.97
 
 
 def test_the_sky_has_no_depth_no_class_and_no_actor(world):
     here = pose((0.0, 0.0, 6.0), pitch=-0.3)
-    rendering = world.render(0, here @ BODY_FROM_CAMERA, WEATHERS["clear"])
+    rendering = render(world, here)
     sky = rendering.class_id == SKY
     assert 0.2 < sky.mean() < 0.9
     np.testing.assert_array_equal(sky, np.isinf(rendering.depth_m))
@@ -91,8 +90,8 @@ def test_what_the_far_plane_cuts_off_is_sky():
     here = pose((0.0, 0.0, 6.0))
     at_m = float((here @ BODY_FROM_CAMERA)[0, 3]) + FAR_M - 0.05
     wall = solid(BUILDING, (1, 200, 50), (at_m + 0.5, 0, 10))
-    with World(Scene(parts_of([ground(), wall]), ()), PIX_FROM_CAMERA, WIDTH, HEIGHT) as world:
-        rendering = world.render(0, here @ BODY_FROM_CAMERA, WEATHERS["clear"])
+    with world_of(Scene(parts_of([ground(), wall]), ())) as world:
+        rendering = render(world, here)
     assert BUILDING not in rendering.class_id
     np.testing.assert_array_equal(rendering.class_id == SKY, np.isinf(rendering.depth_m))
     np.testing.assert_array_equal(rendering.actor_id == -1, np.isinf(rendering.depth_m))
@@ -100,45 +99,40 @@ def test_what_the_far_plane_cuts_off_is_sky():
 
 def test_a_picture_does_not_depend_on_the_one_before(world):
     here, other = pose((0.5, 0.4, 6.2), 0.2), pose((3.0, 0.4, 5.0), yaw=0.4)
-    first = world.render(0, here @ BODY_FROM_CAMERA, WEATHERS["sunset"])
-    world.render(1, other @ BODY_FROM_CAMERA, WEATHERS["night"])
-    again = world.render(0, here @ BODY_FROM_CAMERA, WEATHERS["sunset"])
+    first = render(world, here, 0, WEATHERS["sunset"])
+    render(world, other, 1, WEATHERS["night"])
+    again = render(world, here, 0, WEATHERS["sunset"])
     for name in ("rgb", "depth_m", "class_id", "actor_id"):
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
 
 
 # ----------------------------------------------------------------------------------- culling
 
-ALL_AROUND = (
-    ground(),
-    *(
-        solid(BUILDING, (6, 9, 12), (40 * np.cos(a), 40 * np.sin(a), 6), yaw_rad=a)
-        for a in np.arange(0, 6.2, 0.4)
-    ),
-    *(
-        solid(VEGETATION, (3, 3, 4), (70 * np.cos(a), 70 * np.sin(a), 3), "cone", material=PLAIN)
-        for a in np.arange(0, 6.2, 0.15)
-    ),
-)
-AROUND_ACTORS = tuple(
-    actor([(18 * np.cos(a), 18 * np.sin(a), 0)], actor_id=1 + k, yaw_rad=a)
-    for k, a in enumerate(np.arange(0, 6.2, 0.5))
-)
+
+def around(radius_m, height_m, step_rad):
+    """Places on a circle, and the angles at which they lie."""
+    angles_rad = np.arange(0, 6.2, step_rad)
+    return [((radius_m * np.cos(a), radius_m * np.sin(a), height_m), a) for a in angles_rad]
+
+
+HOUSES = [solid(BUILDING, (6, 9, 12), at_m, yaw_rad=a) for at_m, a in around(40, 6, 0.4)]
+TREES = [solid(VEGETATION, (3, 3, 4), at_m, "cone", 0.0, PLAIN) for at_m, _ in around(70, 3, 0.15)]
+CARS = [actor([at_m], actor_id=1 + k, yaw_rad=a) for k, (at_m, a) in enumerate(around(18, 0, 0.5))]
 
 
 def test_hiding_what_is_out_of_sight_changes_no_pixel(monkeypatch):
     rng = np.random.default_rng(0)
     positions_m = rng.uniform((-30, -30, 2), (30, 30, 18), (24, 3))
     angles_rad = rng.uniform((-0.5, -0.5, -np.pi), (0.5, 0.5, np.pi), (24, 3))
-    poses = [pose(tuple(p), *a) @ BODY_FROM_CAMERA for p, a in zip(positions_m, angles_rad)]
-    scene = Scene(parts_of(ALL_AROUND), AROUND_ACTORS)
-    with World(scene, PIX_FROM_CAMERA, WIDTH, HEIGHT) as world:
+    poses = [pose(tuple(p), *a) for p, a in zip(positions_m, angles_rad)]
+    scene = Scene(parts_of([ground(), *HOUSES, *TREES]), tuple(CARS))
+    with world_of(scene) as world:
         culled, hidden = [], []
         for place in poses:
-            culled.append(world.render(0, place, WEATHERS["clear"]))
+            culled.append(render(world, place))
             hidden.append((~world._shown).mean())
         monkeypatch.setattr("src.sim.world.in_view", lambda *args: np.ones(len(args[2]), bool))
-        whole = [world.render(0, place, WEATHERS["clear"]) for place in poses]
+        whole = [render(world, place) for place in poses]
         assert world._shown.all()
     assert np.mean(hidden) > 0.5
     for one, other in zip(culled, whole):
@@ -147,13 +141,12 @@ def test_hiding_what_is_out_of_sight_changes_no_pixel(monkeypatch):
 
 
 def test_what_is_hidden_is_not_drawn_and_comes_back(monkeypatch):
-    here = pose((0.5, 0.4, 6.2)) @ BODY_FROM_CAMERA
-    with World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT) as world:
-        before = world.render(0, here, WEATHERS["clear"])
+    with world_of(SCENE) as world:
+        before = render(world, HERE)
         monkeypatch.setattr("src.sim.world.in_view", lambda *args: np.zeros(len(args[2]), bool))
-        nothing = world.render(0, here, WEATHERS["clear"])
+        nothing = render(world, HERE)
         monkeypatch.undo()
-        after = world.render(0, here, WEATHERS["clear"])
+        after = render(world, HERE)
     assert (nothing.class_id == SKY).all()
     assert (nothing.rgb == 255).all()
     np.testing.assert_array_equal(before.rgb, after.rgb)
@@ -162,23 +155,15 @@ def test_what_is_hidden_is_not_drawn_and_comes_back(monkeypatch):
 # --------------------------------------------------------------------------------------- EGL
 
 
-@pytest.fixture(scope="module")
-def needs_egl():
-    try:
-        require_renderer("egl")
-    except UserError as error:
-        pytest.skip(str(error))
-
-
 @pytest.fixture
 def egl(needs_egl):
-    with World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer="egl") as opened:
+    with world_of(SCENE, "egl") as opened:
         yield opened
 
 
 def test_egl_gives_what_rays_meet(egl):
     here = pose((0.5, 0.4, 6.2), 0.3, 0.2, 0.15)
-    rendering = egl.render(1, here @ BODY_FROM_CAMERA, WEATHERS["clear"])
+    rendering = render(egl, here, 1)
     truth = view_of(SCENE, 1, here)
     assert (rendering.class_id == truth.class_id).mean() > 0.999
     assert (rendering.actor_id == truth.actor_id).mean() > 0.999
@@ -196,8 +181,8 @@ def test_egls_colours_lie_on_what_rays_meet(needs_egl, attitude):
     ]
     here = pose((0.5, 0.4, 6.2), *attitude)
     scene = Scene(parts_of([ground(), *solids]), ())
-    with World(scene, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer="egl") as opened:
-        seen = opened.render(0, here @ BODY_FROM_CAMERA, WEATHERS["cloudy"])
+    with world_of(scene, "egl") as opened:
+        seen = render(opened, here, 0, WEATHERS["cloudy"])
     red, green, blue = np.moveaxis(seen.rgb.astype(int), -1, 0)
     painted = (seen.class_id != GROUND) & (seen.class_id != SKY)
     assert painted.sum() > 400
@@ -205,19 +190,18 @@ def test_egls_colours_lie_on_what_rays_meet(needs_egl, attitude):
 
 
 def test_egl_draws_much_the_same_as_tiny_renderer(egl, world):
-    here = pose((0.5, 0.4, 6.2), 0.1, 0.1, 0.1) @ BODY_FROM_CAMERA
+    here = pose((0.5, 0.4, 6.2), 0.1, 0.1, 0.1)
     for weather in ("clear", "sunset", "night"):
-        one, other = (each.render(0, here, WEATHERS[weather]) for each in (egl, world))
+        one, other = (render(each, here, 0, WEATHERS[weather]) for each in (egl, world))
         difference = np.abs(one.rgb.astype(int) - other.rgb).mean(axis=-1)
         assert difference.mean() < 12
 
 
 def test_worlds_of_both_renderers_follow_each_other_in_silence(needs_egl, capfd):
-    here = pose((0.5, 0.4, 6.2)) @ BODY_FROM_CAMERA
     pictures = []
     for renderer in ("tiny", "egl", "tiny", "egl"):
-        with World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer=renderer) as opened:
-            pictures.append(opened.render(0, here, WEATHERS["clear"]).rgb)
+        with world_of(SCENE, renderer) as opened:
+            pictures.append(render(opened, HERE).rgb)
     np.testing.assert_array_equal(pictures[0], pictures[2])
     np.testing.assert_array_equal(pictures[1], pictures[3])
     assert (pictures[0] != pictures[1]).any()
@@ -225,23 +209,16 @@ def test_worlds_of_both_renderers_follow_each_other_in_silence(needs_egl, capfd)
 
 
 def test_a_second_world_with_egl_is_refused_while_one_is_open(egl):
-    here = pose((0.5, 0.4, 6.2)) @ BODY_FROM_CAMERA
-    before = egl.render(0, here, WEATHERS["clear"]).rgb
-    with (
-        pytest.raises(RuntimeError, match="one world at a time"),
-        World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer="egl"),
-    ):
+    before = render(egl, HERE).rgb
+    with pytest.raises(RuntimeError, match="one world at a time"), world_of(SCENE, "egl"):
         pass
-    np.testing.assert_array_equal(before, egl.render(0, here, WEATHERS["clear"]).rgb)
+    np.testing.assert_array_equal(before, render(egl, HERE).rgb)
 
 
 def test_a_world_that_could_not_be_filled_is_closed(needs_egl, monkeypatch):
     monkeypatch.setattr("src.sim.drawing._obj", lambda *mesh: 1 / 0)
-    with (
-        pytest.raises(ZeroDivisionError),
-        World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer="egl"),
-    ):
+    with pytest.raises(ZeroDivisionError), world_of(SCENE, "egl"):
         pass
     monkeypatch.undo()
-    with World(SCENE, PIX_FROM_CAMERA, WIDTH, HEIGHT, renderer="egl"):
+    with world_of(SCENE, "egl"):
         pass

@@ -373,4 +373,4 @@ def test_curves_of_other_protocols_are_no_seeds_of_one(tmp_path):
     out = reported(runs / "a", one, other, out=tmp_path / "out", mixed=True)
     page = (out / "report.html").read_text()
     assert "2 seeds" not in page
-    assert "SkyShield (2: dataset=tiny-4567)" in page
+    assert "SkyOcc (2: dataset=tiny-4567)" in page
