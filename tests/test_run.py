@@ -16,6 +16,7 @@ import yaml
 from hydra.core.global_hydra import GlobalHydra
 from lightning.pytorch.loggers.csv_logs import ExperimentWriter
 
+from src.data.clip import Clip
 from src.data.datamodule import SkyShieldData
 from src.errors import UserError
 from src.failures import one_line
@@ -339,11 +340,15 @@ def test_fit_does_not_go_on_from_another_run(finished, here):
         fit(compose_config(*here, f"ckpt_path={finished[0]}/checkpoints/last.ckpt"))
 
 
-def test_what_cannot_be_done_is_refused_before_a_finished_run_is_moved(finished):
-    """A device that there is not, for a command that would train in the folder of another run."""
+@pytest.mark.parametrize("late", [False, True])
+def test_what_cannot_be_done_is_refused_before_a_finished_run_is_moved(finished, late, monkeypatch):
+    """A device that there is not, or labels that cannot be read, for another training there."""
     folder, words = finished
-    with pytest.raises(UserError, match=r"trainer\.accelerator: tpu, but PyTorch finds only"):
-        fit(compose_config(*words, "seed=0", "optimizer.lr=0.1", "trainer.accelerator=tpu"))
+    words = [*words, "optimizer.lr=0.1", *([] if late else ["trainer.accelerator=tpu"])]
+    if late:
+        monkeypatch.setattr(Clip, "semantics", lambda *_: Path("gone.npz").read_bytes())
+    with pytest.raises((UserError, FileNotFoundError), match=r"finds only cpu|gone\.npz"):
+        fit(compose_config(*words))
     assert (folder / "results.csv").is_file()
     assert not folder.with_name("seed0.before1").exists()
 

@@ -71,9 +71,7 @@ def _train(
     data: SkyShieldData,
     named: Path | None,
 ) -> str:
-    first = is_first_process()
-    prepare = folder.open if first else folder.to_resume
-    path = named or prepare(afresh=cfg.overwrite)
+    path = named or folder.to_resume(afresh=cfg.overwrite)
 
     # A broken checkpoint is refused here, in one line.
     checkpoint = None if path is None else Checkpoint.read(path)
@@ -83,7 +81,10 @@ def _train(
     if checkpoint:
         load_weights(module, checkpoint.state, path)
 
-    if first:
+    # Nothing is left to refuse: now what is in the way of this run may move aside.
+    if first := is_first_process():
+        if named is None:
+            folder.open(afresh=cfg.overwrite)
         _write_class_weights(folder, module)
         _announce(cfg, trainer, module, data, done)
     try:
