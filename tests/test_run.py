@@ -500,7 +500,10 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
         (["data.order=stream"], "data.order: 'stream'; there are shuffled, streams"),
         (["model.history=foo"], "model.history: 'foo' is neither 'queue' nor 'recursive'"),
         (["trainer.precision=fp16"], "trainer.precision: 'fp16'; there are auto, 32-true"),
-        (["trainer.accelerator=cpu", "trainer.precision=16-mixed"], "trainer.precision: 16-mixed"),
+        (
+            ["trainer.accelerator=cpu", "trainer.precision=16-mixed"],
+            "not compute in 16-mixed; give",
+        ),
         (["trainer.accelerator=tpu"], "trainer.accelerator: tpu, but PyTorch finds only"),
         (["trainer.strategy=no"], "trainer: You selected an invalid strategy name"),
         (["gpu_precision=fp8"], "gpu_precision: 'fp8'; there are 32-true"),

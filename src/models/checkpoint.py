@@ -113,7 +113,7 @@ def read_content(path: Path) -> dict[str, Any]:
         *(AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError),
         pickle.UnpicklingError,
     ) as error:
-        reason = " ".join(str(error).split())[:120]
+        reason = " ".join(str(error).split()).partition(". ")[0][:120]
         raise UserError(
             f"ckpt_path: {path} is no readable checkpoint ({reason}); give another one, or delete "
             "it to start anew"

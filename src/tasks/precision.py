@@ -40,7 +40,7 @@ def precision_of(cfg: DictConfig) -> str:
         runs = (*runs, BF16)
     if asked not in runs:
         raise UserError(
-            f"trainer.precision: {asked} is not what {kind} devices here compute in; give "
+            f"trainer.precision: a {kind} device here does not compute in {asked}; give "
             f"{' or '.join(runs)}"
         )
     return asked
