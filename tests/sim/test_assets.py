@@ -14,7 +14,7 @@ from src.sim.assets import (
     furniture,
     industry,
     placed,
-    pose,
+    upright,
     vegetation,
     waterside,
 )
@@ -154,7 +154,7 @@ def test_bounds_enclose_the_mesh_tightly(shape):
 
 def test_placed_moves_the_asset_without_changing_it():
     solids = furniture.bench(rng(0))
-    moved = placed(solids, pose(10.0, -4.0, 1.0, np.pi / 2))
+    moved = placed(solids, upright(10.0, -4.0, 1.0, np.pi / 2))
     length, width, height = extent_m(solids)
     assert extent_m(moved) == pytest.approx((width, length, height))
     # A quarter turn to the left takes what looks along x to look along y.

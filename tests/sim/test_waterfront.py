@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from src.ontology import BUILDING, THIN_STRUCTURE
-from src.sim.assets import bounds_m, pose
+from src.sim.assets import bounds_m, upright
 from src.sim.flight import FlightConfig, fly
 from src.sim.layout import Path, Town
 from src.sim.scene import Scene, pieces_of, static_parts
@@ -107,13 +107,13 @@ def test_a_site_lets_only_what_is_overhead_cross_a_corridor():
     site = Site("ring", Network(corners_m, streets), lambda x, y: np.zeros_like(x + y))
 
     def slab(low_m: float, high_m: float) -> list[Solid]:
-        middle = pose(80.0, 0.0, (low_m + high_m) / 2)
+        middle = upright(80.0, 0.0, (low_m + high_m) / 2)
         return [Solid("box", BUILDING, (8.0, 40.0, high_m - low_m), middle, "concrete")]
 
     assert not site.hang(slab(5.9, 6.8), 0.0)
     assert not site.hang(slab(3.0, 3.9), 0.0, overhead=True)
     assert not site.hang(slab(8.5, 9.5), 0.0, overhead=True)
     assert site.hang(slab(5.9, 6.8), 0.0, overhead=True)
-    mast = [Solid("box", BUILDING, (0.5, 0.5, 8.0), pose(0.0, 0.0, 4.0), "concrete")]
+    mast = [Solid("box", BUILDING, (0.5, 0.5, 8.0), upright(0.0, 0.0, 4.0), "concrete")]
     assert not site.place(mast, 80.0, 15.0, 0.0), "it would stand through the bridge"
     assert site.place(mast, 60.0, 15.0, 0.0)

@@ -5,12 +5,13 @@ from collections.abc import Callable
 import numpy as np
 
 from ..solid import Solid
-from .parts import bounds_m, extent_m, placed, pose
+from .parts import bounds_m, extent_m, placed, upright
 from .people import bicycle, motorcycle, pedestrian
 from .vehicles import bus, car, truck
 
-__all__ = ["ACTORS", "bounds_m", "extent_m", "placed", "pose"]
+__all__ = ["ACTORS", "bounds_m", "extent_m", "placed", "upright"]
 
+# What moves, by the types of `ontology.ACTOR_TYPES`, in the actor frame.
 ACTORS: dict[str, Callable[[np.random.Generator], tuple[Solid, ...]]] = {
     "car": car,
     "truck": truck,
@@ -19,4 +20,3 @@ ACTORS: dict[str, Callable[[np.random.Generator], tuple[Solid, ...]]] = {
     "bicycle": bicycle,
     "motorcycle": motorcycle,
 }
-"""What moves, by the types of `ontology.ACTOR_TYPES`, in the actor frame."""

@@ -4,8 +4,9 @@ import numpy as np
 
 from ...ontology import THIN_STRUCTURE, VEGETATION
 from ..solid import Solid
-from .parts import ROOT_M, beam, part
+from .parts import ROOT_M, beam, box, part
 
+# Leaves and how common each is: most are dark or mid green, one tree in twenty is in autumn.
 _CROWNS = ("foliage_dark", "foliage_mid", "foliage_light", "foliage_autumn")
 _CROWN_SHARES = (0.35, 0.4, 0.2, 0.05)
 
@@ -23,18 +24,21 @@ def broadleaf(
     clear = trunk_m + rng.uniform(0.0, 1.0)
     crown_height = rng.uniform(1.5, 2.2) * radius
     middle = clear + crown_height / 2
-    foliage = str(rng.choice(_CROWNS, p=_CROWN_SHARES))
-    solids = [_trunk(rng.uniform(0.25, 0.4), middle)]
+    foliage = rng.choice(_CROWNS, p=_CROWN_SHARES)
     core = (1.5 * radius, 1.5 * radius, crown_height)
-    solids.append(part("ellipsoid", VEGETATION, foliage, core, (0, 0, middle)))
+    solids = [
+        _trunk(rng.uniform(0.25, 0.4), middle),
+        part("ellipsoid", VEGETATION, foliage, core, (0, 0, middle)),
+    ]
+
+    # Four lobes around the core, or the crown would be a plain egg.
     start = rng.uniform(0, 2 * np.pi)
     for angle in start + np.arange(4) * np.pi / 2 + rng.uniform(-0.3, 0.3, 4):
         lobe = rng.uniform(0.9, 1.1) * radius
         reach = radius - lobe / 2
-        centre = (reach * np.cos(angle), reach * np.sin(angle))
         height = middle + rng.uniform(-0.2, 0.25) * crown_height
-        size_m = (lobe, lobe, 0.8 * lobe)
-        solids.append(part("ellipsoid", VEGETATION, foliage, size_m, (*centre, height)))
+        center = (reach * np.cos(angle), reach * np.sin(angle), height)
+        solids.append(part("ellipsoid", VEGETATION, foliage, (lobe, lobe, 0.8 * lobe), center))
     return solids
 
 
@@ -47,24 +51,25 @@ def conifer(rng: np.random.Generator) -> list[Solid]:
     """A spruce of 6 to 11 m: three stacked cones on a trunk."""
     height, width = rng.uniform(6, 11), rng.uniform(2.6, 3.8)
     solids = [_trunk(0.3, 0.4 * height)]
+
     for k in range(3):
         low, size = (0.14 + 0.24 * k) * height, width * (1 - 0.24 * k)
+        # The uppermost cone ends at the tree's height, the others overlap the next.
         tall = 0.42 * height if k < 2 else height - low
-        solids.append(
-            part("cone", VEGETATION, "needles", (size, size, tall), (0, 0, low + tall / 2))
-        )
+        center = (0, 0, low + tall / 2)
+        solids.append(part("cone", VEGETATION, "needles", (size, size, tall), center))
     return solids
 
 
 def bush(rng: np.random.Generator) -> list[Solid]:
     """Two or three low lobes, 0.8 to 1.6 m tall."""
-    foliage = str(rng.choice(_CROWNS, p=_CROWN_SHARES))
+    foliage = rng.choice(_CROWNS, p=_CROWN_SHARES)
     solids = []
     for k in range(rng.integers(2, 4)):
         wide, tall = rng.uniform(1.0, 1.7), rng.uniform(0.9, 1.6)
         x, y = (0.0, 0.0) if k == 0 else rng.uniform(-0.4, 0.4, 2)
-        centre = (x, y, 0.35 * tall)
-        solids.append(part("ellipsoid", VEGETATION, foliage, (wide, wide, tall), centre))
+        center = (x, y, 0.35 * tall)
+        solids.append(part("ellipsoid", VEGETATION, foliage, (wide, wide, tall), center))
     return solids
 
 
@@ -72,22 +77,25 @@ def hedge(rng: np.random.Generator, length_m: float) -> list[Solid]:
     """A clipped hedge along y."""
     height, depth = rng.uniform(0.9, 1.5), rng.uniform(0.5, 0.8)
     size_m = (depth, length_m, height - ROOT_M)
-    return [part("box", VEGETATION, "foliage_dark", size_m, (0, 0, (height + ROOT_M) / 2))]
+    return [box(VEGETATION, "foliage_dark", size_m, (0, 0, (height + ROOT_M) / 2))]
 
 
 def bare_tree(rng: np.random.Generator) -> list[Solid]:
     """A leafless tree of 6 to 8 m: boughs of 8 to 14 cm that fork into twigs of 4 to 6 cm."""
     top = rng.uniform(2.4, 3.2)
     solids = [_trunk(0.3, top)]
+
     start = rng.uniform(0, 2 * np.pi)
     for angle in start + np.arange(5) * 2 * np.pi / 5:
         out = np.array([np.cos(angle), np.sin(angle), 0.0])
         side = np.array([-np.sin(angle), np.cos(angle), 0.0])
         root = np.array([0, 0, top - rng.uniform(0.05, 0.6)])
         fork = root + rng.uniform(0.8, 1.4) * out + [0, 0, rng.uniform(1.2, 1.8)]
-        solids.append(beam(THIN_STRUCTURE, "bark", root, fork, rng.uniform(0.08, 0.14)))
+        solids.append(beam(THIN_STRUCTURE, "bark", rng.uniform(0.08, 0.14), root, fork))
+
+        # The rise is drawn before the reach: the order of draws is part of a town's bytes.
         for swing in (-0.7, 0.1, 0.8):
             rise = [0, 0, rng.uniform(0.7, 1.6)]
             tip = fork + rng.uniform(0.6, 1.1) * (out + swing * side) + rise
-            solids.append(beam(THIN_STRUCTURE, "bark", fork, tip, rng.uniform(0.04, 0.06)))
+            solids.append(beam(THIN_STRUCTURE, "bark", rng.uniform(0.04, 0.06), fork, tip))
     return solids

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from ..assets import buildings, construction, furniture, market, placed, pose, vegetation
+from ..assets import buildings, construction, furniture, market, placed, upright, vegetation
 from ..layout import GroundPatch, Town
 from ..solid import Solid
 from ..textures import BAY_M, STOREY_M
@@ -87,7 +87,7 @@ def _house_or_works(rng: np.random.Generator) -> list[Solid]:
 def _scaffold(depth_m: float, bays: int, storeys: int) -> list[Solid]:
     """A scaffold along the whole front of a house, to below its eaves."""
     lifts = int(storeys * STOREY_M // construction.LIFT_M) - 1
-    return placed(construction.scaffold(bays * BAY_M, lifts), pose(depth_m / 2 + 0.8, 0.0))
+    return placed(construction.scaffold(bays * BAY_M, lifts), upright(depth_m / 2 + 0.8, 0.0))
 
 
 # ------------------------------------------------------------------------------------ the square
@@ -132,7 +132,7 @@ def _furnish_street(site: Site, street: Street, rng: np.random.Generator) -> Non
     row(site, street, 0.5, 34.0, furniture.sign_post, rng)
     park(site, street, rng, 0.15)
     row(site, street, edge + 1.4, 11.0, furniture.stall, rng)
-    row(site, street, edge + 0.5, 11.0, partial(_fence, length_m=7.8), rng)
+    row(site, street, edge + 0.5, 11.0, partial(construction.site_fence, length_m=7.8), rng)
     row(site, street, edge + 1.0, 15.0, furniture.barrier, rng)
     row(site, street, edge + 0.5, 11.0, furniture.traffic_cone, rng)
     row(site, street, edge + 1.5, 13.0, construction.supplies, rng)
@@ -143,10 +143,6 @@ def _furnish_street(site: Site, street: Street, rng: np.random.Generator) -> Non
     in_gardens(site, street, 3, vegetation.broadleaf, rng, (8.0, 26.0))
     in_gardens(site, street, 2, vegetation.bare_tree, rng, (3.0, 26.0))
     in_gardens(site, street, 3, vegetation.bush, rng, (2.0, 20.0))
-
-
-def _fence(rng: np.random.Generator, length_m: float) -> list[Solid]:
-    return construction.site_fence(length_m)
 
 
 def _crane(site: Site, rng: np.random.Generator) -> None:

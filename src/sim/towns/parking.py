@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..assets import ACTORS, extent_m
-from ..assets.parts import pose
+from ..assets.parts import upright
 from ..layout import GroundPatch
 from ..solid import Solid
 from .network import PAVEMENT_RISE_M, Street
@@ -91,7 +91,7 @@ def lot(
     ``yaw_rad``; ``share`` of the bays are taken."""
     bay_length_m, bay_width_m = BAY_M[kind]
     length_m, depth_m = columns * bay_width_m, 2 * bay_length_m + AISLE_M[kind]
-    frame = pose(*middle_m, 0.0, yaw_rad)
+    frame = upright(*middle_m, 0.0, yaw_rad)
 
     def lay(along_m: float, across_m: float, size_m: tuple[float, float], *surface) -> None:
         x, y = (frame @ (along_m, across_m, 0.0, 1.0))[:2]

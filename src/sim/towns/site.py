@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ...ontology import THIN_STRUCTURE
-from ..assets.parts import bounds_m, placed, pose
+from ..assets.parts import bounds_m, placed, upright
 from ..layout import GroundPatch, HeightField, Path, Town
 from ..solid import Solid
 from .network import Network
@@ -76,11 +76,11 @@ class Site:
         self, asset: Sequence[Solid], x_m: float, y_m: float, yaw_rad: float, rise_m: float = 0.0
     ) -> bool:
         """Stand an asset on the lowest ground under it, if there is room; say whether there was."""
-        flat = placed(asset, pose(x_m, y_m, 0.0, yaw_rad))
+        flat = placed(asset, upright(x_m, y_m, 0.0, yaw_rad))
         footprints = np.stack([_footprint(solid) for solid in flat])
         corners = footprints.reshape(-1, 2)
         ground_m = float(self.terrain(corners[:, 0], corners[:, 1]).min())
-        solids = placed(flat, pose(0.0, 0.0, ground_m + rise_m))
+        solids = placed(flat, upright(0.0, 0.0, ground_m + rise_m))
         boxes_m = np.array([bounds_m(solid) for solid in solids])
         if self._taken(footprints, boxes_m) or any(self._in_the_way(s, ground_m) for s in solids):
             return False

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..assets import buildings, furniture, industry, vegetation, waterside
-from ..assets.parts import placed, pose
+from ..assets.parts import placed, upright
 from ..layout import GroundPatch, Town
 from ..solid import Solid
 from .network import Network, Profile, Street
@@ -107,14 +107,14 @@ def _overpass(site: Site, rng: np.random.Generator) -> None:
         _stand_columns(site, x_m, under_m)
         # Local y of a piece is west, so a positive tilt about x rises towards the west.
         tilt_rad = np.sign(x_m) * np.arctan(_RAMP_SLOPE) if ramp_m else 0.0
-        world_from_piece = pose(x_m, _DECK_Y_M, under_m, np.pi / 2) @ _tilted(tilt_rad)
+        world_from_piece = upright(x_m, _DECK_Y_M, under_m, np.pi / 2) @ _tilted(tilt_rad)
         piece = waterside.deck(_DECK_PIECE_M / np.cos(tilt_rad), _DECK_WIDTH_M)
         ground_m = site.height_m(x_m, _DECK_Y_M)
         site.hang(placed(piece, world_from_piece), ground_m, overhead=True)
         if not ramp_m:
             lamp = furniture.lamp_post(rng)
             edge_y_m = _DECK_Y_M + _DECK_WIDTH_M / 2 - 0.15
-            site.hang(placed(lamp, pose(x_m + 4.0, edge_y_m, top_m + 0.4, -np.pi / 2)), ground_m)
+            site.hang(placed(lamp, upright(x_m + 4.0, edge_y_m, top_m + 0.4, -np.pi / 2)), ground_m)
 
 
 def _stand_columns(site: Site, x_m: float, under_m: float) -> None:
