@@ -8,6 +8,9 @@ from jaxtyping import Bool, Float
 
 Shape = Literal["box", "cylinder", "cone", "ellipsoid"]
 
+# Every town and every asset is drawn from a generator that is passed in.
+Rng = np.random.Generator
+
 
 @dataclass(frozen=True)
 class Solid:
@@ -15,7 +18,7 @@ class Solid:
 
     ``size_m`` is its full extent along its own x, y and z; its origin is the middle of that extent.
     ``scene_from_solid`` (4x4, float64) places it in the world, or in an actor's frame when it is a
-    part of an actor. ``material`` names a texture or a plain colour of `textures`. Plain data: no
+    part of an actor. ``material`` names a texture or a plain color of `textures`. Plain data: no
     simulator is needed to build, tessellate or probe it.
     """
 
@@ -28,10 +31,12 @@ class Solid:
     def contains(
         self, points_scene: Float[np.ndarray, "n 3"], margin_m: float = 0.0
     ) -> Bool[np.ndarray, "n"]:
-        """Which points lie inside the solid grown by ``margin_m`` (shrunk where negative)."""
+        """Returns which points lie in the solid grown by ``margin_m`` (shrunk where negative)."""
         half_m = np.asarray(self.size_m) / 2 + margin_m
         if (half_m <= 0).any():
             return np.zeros(len(points_scene), dtype=bool)
+
+        # In units of its own half extents, every solid of a shape is the same one.
         rotation = self.scene_from_solid[:3, :3]
         unit = (points_scene - self.scene_from_solid[:3, 3]) @ rotation / half_m
         if self.shape == "box":

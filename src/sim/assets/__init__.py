@@ -2,9 +2,7 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
-from ..solid import Solid
+from ..solid import Rng, Solid
 from .parts import bounds_m, extent_m, placed, upright
 from .people import bicycle, motorcycle, pedestrian
 from .vehicles import bus, car, truck
@@ -12,7 +10,7 @@ from .vehicles import bus, car, truck
 __all__ = ["ACTORS", "bounds_m", "extent_m", "placed", "upright"]
 
 # What moves, by the types of `ontology.ACTOR_TYPES`, in the actor frame.
-ACTORS: dict[str, Callable[[np.random.Generator], tuple[Solid, ...]]] = {
+ACTORS: dict[str, Callable[[Rng], tuple[Solid, ...]]] = {
     "car": car,
     "truck": truck,
     "bus": bus,

@@ -7,7 +7,7 @@ Widths and heights are whole bays and storeys of the facade textures, so that no
 import numpy as np
 
 from ...ontology import BUILDING
-from ..solid import Solid
+from ..solid import Rng, Solid
 from ..textures import BAY_M, CHIMNEY, CONCRETE, METAL, STOREY_M, TIMBER
 from .parts import box, boxes
 
@@ -29,9 +29,7 @@ def _plinth(depth_m: float, width_m: float) -> Solid:
     return block("stone", depth_m + 0.1, width_m + 0.1, -FOUNDATION_M, 0.35)
 
 
-def tower(
-    rng: np.random.Generator, bays: int, depth_m: float, storeys: int, facade: str
-) -> list[Solid]:
+def tower(rng: Rng, bays: int, depth_m: float, storeys: int, facade: str) -> list[Solid]:
     """A city block over shops, with a cornice, and a narrower top where it is tall."""
     width = bays * BAY_M
     lower = storeys if storeys < 8 else storeys - int(rng.integers(2, 5))
@@ -63,9 +61,7 @@ def tower(
     return solids
 
 
-def apartment(
-    rng: np.random.Generator, bays: int, depth_m: float, storeys: int, facade: str
-) -> list[Solid]:
+def apartment(rng: Rng, bays: int, depth_m: float, storeys: int, facade: str) -> list[Solid]:
     """A house of flats with balconies on its front and a flat roof."""
     width, top = bays * BAY_M, storeys * STOREY_M
     solids = [
@@ -86,9 +82,7 @@ def apartment(
     return solids
 
 
-def gabled_house(
-    rng: np.random.Generator, bays: int, depth_m: float, storeys: int, facade: str
-) -> list[Solid]:
+def gabled_house(rng: Rng, bays: int, depth_m: float, storeys: int, facade: str) -> list[Solid]:
     """A house under a pitched roof, its ridge along the street, with a chimney and a door."""
     width, eaves = bays * BAY_M, storeys * STOREY_M
     tiles = rng.choice(["roof_tiles", "roof_slate"])
@@ -117,7 +111,7 @@ def gabled_house(
     ]
 
 
-def shed(rng: np.random.Generator) -> list[Solid]:
+def shed(rng: Rng) -> list[Solid]:
     """A garden shed or garage with a lean-to roof."""
     depth, width, height = rng.uniform(2.5, 5.0), rng.uniform(2.5, 3.5), rng.uniform(2.1, 2.5)
     size_m = (depth + 0.5, width + 0.5, 0.12)
@@ -125,7 +119,7 @@ def shed(rng: np.random.Generator) -> list[Solid]:
     return [block("planks", depth, width, -0.2, height), roof]
 
 
-def kiosk(rng: np.random.Generator) -> list[Solid]:
+def kiosk(rng: Rng) -> list[Solid]:
     """A small pavilion with an awning."""
     material = rng.choice(["siding_blue", "siding_white", "planks"])
     awning = rng.choice(_AWNINGS)

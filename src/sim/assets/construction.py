@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from ...ontology import BUILDING, GENERAL, THIN_STRUCTURE
 from .. import textures as colors
-from ..solid import Solid
+from ..solid import Rng, Solid
 from .parts import Ends, beams, box, boxes, part, posts
 
 # From floor to floor of a shell, and from deck to deck of a scaffold.
@@ -21,7 +21,7 @@ SCAFFOLD_DEPTH_M = 0.9
 # ---------------------------------------------------------------------------------- buildings
 
 
-def shell(rng: np.random.Generator) -> list[Solid]:
+def shell(rng: Rng) -> list[Solid]:
     """A building without walls yet: concrete floors on columns, guard rails along the open floors,
     and starter bars on top."""
     width, depth, storeys = rng.uniform(10, 16), rng.uniform(9, 12), int(rng.integers(2, 5))
@@ -73,7 +73,7 @@ def scaffold(length_m: float, lifts: int) -> list[Solid]:
 # -------------------------------------------------------------------------------------- crane
 
 
-def tower_crane(rng: np.random.Generator) -> list[Solid]:
+def tower_crane(rng: Rng) -> list[Solid]:
     """A lattice mast of 22 to 26 m and, above the ceiling of any flight, a jib along y."""
     height, jib, back = rng.uniform(22.0, 26.0), rng.uniform(16.0, 22.0), 7.0
     paint = rng.choice([colors.BARRIER_ORANGE, colors.BUS_PAINT[2]])
@@ -110,7 +110,7 @@ def _girder(length_m: float, half_m: float) -> Float[np.ndarray, "n 2 3"]:
 # --------------------------------------------------------------------------- fences, supplies
 
 
-def site_fence(rng: np.random.Generator, length_m: float) -> list[Solid]:
+def site_fence(rng: Rng, length_m: float) -> list[Solid]:
     """A fence along y, 2 m tall: panels of welded bars that stand in concrete feet."""
     metal, half = colors.METAL[3], length_m / 2
     ys = np.linspace(-half, half, max(1, round(length_m / 2.6)) + 1)
@@ -125,7 +125,7 @@ def site_fence(rng: np.random.Generator, length_m: float) -> list[Solid]:
     ]
 
 
-def supplies(rng: np.random.Generator) -> list[Solid]:
+def supplies(rng: Rng) -> list[Solid]:
     """Bricks on pallets, a heap of pipes, or a stack of boards."""
     kind = rng.integers(3)
     if kind == 0:
@@ -141,7 +141,7 @@ def supplies(rng: np.random.Generator) -> list[Solid]:
     return [box(GENERAL, "planks", (1.2, rng.uniform(2.6, 4.0), 1.0), (0, 0, 0.35))]
 
 
-def skip(rng: np.random.Generator) -> list[Solid]:
+def skip(rng: Rng) -> list[Solid]:
     """An open steel skip along y, filled with rubble."""
     paint, length = rng.choice(colors.TRUCK_PAINT[1:]), rng.uniform(2.8, 3.6)
     walls = [(paint, (1.7, length, 0.5), (0, 0, 0.05))]

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...ontology import GENERAL, THIN_STRUCTURE
 from .. import textures as colors
-from ..solid import Solid
+from ..solid import Rng, Solid
 from .parts import ROOT_M, Vector, beam, beams, box, boxes, part, posts
 
 # Pieces of a sagging wire: enough for a parabola that shows no corners from the air.
@@ -19,7 +19,7 @@ _MIDDLE = ((0.0, 0.0),)
 # ------------------------------------------------------------------------------ thin structures
 
 
-def lamp_post(rng: np.random.Generator, reach_m: float = 1.8) -> list[Solid]:
+def lamp_post(rng: Rng, reach_m: float = 1.8) -> list[Solid]:
     """A street lamp of 6 to 7.5 m with an arm over the road."""
     height, metal = rng.uniform(6.0, 7.5), rng.choice(colors.METAL[:3])
     head = (reach_m, 0, height + 0.12)
@@ -31,7 +31,7 @@ def lamp_post(rng: np.random.Generator, reach_m: float = 1.8) -> list[Solid]:
     ]
 
 
-def park_lamp(rng: np.random.Generator) -> list[Solid]:
+def park_lamp(rng: Rng) -> list[Solid]:
     """A low lamp with a globe."""
     height = rng.uniform(3.2, 3.8)
     globe = (0, 0, height + 0.2)
@@ -54,7 +54,7 @@ def _light_head(x_m: float, y_m: float, z_m: float, yaw_rad: float) -> list[Soli
     return solids
 
 
-def traffic_light(rng: np.random.Generator, reach_m: float) -> list[Solid]:
+def traffic_light(rng: Rng, reach_m: float) -> list[Solid]:
     """A mast with an arm along +x; its heads look along +y, at the oncoming traffic."""
     height, metal = rng.uniform(5.6, 6.4), colors.METAL[1]
     return [
@@ -65,7 +65,7 @@ def traffic_light(rng: np.random.Generator, reach_m: float) -> list[Solid]:
     ]
 
 
-def sign_post(rng: np.random.Generator) -> list[Solid]:
+def sign_post(rng: Rng) -> list[Solid]:
     """A traffic sign on a pole: its plate looks along +y."""
     height = rng.uniform(2.3, 2.8)
     plate = rng.choice([colors.SIGN_RED, colors.SIGN_BLUE, colors.SIGN_WHITE])
@@ -83,7 +83,7 @@ def sign_post(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def utility_pole(rng: np.random.Generator, height_m: float) -> list[Solid]:
+def utility_pole(rng: Rng, height_m: float) -> list[Solid]:
     """A timber pole whose crossarm lies along x; `wire_ends` says where the wires hang."""
     z = height_m - 0.4
     solids = posts(THIN_STRUCTURE, colors.TIMBER, 0.24, _MIDDLE, height_m)
@@ -110,7 +110,7 @@ def wire(start_m: Vector, end_m: Vector, sag_m: float) -> list[Solid]:
     return beams(THIN_STRUCTURE, colors.CABLE, 0.04, pairwise(points))
 
 
-def span_wire(rng: np.random.Generator, width_m: float) -> list[Solid]:
+def span_wire(rng: Rng, width_m: float) -> list[Solid]:
     """Two poles with a cable along x across a whole street, and a lamp that hangs from it."""
     height, half, sag = rng.uniform(6.4, 7.4), width_m / 2, rng.uniform(0.3, 0.6)
     lamp = (0, 0, height - sag - 0.2)
@@ -127,7 +127,7 @@ def _feet(length_m: float, spacing_m: float) -> list[Vector]:
     return [(0.0, y) for y in np.linspace(-0.5, 0.5, count) * length_m]
 
 
-def fence(rng: np.random.Generator, length_m: float) -> list[Solid]:
+def fence(rng: Rng, length_m: float) -> list[Solid]:
     """Posts and rails along y, 1.1 to 1.5 m tall."""
     height = rng.uniform(1.1, 1.5)
     material = rng.choice([colors.TIMBER, colors.SIGN_WHITE, colors.METAL[1]])
@@ -138,7 +138,7 @@ def fence(rng: np.random.Generator, length_m: float) -> list[Solid]:
     ]
 
 
-def railing(rng: np.random.Generator, length_m: float) -> list[Solid]:
+def railing(rng: Rng, length_m: float) -> list[Solid]:
     """A steel guard rail along y."""
     metal, half = rng.choice(colors.METAL[:2]), length_m / 2
     rails = [((0, -half, z), (0, half, z)) for z in (0.55, 1.05)]
@@ -148,7 +148,7 @@ def railing(rng: np.random.Generator, length_m: float) -> list[Solid]:
     ]
 
 
-def climbing_frame(rng: np.random.Generator) -> list[Solid]:
+def climbing_frame(rng: Rng) -> list[Solid]:
     """Playground bars of thin steel: two rows of posts and rungs."""
     paint, half = rng.choice(colors.CAR_PAINT), rng.uniform(2.4, 4.0) / 2
     solids = []
@@ -162,7 +162,7 @@ def climbing_frame(rng: np.random.Generator) -> list[Solid]:
 # ---------------------------------------------------------------------------------- general
 
 
-def bench(rng: np.random.Generator) -> list[Solid]:
+def bench(rng: Rng) -> list[Solid]:
     """A bench of 1.6 to 2 m along y, to be sat on looking along +x."""
     length = rng.uniform(1.6, 2.0)
     y = length / 2 - 0.2
@@ -175,7 +175,7 @@ def bench(rng: np.random.Generator) -> list[Solid]:
     return boxes(GENERAL, rows)
 
 
-def litter_bin(rng: np.random.Generator) -> list[Solid]:
+def litter_bin(rng: Rng) -> list[Solid]:
     """A litter bin with a lid."""
     paint = rng.choice([colors.BIN_GREEN, colors.BIN_GREY])
     return [
@@ -184,7 +184,7 @@ def litter_bin(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def barrier(rng: np.random.Generator) -> list[Solid]:
+def barrier(rng: Rng) -> list[Solid]:
     """A striped road-works barrier of 2 to 2.6 m along y."""
     length = rng.uniform(2.0, 2.6)
     rows = (
@@ -196,7 +196,7 @@ def barrier(rng: np.random.Generator) -> list[Solid]:
     return boxes(GENERAL, rows)
 
 
-def traffic_cone(rng: np.random.Generator) -> list[Solid]:
+def traffic_cone(rng: Rng) -> list[Solid]:
     """A traffic cone."""
     height = rng.uniform(0.7, 0.9)
     return [
@@ -205,7 +205,7 @@ def traffic_cone(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def container(rng: np.random.Generator) -> list[Solid]:
+def container(rng: Rng) -> list[Solid]:
     """A skip or a short freight container along y."""
     material = rng.choice(["corrugated_red", "corrugated_blue"])
     length, height = rng.uniform(3.0, 6.0), rng.uniform(1.6, 2.5)
@@ -216,7 +216,7 @@ def container(rng: np.random.Generator) -> list[Solid]:
     return boxes(GENERAL, rows)
 
 
-def stall(rng: np.random.Generator) -> list[Solid]:
+def stall(rng: Rng) -> list[Solid]:
     """A market stall: a counter with goods under a striped roof on four legs."""
     width = rng.uniform(2.4, 3.2)
     roof = rng.choice(["awning_red", "awning_green"])

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...ontology import BUILDING, GENERAL, THIN_STRUCTURE
 from .. import textures as colors
-from ..solid import Solid
+from ..solid import Rng, Solid
 from .buildings import FOUNDATION_M
 from .parts import ROOT_M, beam, beams, box, boxes, part, posts
 
@@ -18,7 +18,7 @@ _CLADDING = ("corrugated_grey", "corrugated_blue", "corrugated_red")
 _CONTAINERS = ("corrugated_red", "corrugated_blue", "corrugated_grey")
 
 
-def hall(rng: np.random.Generator, width_m: float, depth_m: float) -> list[Solid]:
+def hall(rng: Rng, width_m: float, depth_m: float) -> list[Solid]:
     """A long, low hall with roller doors, a band of windows and a saw-tooth roof of sheds."""
     eaves = rng.uniform(6.0, 9.0)
     cladding = rng.choice(_CLADDING)
@@ -60,7 +60,7 @@ def _saw_tooth(
     return boxes(BUILDING, rows)
 
 
-def tank(rng: np.random.Generator) -> list[Solid]:
+def tank(rng: Rng) -> list[Solid]:
     """A storage tank with a shallow roof, a ladder and a railing around its top."""
     diameter, height = rng.uniform(6.0, 10.0), rng.uniform(5.0, 9.0)
     metal, x, top = colors.METAL[1], diameter / 2 + 0.12, height + 0.9
@@ -85,7 +85,7 @@ def tank(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
-def silo(rng: np.random.Generator) -> list[Solid]:
+def silo(rng: Rng) -> list[Solid]:
     """A tall silo on a plinth, under a cone."""
     diameter, height = rng.uniform(3.2, 4.5), rng.uniform(11.0, 16.0)
     wide = (diameter, diameter)
@@ -96,7 +96,7 @@ def silo(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def chimney(rng: np.random.Generator) -> list[Solid]:
+def chimney(rng: Rng) -> list[Solid]:
     """A brick chimney of 22 to 30 m."""
     height = rng.uniform(22.0, 30.0)
     return [
@@ -105,7 +105,7 @@ def chimney(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def pipe_bridge(rng: np.random.Generator, width_m: float) -> list[Solid]:
+def pipe_bridge(rng: Rng, width_m: float) -> list[Solid]:
     """Pipes on two trestles along x, across a whole street."""
     half, deck = width_m / 2, rng.uniform(6.2, 6.8)
     metal = colors.METAL[1]
@@ -126,7 +126,7 @@ def pipe_bridge(rng: np.random.Generator, width_m: float) -> list[Solid]:
     return solids
 
 
-def container_stack(rng: np.random.Generator) -> list[Solid]:
+def container_stack(rng: Rng) -> list[Solid]:
     """One to three freight containers on each other, along y."""
     depth, length, height = _CONTAINER_M
     rows = []
@@ -138,7 +138,7 @@ def container_stack(rng: np.random.Generator) -> list[Solid]:
     return boxes(GENERAL, rows)
 
 
-def floodlight_mast(rng: np.random.Generator) -> list[Solid]:
+def floodlight_mast(rng: Rng) -> list[Solid]:
     """A mast of 10 to 13 m with a crossbar of lamps."""
     height, metal = rng.uniform(10.0, 13.0), colors.METAL[2]
     lamps = (
@@ -152,7 +152,7 @@ def floodlight_mast(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def mesh_fence(rng: np.random.Generator, length_m: float) -> list[Solid]:
+def mesh_fence(rng: Rng, length_m: float) -> list[Solid]:
     """A fence of 2 m along y: posts, three rails and upright wires."""
     height, metal = rng.uniform(1.9, 2.3), colors.METAL[2]
     half = length_m / 2
@@ -169,7 +169,7 @@ def mesh_fence(rng: np.random.Generator, length_m: float) -> list[Solid]:
     ]
 
 
-def gantry_crane(rng: np.random.Generator) -> list[Solid]:
+def gantry_crane(rng: Rng) -> list[Solid]:
     """A portal crane over a yard: two legs, a girder along y, and a trolley with its ropes."""
     span, height = rng.uniform(11.0, 14.0), rng.uniform(8.0, 10.0)
     paint = rng.choice(colors.TRUCK_PAINT[1:])

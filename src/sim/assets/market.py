@@ -6,12 +6,12 @@ import numpy as np
 
 from ...ontology import BUILDING, THIN_STRUCTURE
 from .. import textures as colors
-from ..solid import Solid
+from ..solid import Rng, Solid
 from .furniture import wire
 from .parts import Vector, beam, box, boxes, posts
 
 
-def hall(rng: np.random.Generator) -> list[Solid]:
+def hall(rng: Rng) -> list[Solid]:
     """An open market hall along y: a tiled roof on timber posts."""
     length, run, eaves, pitch = rng.uniform(12.0, 15.0), 4.6, 3.4, 0.42
     tiles = rng.choice(["roof_tiles", "roof_slate"])
@@ -30,7 +30,7 @@ def hall(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
-def bunting(rng: np.random.Generator, width_m: float) -> list[Solid]:
+def bunting(rng: Rng, width_m: float) -> list[Solid]:
     """Two poles along x across a whole street, and a line of pennants or bulbs between them."""
     height, half, sag = rng.uniform(6.4, 7.4), width_m / 2, rng.uniform(0.3, 0.6)
     feet_m = [(-half, 0.0), (half, 0.0)]
@@ -45,7 +45,7 @@ def bunting(rng: np.random.Generator, width_m: float) -> list[Solid]:
     return [*poles, *cable, *boxes(THIN_STRUCTURE, pennants)]
 
 
-def festoon(rng: np.random.Generator, radius_m: float, spokes: int) -> list[Solid]:
+def festoon(rng: Rng, radius_m: float, spokes: int) -> list[Solid]:
     """A mast in the middle of a square, and strings of lights from it to poles all around."""
     top, low = rng.uniform(8.2, 9.0), rng.uniform(5.8, 6.4)
     metal = colors.METAL[0]

@@ -4,11 +4,11 @@ import numpy as np
 
 from ...ontology import VRU
 from .. import textures as colors
-from ..solid import Solid
+from ..solid import Rng, Solid
 from .parts import beam, beams, box, part
 
 
-def pedestrian(rng: np.random.Generator) -> tuple[Solid, ...]:
+def pedestrian(rng: Rng) -> tuple[Solid, ...]:
     """Somebody of 1.6 to 1.9 m in mid-stride."""
     height = rng.uniform(1.6, 1.9)
     shirt, trousers = rng.choice(colors.SHIRTS), rng.choice(colors.TROUSERS)
@@ -31,7 +31,7 @@ def pedestrian(rng: np.random.Generator) -> tuple[Solid, ...]:
     )
 
 
-def _rider(rng: np.random.Generator, seat_m: float, lean_m: float) -> list[Solid]:
+def _rider(rng: Rng, seat_m: float, lean_m: float) -> list[Solid]:
     """Somebody seated above the origin, hands forward, feet at 0.3 m, with a helmet."""
     shirt, trousers = rng.choice(colors.SHIRTS), rng.choice(colors.TROUSERS)
     foot_m, shoulder_m = 0.3, seat_m + 0.55
@@ -58,7 +58,7 @@ def _wheel(x_m: float, diameter_m: float, thickness_m: float) -> Solid:
     return part("cylinder", VRU, colors.TYRE, size_m, center_m, np.pi / 2, np.pi / 2)
 
 
-def bicycle(rng: np.random.Generator) -> tuple[Solid, ...]:
+def bicycle(rng: Rng) -> tuple[Solid, ...]:
     """A bicycle of about 1.75 m with its rider."""
     paint = rng.choice(colors.CAR_PAINT)
 
@@ -76,7 +76,7 @@ def bicycle(rng: np.random.Generator) -> tuple[Solid, ...]:
     )
 
 
-def motorcycle(rng: np.random.Generator) -> tuple[Solid, ...]:
+def motorcycle(rng: Rng) -> tuple[Solid, ...]:
     """A motorcycle or scooter of about 2.1 m with its rider."""
     paint = rng.choice(colors.CAR_PAINT)
 

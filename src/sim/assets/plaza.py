@@ -7,7 +7,7 @@ import numpy as np
 
 from ...ontology import BUILDING, GENERAL, THIN_STRUCTURE, VEGETATION
 from .. import textures as colors
-from ..solid import Solid
+from ..solid import Rng, Solid
 from .buildings import FOUNDATION_M, block
 from .furniture import wire
 from .parts import beam, box, boxes, part, placed, posts, upright
@@ -19,7 +19,7 @@ _LOBBY_M = 3.6
 # ---------------------------------------------------------------------------------- buildings
 
 
-def slab(rng: np.random.Generator, bays: int, storeys: int, facade: str) -> list[Solid]:
+def slab(rng: Rng, bays: int, storeys: int, facade: str) -> list[Solid]:
     """A long teaching block; its glazed ground floor lies back behind a row of columns."""
     width, depth = bays * colors.BAY_M, rng.uniform(10.0, 13.0)
     top = _LOBBY_M + storeys * colors.STOREY_M
@@ -38,7 +38,7 @@ def slab(rng: np.random.Generator, bays: int, storeys: int, facade: str) -> list
     ]
 
 
-def linked_slabs(rng: np.random.Generator, bays: int, storeys: int, facade: str) -> list[Solid]:
+def linked_slabs(rng: Rng, bays: int, storeys: int, facade: str) -> list[Solid]:
     """Two slabs side by side and, over the passage between them, a glazed footbridge."""
     passage = rng.uniform(8.0, 11.0)
     out = (bays * colors.BAY_M + passage) / 2
@@ -56,7 +56,7 @@ def linked_slabs(rng: np.random.Generator, bays: int, storeys: int, facade: str)
     return solids + boxes(BUILDING, bridge)
 
 
-def arcade(rng: np.random.Generator, length_m: float) -> list[Solid]:
+def arcade(rng: Rng, length_m: float) -> list[Solid]:
     """A covered walk along y: a thin roof on slim steel columns."""
     height, half = rng.uniform(3.1, 3.5), length_m / 2
     ys = np.linspace(-half + 0.3, half - 0.3, max(2, round(length_m / 4.0) + 1))
@@ -70,7 +70,7 @@ def arcade(rng: np.random.Generator, length_m: float) -> list[Solid]:
 # ------------------------------------------------------------------------------ thin structures
 
 
-def flag_pole(rng: np.random.Generator) -> list[Solid]:
+def flag_pole(rng: Rng) -> list[Solid]:
     """A pole of 8 to 10 m with a flag along y."""
     height, paint = rng.uniform(8.0, 10.0), rng.choice(colors.BUS_PAINT)
     return [
@@ -79,7 +79,7 @@ def flag_pole(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def bike_rack(rng: np.random.Generator) -> list[Solid]:
+def bike_rack(rng: Rng) -> list[Solid]:
     """A row of hoops along y."""
     metal, hoops = colors.METAL[2], int(rng.integers(4, 8))
     solids = []
@@ -89,7 +89,7 @@ def bike_rack(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
-def banner_line(rng: np.random.Generator, width_m: float) -> list[Solid]:
+def banner_line(rng: Rng, width_m: float) -> list[Solid]:
     """Two masts along x across a walk, and a banner between two cables."""
     height, half = rng.uniform(7.2, 7.8), width_m / 2
     feet_m = [(-half, 0), (half, 0)]
@@ -109,7 +109,7 @@ def banner_line(rng: np.random.Generator, width_m: float) -> list[Solid]:
 # ------------------------------------------------------------------------------------- general
 
 
-def sculpture(rng: np.random.Generator) -> list[Solid]:
+def sculpture(rng: Rng) -> list[Solid]:
     """Something abstract on a plinth."""
     metal = rng.choice([*colors.METAL, colors.CHIMNEY])
     solids = [box(GENERAL, "stone", (1.6, 1.6, 1.0), (0, 0, 0.3))]
@@ -125,7 +125,7 @@ def sculpture(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
-def fountain(rng: np.random.Generator) -> list[Solid]:
+def fountain(rng: Rng) -> list[Solid]:
     """A round basin with water and a bowl on a stem."""
     width, bowl = rng.uniform(4.0, 5.5), rng.uniform(1.4, 2.0)
     height = rng.uniform(1.5, 2.2)
@@ -143,14 +143,14 @@ def fountain(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
-def bollards(rng: np.random.Generator) -> list[Solid]:
+def bollards(rng: Rng) -> list[Solid]:
     """A row of steel bollards along y."""
     count = int(rng.integers(3, 6))
     ys = (np.arange(count) - (count - 1) / 2) * 1.5
     return posts(GENERAL, colors.METAL[1], 0.22, [(0, y) for y in ys], 0.95)
 
 
-def planter(rng: np.random.Generator) -> list[Solid]:
+def planter(rng: Rng) -> list[Solid]:
     """A concrete tub with a clipped shrub."""
     size = rng.uniform(1.2, 1.8)
     crown = (size + 0.1, size + 0.1, rng.uniform(0.8, 1.3))
@@ -160,7 +160,7 @@ def planter(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def tree_planter(rng: np.random.Generator) -> list[Solid]:
+def tree_planter(rng: Rng) -> list[Solid]:
     """A broad concrete tub, low enough to sit on, with a tree."""
     tub = box(GENERAL, "concrete", (2.4, 2.4, 0.75), (0, 0, 0.15))
     return [tub, *broadleaf(rng, max_radius_m=2.2, trunk_m=2.4)]

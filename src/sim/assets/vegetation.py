@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...ontology import THIN_STRUCTURE, VEGETATION
-from ..solid import Solid
+from ..solid import Rng, Solid
 from .parts import ROOT_M, beam, box, part
 
 # Leaves and how common each is: most are dark or mid green, one tree in twenty is in autumn.
@@ -16,9 +16,7 @@ def _trunk(diameter_m: float, top_m: float) -> Solid:
     return part("cylinder", VEGETATION, "bark", size_m, (0, 0, (top_m + ROOT_M) / 2))
 
 
-def broadleaf(
-    rng: np.random.Generator, max_radius_m: float = 3.5, trunk_m: float = 2.2
-) -> list[Solid]:
+def broadleaf(rng: Rng, max_radius_m: float = 3.5, trunk_m: float = 2.2) -> list[Solid]:
     """A tree of 5 to 12 m: a clear trunk, and a crown of several lobes within ``max_radius_m``."""
     radius = rng.uniform(0.65, 1.0) * max_radius_m
     clear = trunk_m + rng.uniform(0.0, 1.0)
@@ -42,12 +40,12 @@ def broadleaf(
     return solids
 
 
-def street_tree(rng: np.random.Generator) -> list[Solid]:
+def street_tree(rng: Rng) -> list[Solid]:
     """A slim tree, pruned so high that a bus passes beneath its crown."""
     return broadleaf(rng, max_radius_m=1.7, trunk_m=4.0)
 
 
-def conifer(rng: np.random.Generator) -> list[Solid]:
+def conifer(rng: Rng) -> list[Solid]:
     """A spruce of 6 to 11 m: three stacked cones on a trunk."""
     height, width = rng.uniform(6, 11), rng.uniform(2.6, 3.8)
     solids = [_trunk(0.3, 0.4 * height)]
@@ -61,7 +59,7 @@ def conifer(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
-def bush(rng: np.random.Generator) -> list[Solid]:
+def bush(rng: Rng) -> list[Solid]:
     """Two or three low lobes, 0.8 to 1.6 m tall."""
     foliage = rng.choice(_CROWNS, p=_CROWN_SHARES)
     solids = []
@@ -73,14 +71,14 @@ def bush(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
-def hedge(rng: np.random.Generator, length_m: float) -> list[Solid]:
+def hedge(rng: Rng, length_m: float) -> list[Solid]:
     """A clipped hedge along y."""
     height, depth = rng.uniform(0.9, 1.5), rng.uniform(0.5, 0.8)
     size_m = (depth, length_m, height - ROOT_M)
     return [box(VEGETATION, "foliage_dark", size_m, (0, 0, (height + ROOT_M) / 2))]
 
 
-def bare_tree(rng: np.random.Generator) -> list[Solid]:
+def bare_tree(rng: Rng) -> list[Solid]:
     """A leafless tree of 6 to 8 m: boughs of 8 to 14 cm that fork into twigs of 4 to 6 cm."""
     top = rng.uniform(2.4, 3.2)
     solids = [_trunk(0.3, top)]

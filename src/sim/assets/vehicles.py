@@ -6,7 +6,7 @@ import numpy as np
 
 from ...ontology import CAR, LARGE_VEHICLE
 from .. import textures as colors
-from ..solid import Solid
+from ..solid import Rng, Solid
 from .parts import Vector, boxes, part
 
 # Length, width, height, and bonnet and boot as fractions of the length.
@@ -52,7 +52,7 @@ def _vehicle(
     return tuple(boxes(class_id, rows) + wheels + boxes(class_id, lamps))
 
 
-def car(rng: np.random.Generator) -> tuple[Solid, ...]:
+def car(rng: Rng) -> tuple[Solid, ...]:
     """A sedan, hatchback, estate or sport utility vehicle of 4.2 to 4.9 m."""
     length, width, height, bonnet, boot = _CAR_SHAPES[rng.integers(len(_CAR_SHAPES))]
     paint = rng.choice(colors.CAR_PAINT)
@@ -73,7 +73,7 @@ def car(rng: np.random.Generator) -> tuple[Solid, ...]:
     return _vehicle(CAR, (length, width), rows, axles_m, 0.64, 0.75 * belt)
 
 
-def truck(rng: np.random.Generator) -> tuple[Solid, ...]:
+def truck(rng: Rng) -> tuple[Solid, ...]:
     """A delivery lorry of 7 to 9 m with a cab and a box for the cargo."""
     length, width, height = rng.uniform(7.0, 9.0), 2.4, rng.uniform(3.0, 3.5)
     cab_paint, cargo_paint = rng.choice(colors.TRUCK_PAINT, 2)
@@ -94,7 +94,7 @@ def truck(rng: np.random.Generator) -> tuple[Solid, ...]:
     return _vehicle(LARGE_VEHICLE, (length, width), rows, axles_m, 0.95, 1.0)
 
 
-def bus(rng: np.random.Generator) -> tuple[Solid, ...]:
+def bus(rng: Rng) -> tuple[Solid, ...]:
     """A city bus of 10 to 12 m with a band of windows and a unit on the roof."""
     length, width, height = rng.uniform(10.0, 12.0), 2.5, 3.1
     paint = rng.choice(colors.BUS_PAINT)

@@ -4,7 +4,7 @@ import numpy as np
 
 from ...ontology import BUILDING, GENERAL, THIN_STRUCTURE, VEGETATION
 from .. import textures as colors
-from ..solid import Solid
+from ..solid import Rng, Solid
 from .parts import beam, beams, box, boxes, part, posts
 
 # How deep a boat lies in the water, and how thick an elevated road is.
@@ -12,7 +12,7 @@ DRAUGHT_M = 0.35
 DECK_M = 0.9
 
 
-def bollard(rng: np.random.Generator) -> list[Solid]:
+def bollard(rng: Rng) -> list[Solid]:
     """A mooring bollard."""
     return [
         part("cylinder", GENERAL, colors.METAL[0], (0.4, 0.4, 0.9), (0, 0, 0.25)),
@@ -20,7 +20,7 @@ def bollard(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def motor_boat(rng: np.random.Generator) -> list[Solid]:
+def motor_boat(rng: Rng) -> list[Solid]:
     """A cabin boat of 6 to 9 m along y, afloat on z = 0."""
     length, width = rng.uniform(6.0, 9.0), rng.uniform(2.2, 2.8)
     paint = rng.choice([colors.SIGN_WHITE, *colors.BUS_PAINT])
@@ -38,7 +38,7 @@ def motor_boat(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def sailing_boat(rng: np.random.Generator) -> list[Solid]:
+def sailing_boat(rng: Rng) -> list[Solid]:
     """A yacht along y with a mast, a boom and stays."""
     length, mast = rng.uniform(7.0, 10.0), rng.uniform(9.0, 12.0)
     metal, y = colors.METAL[3], 0.1 * length
@@ -56,7 +56,7 @@ def sailing_boat(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def jetty(rng: np.random.Generator, length_m: float) -> list[Solid]:
+def jetty(rng: Rng, length_m: float) -> list[Solid]:
     """A plank jetty on piles, out along -x from a quay at x = 0, given on the water's level."""
     feet_m = [(-x, y) for x in np.arange(1.0, length_m, 3.0) for y in (-0.9, 0.9)]
     return [
@@ -65,7 +65,7 @@ def jetty(rng: np.random.Generator, length_m: float) -> list[Solid]:
     ]
 
 
-def quay_crane(rng: np.random.Generator) -> list[Solid]:
+def quay_crane(rng: Rng) -> list[Solid]:
     """A slewing crane on a lattice mast, its jib out along -x, over the water."""
     height, jib = rng.uniform(7.0, 9.0), rng.uniform(10.0, 13.0)
     paint = rng.choice(colors.TRUCK_PAINT[1:])
@@ -93,7 +93,7 @@ def quay_crane(rng: np.random.Generator) -> list[Solid]:
     ]
 
 
-def palm(rng: np.random.Generator) -> list[Solid]:
+def palm(rng: Rng) -> list[Solid]:
     """A palm of 6 to 8 m: a slim trunk and drooping fronds."""
     height = rng.uniform(6.0, 8.0)
     solids = [part("cylinder", VEGETATION, "bark", (0.3, 0.3, height + 0.2), (0, 0, height / 2))]

@@ -9,15 +9,14 @@ import pkgutil
 from collections.abc import Callable
 from importlib import import_module
 
-import numpy as np
-
 from ...errors import UserError
 from ..layout import Town
+from ..solid import Rng
 
-Build = Callable[[np.random.Generator], Town]
+Build = Callable[[Rng], Town]
 
 
-def build_town(name: str, rng: np.random.Generator) -> Town:
+def build_town(name: str, rng: Rng) -> Town:
     """Builds the town of that name; the generator decides its details. Raises `UserError`."""
     return builder_of(name)(rng)
 

@@ -1,37 +1,36 @@
 """A street network (junctions and streets) and the lanes, walks and corridors that follow from it.
 
 Every path runs from one *port* to another: a place at a junction where a street's lane, pavement or
-centre line ends. The successors of a path are the paths that start at its last port.
+center line ends. The successors of a path are the paths that start at its last port.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from ..layout import Gate, Path
-from .polyline import Polyline, arc_m, parallel, trimmed, turn
-from .ways import Way, both_ways, joined
+from ..solid import Rng
+from .polyline import Point, Polyline, arc_m, crossing, parallel, trimmed, turn
+from .ways import Way, joined
 
+# Heights of the surfaces above the terrain; neighbours differ by more than a patch can sag.
 ROAD_RISE_M, JUNCTION_RISE_M, CROSSING_RISE_M, PAVEMENT_RISE_M = 0.04, 0.08, 0.12, 0.16
-"""Heights of the surfaces above the terrain; neighbours differ by more than a patch can sag."""
 
-CROSSING_OUT_M, STOP_LINE_OUT_M = 1.7, 3.8
-"""Distance of a crossing's middle, and of the line before it, from where a street ends."""
+# Distance of a crossing's middle, and of the line before it, from where a street ends; and how far
+# from the kerb people wait to cross.
+CROSSING_OUT_M, STOP_LINE_OUT_M, KERB_STAND_M = 1.7, 3.8, 0.3
 
-KERB_STAND_M = 0.3
-"""How far from the kerb people wait to cross."""
-
+# Arms that are straight on from each other, give or take this, have green together.
 OPPOSING_RAD = np.deg2rad(45)
-"""Arms that are straight on from each other, give or take this, have green together."""
 
+# The speed is a limit for bicycles; nobody walks as fast.
 WALK = WALK_HALF_WIDTH_M, WALK_MPS = 0.4, 2.5
-"""A limit for bicycles; nobody walks as fast."""
 
+# The slowdown is the speed on a turn, as a part of the speed on the street.
 LANE_HALF_WIDTH_M = 1.4
 TURN_SLOWDOWN = 0.6
-"""Speed on a turn, as a part of the speed on the street."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +73,30 @@ class Street:
     profile: Profile
 
 
+def straight(
+    junctions_m: Float[np.ndarray, "j 2"], pairs: Iterable[tuple[int, int]], profile: Profile
+) -> tuple[Street, ...]:
+    """Streets in straight lines between pairs of junctions."""
+    return tuple(Street(a, b, junctions_m[[a, b]], profile) for a, b in pairs)
+
+
+def bowed(
+    rng: Rng,
+    junctions_m: Float[np.ndarray, "j 2"],
+    pairs: Iterable[tuple[int, int]],
+    profile: Profile,
+    bow_m: tuple[float, float],
+) -> tuple[Street, ...]:
+    """Streets that curve to either side; ``bow_m`` bounds how far aside the control point lies."""
+    streets = []
+    for start, end in pairs:
+        a, b = junctions_m[start], junctions_m[end]
+        across = np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
+        bow = rng.choice([-1, 1]) * rng.uniform(*bow_m)
+        streets.append(Street(start, end, turn(a, (a + b) / 2 + bow * across, b, 9), profile))
+    return tuple(streets)
+
+
 @dataclass(frozen=True)
 class Arm:
     """A street as one of its junctions sees it: ``points_m`` lead away from the junction."""
@@ -92,15 +115,15 @@ class Arm:
 class Network:
     """Junctions and the streets between them; at each junction at least two streets meet.
 
-    With ``signals`` all junctions have traffic lights; without, who comes first goes first.
+    With ``lights`` all junctions have traffic lights; without, who comes first goes first.
     """
 
     junctions_m: Float[np.ndarray, "j 2"]
     streets: tuple[Street, ...]
-    signals: bool = False
+    lights: bool = False
 
     def arms(self, junction: int) -> list[Arm]:
-        """The streets at a junction, counter-clockwise."""
+        """Returns the streets at a junction, counter-clockwise."""
         arms = []
         for k, street in enumerate(self.streets):
             if street.start == junction:
@@ -118,96 +141,101 @@ class Network:
         return half / np.tan(min(gaps.min(), np.pi / 2) / 2) + 0.5
 
     def open_m(self, street: Street) -> Polyline:
-        """A street's centre line between its junctions."""
+        """Returns a street's center line between its junctions."""
         return trimmed(street.points_m, self.radius_m(street.start), self.radius_m(street.end))
+
+    # ------------------------------------------------------------------------ lanes, corridors
 
     def lanes(self) -> tuple[Path, ...]:
         """Right-hand lanes, one per direction, joined by turns at the junctions."""
         ways = []
         for k, street in enumerate(self.streets):
-            if street.profile.lane_mps is None:
-                continue
-            start, end = (street.start, k), (street.end, k)
-            line, right = self.open_m(street), -street.profile.road_m / 4
-            there, back = parallel(line, right), parallel(line[::-1], right)
-            room = (LANE_HALF_WIDTH_M, street.profile.lane_mps, ROAD_RISE_M)
-            gates = [self._stop_line(k, here, lane) for lane, here in ((there, end), (back, start))]
-            ways.append(Way(there, ("from", *start), ("to", *end), *room, gates[0]))
-            ways.append(Way(back, ("from", *end), ("to", *start), *room, gates[1]))
+            profile = street.profile
+            if profile.lane_mps is not None:
+                room = (LANE_HALF_WIDTH_M, profile.lane_mps, ROAD_RISE_M)
+                ways += self._tracks(k, profile.road_m / 4, room, has_gates=True)
         return joined(ways + self._turns(ways, JUNCTION_RISE_M))
 
-    def _stop_line(self, street: int, port: tuple[int, int], lane_m: Polyline) -> Gate:
-        phase, phases = self._phases(port[0])[street]
+    def corridors(self) -> tuple[Path, ...]:
+        """Center lines over the streets, both ways, joined by turns at the junctions."""
+        ways = []
+        for k, street in enumerate(self.streets):
+            room = (street.profile.corridor_half_width_m, street.profile.corridor_mps, 0.0)
+            ways += self._tracks(k, 0.0, room, has_gates=False)
+        return joined(ways + self._turns(ways, 0.0))
+
+    def _tracks(
+        self, k: int, right_m: float, room: tuple[float, float, float], has_gates: bool
+    ) -> list[Way]:
+        """Ways along a street in both directions, each to the right of the street's middle."""
+        street = self.streets[k]
+        middle_m, ports = self.open_m(street), [(street.start, k), (street.end, k)]
+        ways = []
+        for line_m, (start, end) in ((middle_m, ports), (middle_m[::-1], ports[::-1])):
+            track_m = parallel(line_m, -right_m)
+            gate = self._stop_line(*end, track_m) if has_gates else None
+            ways.append(Way(track_m, ("from", *start), ("to", *end), *room, gate))
+        return ways
+
+    def _stop_line(self, junction: int, street: int, lane_m: Polyline) -> Gate:
+        phase, phases = self._phases(junction)[street]
         at_m = max(arc_m(lane_m)[-1] - STOP_LINE_OUT_M, 0.0)
-        return Gate(port[0], at_m, STOP_LINE_OUT_M, False, phase, phases)
+        return Gate(junction, at_m, STOP_LINE_OUT_M, False, phase, phases)
 
     def _phases(self, junction: int) -> dict[int, tuple[int | None, int]]:
-        """For each street with lanes at a junction: its phase of the signals, of how many.
+        """For each street with lanes at a junction: its phase of the lights, of how many.
 
         Opposing arms share a phase. Where there is but one phase, people have another.
         """
         arms = [arm for arm in self.arms(junction) if arm.profile.lane_mps is not None]
-        if not self.signals:
+        if not self.lights:
             return {arm.street: (None, 0) for arm in arms}
+
         leaders: list[Arm] = []
         phase = {}
         for arm in arms:
             facing = [k for k, other in enumerate(leaders) if _opposing(arm, other)]
             phase[arm.street] = facing[0] if facing else len(leaders)
-            leaders += [] if facing else [arm]
+            if not facing:
+                leaders.append(arm)
         return {street: (k, max(len(leaders), 2)) for street, k in phase.items()}
 
-    def corridors(self) -> tuple[Path, ...]:
-        """Centre lines over the streets, both ways, joined by turns at the junctions."""
-        ways = []
-        for k, street in enumerate(self.streets):
-            start, end = (street.start, k), (street.end, k)
-            line = self.open_m(street)
-            room = (street.profile.corridor_half_width_m, street.profile.corridor_mps, 0.0)
-            ways.append(Way(line, ("from", *start), ("to", *end), *room))
-            ways.append(Way(line[::-1], ("from", *end), ("to", *start), *room))
-        return joined(ways + self._turns(ways, 0.0))
-
     def _turns(self, ways: Sequence[Way], rise_m: float) -> list[Way]:
-        """From the end of each way at a junction to the start of every other street's there."""
+        """Ways from the end of each way at a junction to the start of every other street there."""
         turns = []
         for come in ways:
             for go in ways:
-                (_, here, street), (_, there, other) = come.end, go.start
-                if here != there or street == other:
+                (_, junction, street), (_, next_junction, next_street) = come.end, go.start
+                if junction != next_junction or street == next_street:
                     continue
-                corner = _crossing(come.points_m[::-1], go.points_m)
-                turns.append(
-                    Way(
-                        turn(come.points_m[-1], corner, go.points_m[0]),
-                        come.end,
-                        go.start,
-                        min(come.half_width_m, go.half_width_m),
-                        TURN_SLOWDOWN * min(come.speed_mps, go.speed_mps),
-                        rise_m,
-                    )
-                )
+                corner_m = crossing(come.points_m[::-1], go.points_m)
+                points_m = turn(come.points_m[-1], corner_m, go.points_m[0])
+                half_m = min(come.half_width_m, go.half_width_m)
+                speed_mps = TURN_SLOWDOWN * min(come.speed_mps, go.speed_mps)
+                turns.append(Way(points_m, come.end, go.start, half_m, speed_mps, rise_m))
         return turns
+
+    # ----------------------------------------------------------------------------------- walks
 
     def walks(self) -> tuple[Path, ...]:
         """Pavements on both sides, the ways around corners and the crossings, both ways."""
         ways = []
         for k, street in enumerate(self.streets):
+            # Pavements end at the crossings, which lie a little way into the street.
             radii_m = (self.radius_m(street.start), self.radius_m(street.end))
             line = trimmed(street.points_m, *(radius + CROSSING_OUT_M for radius in radii_m))
+            rise_m = PAVEMENT_RISE_M if street.profile.pavement_m else ROAD_RISE_M
             for side in (-1, 1):
                 points_m = parallel(line, side * street.profile.walk_m)
-                rise_m = PAVEMENT_RISE_M if street.profile.pavement_m else ROAD_RISE_M
                 ports = (street.start, k, side), (street.end, k, -side)
-                ways += both_ways(points_m, *ports, *WALK, rise_m)
+                ways += Way(points_m, *ports, *WALK, rise_m).both_ways()
+
         for junction in range(len(self.junctions_m)):
             ways += self._corners(junction) + self._crossings(junction)
         return joined(ways)
 
-    def ports_m(
-        self, junction: int, out_m: float = 0.0
-    ) -> list[tuple[Arm, dict[int, Float[np.ndarray, "2"]]]]:
-        """Where each arm's pavements begin: 1 is the left one as seen from the junction.
+    def ports_m(self, junction: int, out_m: float = 0.0) -> list[tuple[Arm, dict[int, Point]]]:
+        """Returns where each arm's pavements begin: 1 is the left one as seen from the junction.
 
         ``out_m`` is for places on the pavements that far from there.
         """
@@ -223,38 +251,37 @@ class Network:
         """Ways around the corners, each from one crossing to the next."""
         inner, outer = self.ports_m(junction), self.ports_m(junction, CROSSING_OUT_M)
         ways = []
-        for k, (arm, here) in enumerate(inner):
+        for k, (arm, sides_m) in enumerate(inner):
             after = (k + 1) % len(inner)
-            following, there = inner[after]
-            corner_m = self.corner_m(arm, following, here[1], there[-1])
+            following, next_sides_m = inner[after]
+            corner_m = self.corner_m(arm, following, sides_m[1], next_sides_m[-1])
             points_m = np.concatenate([outer[k][1][1][None], corner_m, outer[after][1][-1][None]])
+
             paved = max(arm.profile.pavement_m, following.profile.pavement_m) > 0
+            rise_m = PAVEMENT_RISE_M if paved else ROAD_RISE_M
             ports = (junction, arm.street, 1), (junction, following.street, -1)
-            ways += both_ways(points_m, *ports, *WALK, PAVEMENT_RISE_M if paved else ROAD_RISE_M)
+            ways += Way(points_m, *ports, *WALK, rise_m).both_ways()
         return ways
 
     def _crossings(self, junction: int) -> list[Way]:
         """Ways over every arm; where vehicles come, people wait for them at the kerb."""
         phases = self._phases(junction)
         ways = []
-        for arm, here in self.ports_m(junction, CROSSING_OUT_M):
+        for arm, sides_m in self.ports_m(junction, CROSSING_OUT_M):
             gate, profile = None, arm.profile
             if arm.street in phases:
                 kerb_m = max(profile.walk_m - profile.road_m / 2 - KERB_STAND_M, 0.0)
                 gate = Gate(junction, kerb_m, -kerb_m, True, *phases[arm.street])
+
             rise_m = CROSSING_RISE_M if profile.has_crossings else ROAD_RISE_M
             ports = (junction, arm.street, -1), (junction, arm.street, 1)
-            ways += both_ways(np.stack([here[-1], here[1]]), *ports, *WALK, rise_m, gate)
+            points_m = np.stack([sides_m[-1], sides_m[1]])
+            ways += Way(points_m, *ports, *WALK, rise_m, gate).both_ways()
         return ways
 
     @staticmethod
-    def corner_m(
-        arm: Arm,
-        following: Arm,
-        port_m: Float[np.ndarray, "2"],
-        next_port_m: Float[np.ndarray, "2"],
-    ) -> Polyline:
-        """The way from an arm's left pavement to the right one of the arm that follows.
+    def corner_m(arm: Arm, following: Arm, port_m: Point, next_port_m: Point) -> Polyline:
+        """Returns the way from an arm's left pavement to the right one of the arm that follows.
 
         Straight where the arms enclose less than half a turn; else around the outside of the bend,
         because the straight line would cross the road.
@@ -263,21 +290,10 @@ class Network:
         if enclosed_rad < np.deg2rad(190):
             return np.stack([port_m, next_port_m])
         a, b = (np.array([np.cos(x.angle_rad), np.sin(x.angle_rad)]) for x in (arm, following))
-        bend = _crossing(np.stack([port_m, port_m + a]), np.stack([next_port_m, next_port_m + b]))
+        bend = crossing(np.stack([port_m, port_m + a]), np.stack([next_port_m, next_port_m + b]))
         return np.stack([port_m, bend, next_port_m])
 
 
 def _opposing(one: Arm, other: Arm) -> bool:
     turned_rad = (one.angle_rad - other.angle_rad) % (2 * np.pi)
     return abs(turned_rad - np.pi) < OPPOSING_RAD
-
-
-def _crossing(come_m: Polyline, go_m: Polyline) -> Float[np.ndarray, "2"]:
-    """Where two ways would meet if the first were prolonged and the second began earlier."""
-    a, b = come_m[0] - come_m[1], go_m[0] - go_m[1]
-    gap = go_m[0] - come_m[0]
-    determinant = a[0] * -b[1] + b[0] * a[1]
-    if abs(determinant) < 0.2 * np.linalg.norm(a) * np.linalg.norm(b):
-        return (come_m[0] + go_m[0]) / 2
-    ahead = (gap[0] * -b[1] + b[0] * gap[1]) / determinant
-    return come_m[0] + max(ahead, 0.0) * a

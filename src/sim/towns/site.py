@@ -1,7 +1,7 @@
 """A building site: it takes assets where there is room for them and refuses them elsewhere.
 
-What must stay free is sampled from the paths: corridors up to the ceiling of the flight, lanes to
-the height of a bus, pavements to the height of a head.
+The room that must stay free is sampled from the paths: corridors up to the ceiling of the flight,
+lanes to the height of a bus, pavements to the height of a head.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,12 +11,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ...ontology import THIN_STRUCTURE
-from ..assets.parts import bounds_m, placed, upright
+from ..assets.parts import Vector, bounds_m, placed, upright
 from ..layout import GroundPatch, HeightField, Path, Town
 from ..solid import Solid
 from .network import Network
 from .polyline import arc_m, parallel, point_at
 
+Footprints = Float[np.ndarray, "n 4 2"]
+Boxes = Float[np.ndarray, "n 2 3"]
+
+# Heights above the ground at which the room over paths is sampled.
 _FLIGHT_M = np.arange(2.0, 19.0, 1.25)
 # Wires, mast arms, bare branches and bridges may cross a corridor: the flight climbs over them.
 _FLIGHT_BUT_OVERHEAD_M = _FLIGHT_M[(_FLIGHT_M < 5) | (_FLIGHT_M > 8.6)]
@@ -35,15 +39,18 @@ class Keepout:
             along_m = np.arange(0, arc_m(path.points_m)[-1], step_m)
             for left_m in np.linspace(-path.half_width_m, path.half_width_m, count):
                 columns.append(point_at(parallel(path.points_m, left_m), along_m))
-        self.columns_m = np.unique(np.round(np.concatenate(columns), 3), axis=0)  # sorted by x
+
+        # Sorted by x, so that a search finds what is near a solid.
+        self.columns_m = np.unique(np.round(np.concatenate(columns), 3), axis=0)
 
     def blocked_by(self, solid: Solid, ground_m: float) -> bool:
-        """Whether a solid in the world reaches into the room."""
+        """Returns whether a solid in the world reaches into the room."""
         lower, upper = (b + s * self.margin_m for b, s in zip(bounds_m(solid), (-1, 1)))
         z = self.heights_m + ground_m
         z = z[(z >= lower[2]) & (z <= upper[2])]
         xy = self.columns_m[slice(*np.searchsorted(self.columns_m[:, 0], (lower[0], upper[0])))]
         xy = xy[(xy[:, 1] >= lower[1]) & (xy[:, 1] <= upper[1])]
+
         points = np.concatenate([np.repeat(xy, len(z), 0), np.tile(z, len(xy))[:, None]], axis=1)
         return bool(solid.contains(points, self.margin_m).any())
 
@@ -57,31 +64,42 @@ class Site:
         self.town = Town(name, terrain, (), (), network.lanes(), network.walks(), corridors)
         self.solids: list[Solid] = []
         self.ground: list[GroundPatch] = []
+
         self._flight = Keepout(corridors, _FLIGHT_M, 0.8)
         self._flight_but_overhead = Keepout(corridors, _FLIGHT_BUT_OVERHEAD_M, 0.8)
-        self._traffic = (
-            Keepout(self.town.lanes, _LANE_M, 0.4),
-            Keepout(self.town.walks, _WALK_M, 0.4),
-        )
-        self._footprints: Float[np.ndarray, "n 4 2"] = np.zeros((0, 4, 2))
-        self._boxes_m: Float[np.ndarray, "n 2 3"] = np.zeros((0, 2, 3))
+        lanes = Keepout(self.town.lanes, _LANE_M, 0.4)
+        walks = Keepout(self.town.walks, _WALK_M, 0.4)
+        self._traffic = (lanes, walks)
+        self._footprints: Footprints = np.zeros((0, 4, 2))
+        self._boxes_m: Boxes = np.zeros((0, 2, 3))
 
     def finished(self) -> Town:
+        """Returns the town with all that was placed."""
         return replace(self.town, solids=tuple(self.solids), ground=tuple(self.ground))
 
     def height_m(self, x_m: float, y_m: float) -> float:
+        """Returns the height of the terrain."""
         return float(self.terrain(np.array(x_m), np.array(y_m)))
+
+    def lay(
+        self, x_m: float, y_m: float, yaw_rad: float, size_m: Vector, rise_m: float, material: str
+    ) -> None:
+        """Adds a rectangle of ground by its middle and its size along and across ``yaw_rad``."""
+        size_m = tuple(float(side_m) for side_m in size_m)
+        patch = GroundPatch((float(x_m), float(y_m)), yaw_rad, *size_m, rise_m, material)
+        self.ground.append(patch)
 
     def place(
         self, asset: Sequence[Solid], x_m: float, y_m: float, yaw_rad: float, rise_m: float = 0.0
     ) -> bool:
-        """Stand an asset on the lowest ground under it, if there is room; say whether there was."""
+        """Stands an asset on the lowest ground under it; returns whether there was room."""
         flat = placed(asset, upright(x_m, y_m, 0.0, yaw_rad))
         footprints = np.stack([_footprint(solid) for solid in flat])
         corners = footprints.reshape(-1, 2)
         ground_m = float(self.terrain(corners[:, 0], corners[:, 1]).min())
         solids = placed(flat, upright(0.0, 0.0, ground_m + rise_m))
         boxes_m = np.array([bounds_m(solid) for solid in solids])
+
         if self._taken(footprints, boxes_m) or any(self._in_the_way(s, ground_m) for s in solids):
             return False
         self.solids += solids
@@ -89,7 +107,7 @@ class Site:
         return True
 
     def hang(self, solids: Sequence[Solid], ground_m: float, overhead: bool = False) -> bool:
-        """Add what hangs between things that stand, given in the world, if nothing flies there.
+        """Adds what hangs between things that stand, given in the world, if nothing flies there.
 
         What is ``overhead`` is a bridge: it may cross corridors in the band that is free for wires,
         because the flight climbs over it, and nothing that is placed later may run through it.
@@ -107,16 +125,12 @@ class Site:
         flight = self._flight_but_overhead if overhead else self._flight
         return any(keepout.blocked_by(solid, ground_m) for keepout in (flight, *self._traffic))
 
-    def _occupy(
-        self, footprints: Float[np.ndarray, "n 4 2"], boxes_m: Float[np.ndarray, "n 2 3"]
-    ) -> None:
+    def _occupy(self, footprints: Footprints, boxes_m: Boxes) -> None:
         self._footprints = np.concatenate([self._footprints, footprints])
         self._boxes_m = np.concatenate([self._boxes_m, boxes_m])
 
-    def _taken(
-        self, footprints: Float[np.ndarray, "n 4 2"], boxes_m: Float[np.ndarray, "n 2 3"]
-    ) -> bool:
-        """Whether any of the solids that stand already would be run through."""
+    def _taken(self, footprints: Footprints, boxes_m: Boxes) -> bool:
+        """Returns whether any of the solids that stand already would be run through."""
         lower, upper = boxes_m[:, 0].min(axis=0), boxes_m[:, 1].max(axis=0)
         near = _meet(self._boxes_m, np.stack([lower, upper]))
         footprints_near, boxes_near_m = self._footprints[near], self._boxes_m[near]
@@ -127,9 +141,7 @@ class Site:
         )
 
 
-def _meet(
-    boxes_m: Float[np.ndarray, "n 2 3"], box_m: Float[np.ndarray, "2 3"]
-) -> Bool[np.ndarray, "n"]:
+def _meet(boxes_m: Boxes, box_m: Float[np.ndarray, "2 3"]) -> Bool[np.ndarray, "n"]:
     return ((boxes_m[:, 0] < box_m[1]) & (boxes_m[:, 1] > box_m[0])).all(axis=1)
 
 
@@ -144,7 +156,7 @@ def _footprint(solid: Solid) -> Float[np.ndarray, "4 2"]:
 
 
 def _overlap(a: Float[np.ndarray, "4 2"], b: Float[np.ndarray, "4 2"]) -> bool:
-    """Whether two rectangles overlap: no side of either separates them."""
+    """Returns whether two rectangles overlap: no side of either separates them."""
     for sides in (np.diff(a[:3], axis=0), np.diff(b[:3], axis=0)):
         shadow_a, shadow_b = a @ sides.T, b @ sides.T
         gap = np.maximum(shadow_a.min(0) - shadow_b.max(0), shadow_b.min(0) - shadow_a.max(0))

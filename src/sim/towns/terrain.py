@@ -3,9 +3,10 @@
 import numpy as np
 
 from ..layout import HeightField
+from ..solid import Rng
 
 
-def rolling(rng: np.random.Generator, height_m: float = 0.35, waves: int = 3) -> HeightField:
+def rolling(rng: Rng, height_m: float = 0.35, waves: int = 3) -> HeightField:
     """Waves of 60 to 150 m in random directions, within ``height_m`` above and below zero."""
     heading = rng.uniform(0, 2 * np.pi, waves)
     number = 2 * np.pi / rng.uniform(60, 150, waves)

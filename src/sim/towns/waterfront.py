@@ -6,83 +6,76 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from ..assets import buildings, furniture, industry, vegetation, waterside
-from ..assets.parts import placed, upright
-from ..layout import GroundPatch, Town
-from ..solid import Solid
-from .network import Network, Profile, Street
+from ...ontology import BUILDING
+from ..assets import buildings, furniture, industry, placed, upright, vegetation, waterside
+from ..assets.parts import box
+from ..layout import Town
+from ..solid import Rng, Solid
+from .ground import BASE_TILE_M, MARGIN_M
+from .network import Network, Profile, Street, straight
 from .parking import park
-from .site import Site
-from .streetscape import (
-    BASE_TILE_M,
-    MARGIN_M,
-    TWO_LANES,
-    frontage,
-    in_gardens,
-    lay_ground,
-    outskirts,
-    row,
-)
+from .streetscape import BOTH_SIDES, TWO_LANES, Streetscape
 from .terrain import rolling
 
 _QUAY = Profile(7.0, "road_2lane", 5.0, "paving_warm", 9.0, 3.0, 7.5)
 _QUAY_Y_M, _INLAND_Y_M, _DECK_Y_M = -46.0, 42.0, -4.0
-_SHORE_M = 13.0
-"""From the middle of the quay's road to the water's edge."""
+# The water's edge, 13 m from the middle of the quay's road, and how deep the water lies.
+_SHORE_Y_M = _QUAY_Y_M - 13.0
 _WATER_RISE_M = -1.2
+
+# The elevated road: its underside, its width, its pieces, and where its level part ends.
 _DECK_UNDER_M, _DECK_WIDTH_M, _DECK_PIECE_M = 5.9, 8.0, 12.0
-_DECK_PIECES, _RAMP_PIECES = 24, 4
+_HALF_DECK_PIECES, _RAMP_PIECES = 12, 4
+_HALF_DECK_M = _HALF_DECK_PIECES * _DECK_PIECE_M
 _RAMP_SLOPE = 0.13
 _FACADES = ("facade_glass", "facade_panel", "facade_brick", "facade_plaster_cream")
 
+# The quay's streets run eastwards: the water is on their right, houses are on their left.
+_WATER, _LAND = (-1,), (1,)
 
-def _network(rng: np.random.Generator) -> Network:
+
+def _network(rng: Rng) -> Network:
     """A straight quay of four junctions, three junctions inland between them, and a zigzag."""
     quay = [(x, _QUAY_Y_M) for x in (-138.0, -46.0, 46.0, 138.0)]
-    inland = [
-        (x + rng.uniform(-8, 8), _INLAND_Y_M + rng.uniform(-5, 5)) for x in (-92.0, 0.0, 92.0)
-    ]
+    xs = (-92.0, 0.0, 92.0)
+    inland = [(x + rng.uniform(-8, 8), _INLAND_Y_M + rng.uniform(-5, 5)) for x in xs]
     junctions = np.array(quay + inland)
-    streets = [Street(k, k + 1, junctions[[k, k + 1]], _QUAY) for k in range(3)]
     pairs = [(4, 5), (5, 6), (0, 4), (4, 1), (1, 5), (5, 2), (2, 6), (6, 3)]
-    streets += [Street(a, b, junctions[[a, b]], TWO_LANES) for a, b in pairs]
-    return Network(junctions, tuple(streets))
+    quays = straight(junctions, [(k, k + 1) for k in range(3)], _QUAY)
+    return Network(junctions, quays + straight(junctions, pairs, TWO_LANES))
 
 
-def _flats(rng: np.random.Generator) -> list[Solid]:
-    facade, bays = str(rng.choice(_FACADES)), int(rng.integers(4, 7))
+def _flats(rng: Rng) -> list[Solid]:
+    facade, bays = rng.choice(_FACADES), int(rng.integers(4, 7))
     if rng.random() < 0.3:
-        return industry.hall(rng, float(rng.uniform(15, 22)), float(rng.uniform(11, 14)))
-    return buildings.apartment(
-        rng, bays, float(rng.uniform(10, 13)), int(rng.integers(3, 8)), facade
-    )
+        return industry.hall(rng, rng.uniform(15, 22), rng.uniform(11, 14))
+    return buildings.apartment(rng, bays, rng.uniform(10, 13), int(rng.integers(3, 8)), facade)
 
 
-def _lay_water(site: Site) -> None:
+def _lay_water(site: Streetscape) -> None:
     """Water in the place of the ground beyond the shore, behind a quay wall."""
-    shore_y = _QUAY_Y_M - _SHORE_M
-    whole = [
+    tiles = [
         patch
         for patch in site.ground
-        if not (patch.width_m == BASE_TILE_M and patch.origin_m[1] - BASE_TILE_M / 2 < shore_y)
+        if patch.width_m == BASE_TILE_M and patch.origin_m[1] - BASE_TILE_M / 2 < _SHORE_Y_M
     ]
-    tiles = [patch for patch in site.ground if patch not in whole]
+    site.ground = [patch for patch in site.ground if patch not in tiles]
+
+    # Each column of tiles becomes a strip of dry ground and a longer one of water.
     top_y = max(patch.origin_m[1] for patch in tiles) + BASE_TILE_M / 2
+    far_m = MARGIN_M + 10.0
     for x in sorted({patch.origin_m[0] for patch in tiles}):
-        strip = ((x, (shore_y + top_y) / 2), 0.0, BASE_TILE_M, top_y - shore_y, 0.0, "paving_warm")
-        whole.append(GroundPatch(*strip))
-        far_m = MARGIN_M + 10.0
-        sea = ((x, shore_y - far_m / 2), 0.0, BASE_TILE_M, far_m, _WATER_RISE_M, "water")
-        whole.append(GroundPatch(*sea))
-    site.ground = whole
+        dry_m, sea_m = (BASE_TILE_M, top_y - _SHORE_Y_M), (BASE_TILE_M, far_m)
+        site.lay(x, (_SHORE_Y_M + top_y) / 2, 0.0, dry_m, 0.0, "paving_warm")
+        site.lay(x, _SHORE_Y_M - far_m / 2, 0.0, sea_m, _WATER_RISE_M, "water")
     for x in np.arange(-190.0, 190.0, 4.0):
-        wall = buildings.part("box", buildings.BUILDING, "stone", (4.0, 0.5, 2.0), (0, 0, -0.75))
-        site.place([wall], float(x), shore_y - 0.2, 0.0)
+        wall = box(BUILDING, "stone", (4.0, 0.5, 2.0), (0, 0, -0.75))
+        site.place([wall], float(x), _SHORE_Y_M - 0.2, 0.0)
 
 
-def _moor(site: Site, rng: np.random.Generator) -> None:
+def _moor(site: Streetscape) -> None:
     """Boats along the quay wall and jetties between them, afloat."""
-    x, shore_y = -150.0, _QUAY_Y_M - _SHORE_M
+    rng, x = site.rng, -150.0
     while x < 150:
         kind = rng.random()
         if kind < 0.2:
@@ -90,43 +83,49 @@ def _moor(site: Site, rng: np.random.Generator) -> None:
         else:
             make = waterside.motor_boat if kind < 0.65 else waterside.sailing_boat
             out_m = rng.uniform(2.4, 5.0)
+        # A boat swings at its rope; a jetty is built straight.
         yaw = np.pi / 2 if kind < 0.2 else np.pi / 2 + rng.normal(0, 0.04)
-        site.place(make(rng), x, shore_y - out_m, float(yaw), _WATER_RISE_M)
+        site.place(make(rng), x, _SHORE_Y_M - out_m, float(yaw), _WATER_RISE_M)
         x += rng.uniform(7.0, 12.0)
 
 
-def _overpass(site: Site, rng: np.random.Generator) -> None:
+# ------------------------------------------------------------------------------ the elevated road
+
+
+def _overpass(site: Streetscape) -> None:
     """The elevated road, above every corridor that it crosses, on columns where there is room,
     and the ramps at its ends."""
-    top_m = _DECK_UNDER_M + waterside.DECK_M
-    half = _DECK_PIECES // 2
-    for k in range(-half - _RAMP_PIECES, half + _RAMP_PIECES):
-        x_m = (k + 0.5) * _DECK_PIECE_M
-        ramp_m = max(abs(x_m) - half * _DECK_PIECE_M, 0.0)
+    pieces = _HALF_DECK_PIECES + _RAMP_PIECES
+    for x_m in (np.arange(-pieces, pieces) + 0.5) * _DECK_PIECE_M:
+        ramp_m = max(abs(x_m) - _HALF_DECK_M, 0.0)
         under_m = _DECK_UNDER_M - ramp_m * _RAMP_SLOPE
         _stand_columns(site, x_m, under_m)
+
         # Local y of a piece is west, so a positive tilt about x rises towards the west.
         tilt_rad = np.sign(x_m) * np.arctan(_RAMP_SLOPE) if ramp_m else 0.0
         world_from_piece = upright(x_m, _DECK_Y_M, under_m, np.pi / 2) @ _tilted(tilt_rad)
         piece = waterside.deck(_DECK_PIECE_M / np.cos(tilt_rad), _DECK_WIDTH_M)
         ground_m = site.height_m(x_m, _DECK_Y_M)
         site.hang(placed(piece, world_from_piece), ground_m, overhead=True)
+
+        # Lamps stand along the level part alone.
         if not ramp_m:
-            lamp = furniture.lamp_post(rng)
+            lamp = furniture.lamp_post(site.rng)
             edge_y_m = _DECK_Y_M + _DECK_WIDTH_M / 2 - 0.15
-            site.hang(placed(lamp, upright(x_m + 4.0, edge_y_m, top_m + 0.4, -np.pi / 2)), ground_m)
+            foot_m = _DECK_UNDER_M + waterside.DECK_M + 0.4
+            site.hang(placed(lamp, upright(x_m + 4.0, edge_y_m, foot_m, -np.pi / 2)), ground_m)
 
 
-def _stand_columns(site: Site, x_m: float, under_m: float) -> None:
+def _stand_columns(site: Streetscape, x_m: float, under_m: float) -> None:
     """A pair of columns under the middle of a piece, or a little beside it, if anywhere."""
     if under_m < 1.0:
         return
     for step_m in (0.0, 3.0, -3.0):
         height_m = under_m - site.height_m(x_m + step_m, _DECK_Y_M)
         # Where the deck slopes, what stands downhill is shorter.
-        slope = _RAMP_SLOPE if abs(x_m) > _DECK_PIECES // 2 * _DECK_PIECE_M else 0.0
+        slope = _RAMP_SLOPE if abs(x_m) > _HALF_DECK_M else 0.0
         feet = waterside.columns(_DECK_WIDTH_M, height_m - slope * np.sign(x_m) * step_m)
-        if site.place(feet, x_m + step_m, _DECK_Y_M, float(np.pi / 2)):
+        if site.place(feet, x_m + step_m, _DECK_Y_M, np.pi / 2):
             return
 
 
@@ -136,38 +135,44 @@ def _tilted(angle_rad: float) -> Float[np.ndarray, "4 4"]:
     return np.array([[1, 0, 0, 0], [0, cos, -sin, 0], [0, sin, cos, 0], [0, 0, 0, 1.0]])
 
 
-def _furnish(site: Site, street: Street, rng: np.random.Generator) -> None:
-    quay = street.profile is _QUAY
-    row(site, street, 0.55, 24.0, furniture.lamp_post, rng)
-    row(site, street, 0.5, 40.0, furniture.sign_post, rng)
+# --------------------------------------------------------------------------------- along the ways
+
+
+def _furnish(site: Streetscape, street: Street) -> None:
+    quay, edge = street.profile is _QUAY, street.profile.pavement_m
+    gardens = _LAND if quay else BOTH_SIDES
+    site.row(street, 0.55, 24.0, furniture.lamp_post)
+    site.row(street, 0.5, 40.0, furniture.sign_post)
     if quay:
-        row(site, street, 8.6, 6.3, partial(furniture.railing, length_m=6.0), rng, (-1,))
-        row(site, street, 9.0, 11.0, waterside.bollard, rng, (-1,))
-        row(site, street, 5.8, 13.0, waterside.palm, rng, (-1,))
-        row(site, street, 6.4, 15.0, furniture.bench, rng, (-1,))
-        row(site, street, 7.0, 55.0, waterside.quay_crane, rng, (-1,))
-        row(site, street, 7.2, 30.0, industry.floodlight_mast, rng, (-1,))
-        row(site, street, 5.6, 48.0, buildings.kiosk, rng, (-1,))
-    row(site, street, 0.9, 12.0, vegetation.street_tree, rng)
-    park(site, street, rng, 0.2)
-    row(site, street, street.profile.pavement_m + 1.0, 15.0, vegetation.bush, rng)
-    row(site, street, street.profile.pavement_m + 1.2, 24.0, furniture.litter_bin, rng)
-    row(site, street, street.profile.pavement_m + 2.4, 30.0, industry.container_stack, rng, (1,))
-    in_gardens(site, street, 7, vegetation.broadleaf, rng, (3.0, 26.0), (1,) if quay else (-1, 1))
-    in_gardens(site, street, 2, vegetation.bare_tree, rng, (3.0, 16.0), (1,) if quay else (-1, 1))
+        site.row(street, 8.6, 6.3, partial(furniture.railing, length_m=6.0), _WATER)
+        site.row(street, 9.0, 11.0, waterside.bollard, _WATER)
+        site.row(street, 5.8, 13.0, waterside.palm, _WATER)
+        site.row(street, 6.4, 15.0, furniture.bench, _WATER)
+        site.row(street, 7.0, 55.0, waterside.quay_crane, _WATER)
+        site.row(street, 7.2, 30.0, industry.floodlight_mast, _WATER)
+        site.row(street, 5.6, 48.0, buildings.kiosk, _WATER)
+
+    site.row(street, 0.9, 12.0, vegetation.street_tree)
+    park(site, street, 0.2)
+    site.row(street, edge + 1.0, 15.0, vegetation.bush)
+    site.row(street, edge + 1.2, 24.0, furniture.litter_bin)
+    site.row(street, edge + 2.4, 30.0, industry.container_stack, _LAND)
+    site.in_gardens(street, 7, vegetation.broadleaf, (3.0, 26.0), gardens)
+    site.in_gardens(street, 2, vegetation.bare_tree, (3.0, 16.0), gardens)
 
 
-def build(rng: np.random.Generator) -> Town:
-    site = Site("waterfront", _network(rng), rolling(rng, 0.25))
-    lay_ground(site, "paving")
+def build(rng: Rng) -> Town:
+    """Builds the town; the generator decides its details."""
+    site = Streetscape("waterfront", _network(rng), rolling(rng, 0.25), rng)
+    site.lay_ground("paving")
     _lay_water(site)
-    _overpass(site, rng)
+    _overpass(site)
     for street in site.network.streets:
-        sides = (1,) if street.profile is _QUAY else (-1, 1)
-        frontage(site, street, _flats, rng, (1.0, 3.0), (3.0, 10.0), sides)
+        sides = _LAND if street.profile is _QUAY else BOTH_SIDES
+        site.frontage(street, _flats, (1.0, 3.0), (3.0, 10.0), sides)
     for street in site.network.streets:
-        _furnish(site, street, rng)
-    _moor(site, rng)
-    outskirts(site, 26, _flats, rng, south_m=_QUAY_Y_M)
-    outskirts(site, 30, vegetation.broadleaf, rng, south_m=_QUAY_Y_M)
+        _furnish(site, street)
+    _moor(site)
+    site.outskirts(26, _flats, south_m=_QUAY_Y_M)
+    site.outskirts(30, vegetation.broadleaf, south_m=_QUAY_Y_M)
     return site.finished()
