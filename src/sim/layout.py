@@ -1,4 +1,4 @@
-"""What a town is, as plain data: terrain, solids, ground patches, and the paths through it."""
+"""A town as plain data: terrain, solids, ground patches, and the paths through it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,15 +9,15 @@ from jaxtyping import Float
 
 from .solid import Solid
 
+# Terrain height in metres at world x and y: smooth, gentle, and never exactly flat.
 HeightField = Callable[[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]], Float[np.ndarray, "*n"]]
-"""Terrain height in metres at world x and y: smooth, gentle, and never exactly flat."""
 
 
 @dataclass(frozen=True)
 class GroundPatch:
     """A rectangle of ground that follows the terrain, ``rise_m`` above it (a kerb, a lawn).
 
-    ``origin_m`` is its centre, ``yaw_rad`` the direction of its length. The classes say ``ground``.
+    ``origin_m`` is its center, ``yaw_rad`` the direction of its length. The classes say ``ground``.
     """
 
     origin_m: tuple[float, float]

@@ -9,12 +9,15 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ..jit import njit
 
+Points = Float[np.ndarray, "n 3"]
+Classes = UInt8[np.ndarray, "n"]
+
+# The side of these cubes.
 POINT_CUBE_M = 0.1
-"""The side of these cubes."""
 
 _EMPTY = -1
+# In cubes: points lie within +-52 km of the origin.
 _HALF_RANGE = 1 << 19
-"""In cubes: points lie within +-52 km of the origin."""
 
 
 class PointSet:
@@ -26,8 +29,8 @@ class PointSet:
         self._table = np.full(1 << 12, _EMPTY, dtype=np.int64)
         self._count = 0
 
-    def add(self, points_m: Float[np.ndarray, "n 3"], class_id: UInt8[np.ndarray, "n"]) -> None:
-        """Keeps those points whose cube has none of their class yet."""
+    def add(self, points_m: Points, class_id: Classes) -> None:
+        """Keeps the points whose cube has none of their class yet."""
         keys = _keys(points_m, class_id)
         self._grow(self._count + len(keys))
         new = np.zeros(len(keys), dtype=bool)
@@ -36,10 +39,11 @@ class PointSet:
         self._points.append(points_m[new])
         self._classes.append(class_id[new])
 
-    def points(self) -> tuple[Float[np.ndarray, "n 3"], UInt8[np.ndarray, "n"]]:
-        """All points kept, in metres, and their classes."""
-        none = np.zeros((0, 3)), np.zeros(0, dtype=np.uint8)
-        return np.concatenate([none[0], *self._points]), np.concatenate([none[1], *self._classes])
+    def points(self) -> tuple[Points, Classes]:
+        """Returns all points kept, in metres, and their classes."""
+        points = [np.zeros((0, 3)), *self._points]
+        classes = [np.zeros(0, dtype=np.uint8), *self._classes]
+        return np.concatenate(points), np.concatenate(classes)
 
     def _grow(self, count: int) -> None:
         """Keeps the table at most half full."""
@@ -52,9 +56,7 @@ class PointSet:
             _insert(self._table, held, np.zeros(len(held), dtype=bool))
 
 
-def _keys(
-    points_m: Float[np.ndarray, "n 3"], class_id: UInt8[np.ndarray, "n"]
-) -> Int[np.ndarray, "n"]:
+def _keys(points_m: Points, class_id: Classes) -> Int[np.ndarray, "n"]:
     """Cube and class as one number: three times 20 bits, and 3 bits."""
     cube = np.floor(points_m / POINT_CUBE_M).astype(np.int64) + _HALF_RANGE
     return ((cube[:, 0] << 20 | cube[:, 1]) << 20 | cube[:, 2]) << 3 | class_id
@@ -64,10 +66,11 @@ def _keys(
 def _insert(
     table: Int[np.ndarray, "size"], keys: Int[np.ndarray, "n"], new: Bool[np.ndarray, "n"]
 ) -> None:
-    """Inserts keys into a hash table with linear probing; says which of them were not in it."""
+    """Inserts keys into a hash table with linear probing; marks those that were not in it."""
     mask = len(table) - 1
     for i in range(len(keys)):
         key = keys[i]
+        # Multiplying by 64 bits of the golden ratio spreads neighbouring cubes over the table.
         slot = ((key * -7046029254386353131) >> 20) & mask
         while table[slot] != _EMPTY and table[slot] != key:
             slot = (slot + 1) & mask

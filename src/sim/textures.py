@@ -1,21 +1,22 @@
-"""What surfaces look like: small procedural textures that tile in metres, and plain colours.
+"""What surfaces look like: small procedural textures that tile in metres, and plain colors.
 
-A ``material`` is a key of `TEXTURES` or one of the plain colours ``"#rrggbb"`` of `PALETTE`.
+A ``material`` is a key of `TEXTURES` or one of the plain colors ``"#rrggbb"`` of `PALETTE`.
 Textures hold no line thinner than a few texels, because the renderer takes the nearest texel and
 has no mip-maps: finer detail would flicker with distance and be learned as if it meant something.
 """
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
+# Texels along each side of a texture.
 SIZE = 96
-"""Texels along each side of a texture."""
 
+# Plain colors: several to choose from of each thing, or one with a name of its own.
 CAR_PAINT = ("#b3202a", "#1f4e8c", "#d8d8d4", "#2b2e33", "#8d949b", "#27613f", "#d99a26", "#5b2333")
 TRUCK_PAINT = ("#e8e6df", "#2f5d8a", "#a83a2a", "#3f6f4f", "#d0a43a")
 BUS_PAINT = ("#c8372d", "#2a6f97", "#e0a526", "#3d8361")
@@ -24,25 +25,20 @@ TROUSERS = ("#2c3440", "#46443f", "#5a6b85", "#7c6a52", "#1f2126")
 SKIN = ("#e0b394", "#b98560", "#8a5a3c", "#5e3d29")
 HAIR = ("#2a211c", "#5a3e28", "#9a7440", "#77787c")
 METAL = ("#3c4248", "#5e666d", "#8c949a", "#b4bac0")
-SIGN_RED, SIGN_BLUE, SIGN_WHITE = "#c4282c", "#2257a6", "#f0f0ec"
-LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN = "#e03a2c", "#e8a623", "#34b45a"
-TYRE, WINDOW_GLASS, HEADLIGHT, TAIL_LIGHT = "#17181a", "#27343f", "#f4efd0", "#8f1d1d"
-CABLE, TIMBER, CONCRETE, CHIMNEY = "#202225", "#7d5f43", "#b4b0a6", "#8a4f3c"
-BIN_GREEN, BIN_GREY, BARRIER_ORANGE = "#35573f", "#55595c", "#e2702a"
+_SIGNS = SIGN_RED, SIGN_BLUE, SIGN_WHITE = "#c4282c", "#2257a6", "#f0f0ec"
+_LIGHTS = LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN = "#e03a2c", "#e8a623", "#34b45a"
+_VEHICLES = TYRE, WINDOW_GLASS, HEADLIGHT, TAIL_LIGHT = "#17181a", "#27343f", "#f4efd0", "#8f1d1d"
+_BUILT = CABLE, TIMBER, CONCRETE, CHIMNEY = "#202225", "#7d5f43", "#b4b0a6", "#8a4f3c"
+_STREET = BIN_GREEN, BIN_GREY, BARRIER_ORANGE = "#35573f", "#55595c", "#e2702a"
 
-PALETTE: tuple[str, ...] = tuple(
-    sorted(
-        {
-            *(CAR_PAINT + TRUCK_PAINT + BUS_PAINT + SHIRTS + TROUSERS + SKIN + HAIR + METAL),
-            *(SIGN_RED, SIGN_BLUE, SIGN_WHITE, LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN),
-            *(TYRE, WINDOW_GLASS, HEADLIGHT, TAIL_LIGHT, CABLE, TIMBER, CONCRETE, CHIMNEY),
-            *(BIN_GREEN, BIN_GREY, BARRIER_ORANGE),
-        }
-    )
-)
-"""Every plain colour that a material may be."""
+# Every plain color that a material may be.
+_CHOICES = (CAR_PAINT, TRUCK_PAINT, BUS_PAINT, SHIRTS, TROUSERS, SKIN, HAIR, METAL)
+_NAMED = (_SIGNS, _LIGHTS, _VEHICLES, _BUILT, _STREET)
+PALETTE: tuple[str, ...] = tuple(sorted({color for each in _CHOICES + _NAMED for color in each}))
 
 Image = Float[np.ndarray, "h w 3"]
+Pixels = UInt8[np.ndarray, "h w 3"]
+Span = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -53,44 +49,44 @@ class Texture:
     reads upright on a wall.
     """
 
-    tile_m: tuple[float, float]
-    draw: Callable[[], UInt8[np.ndarray, "h w 3"]]
+    tile_m: Span
+    draw: Callable[[], Pixels]
 
 
-def rgb_of(colour: str) -> tuple[int, int, int]:
-    """``"#rrggbb"`` as three values from 0 to 255."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+def rgb_of(color: str) -> tuple[int, int, int]:
+    """Returns ``"#rrggbb"`` as three values from 0 to 255."""
+    return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
 
 
-def _mottled(colour: str, cells: int, spread: float) -> Image:
-    """A colour with soft blotches that repeat at the tile's edges; the colour seeds them."""
-    generator = np.random.default_rng(zlib.crc32(f"{colour}{cells}".encode()))
+def _mottled(color: str, cells: int, spread: float) -> Image:
+    """A color with soft blotches that repeat at the tile's edges; the color seeds them."""
+    generator = np.random.default_rng(zlib.crc32(f"{color}{cells}".encode()))
     coarse = generator.normal(0, spread, (cells, cells))
+
+    # A texel lies between two cells of each axis; after the last cell comes the first again.
     position = np.arange(SIZE) * cells / SIZE
     low, weight = position.astype(int), position % 1
     rows = coarse[low] * (1 - weight[:, None]) + coarse[(low + 1) % cells] * weight[:, None]
     blotches = rows[:, low] * (1 - weight) + rows[:, (low + 1) % cells] * weight
-    return np.array(rgb_of(colour), dtype=float) + blotches[..., None]
+    return np.array(rgb_of(color), dtype=float) + blotches[..., None]
 
 
-def _fill(
-    image: Image, colour: str, u: tuple[float, float], v: tuple[float, float], blend: float = 1.0
-) -> None:
-    """Paint a rectangle given as fractions of the tile, v upwards."""
+def _fill(image: Image, color: str, u: Span, v: Span, blend: float = 1.0) -> None:
+    """Paints a rectangle given as fractions of the tile, v upwards."""
     columns = slice(round(u[0] * SIZE), round(u[1] * SIZE))
     rows = slice(round((1 - v[1]) * SIZE), round((1 - v[0]) * SIZE))
-    image[rows, columns] += blend * (np.array(rgb_of(colour)) - image[rows, columns])
+    image[rows, columns] += blend * (np.array(rgb_of(color)) - image[rows, columns])
 
 
-def _finish(image: Image) -> UInt8[np.ndarray, "h w 3"]:
+def _finish(image: Image) -> Pixels:
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
-def _plain(colour: str, cells: int = 16, spread: float = 7.0) -> UInt8[np.ndarray, "h w 3"]:
-    return _finish(_mottled(colour, cells, spread))
+def _plain(color: str, cells: int = 16, spread: float = 7.0) -> Pixels:
+    return _finish(_mottled(color, cells, spread))
 
 
-def _windows(wall: str, frame: str, width: float, height: float, glass: tuple[str, ...]):
+def _windows(wall: str, frame: str, width: float, height: float, glass: Sequence[str]) -> Pixels:
     """Two bays by two storeys; a window's width and height are fractions of its bay and storey."""
     image = _mottled(wall, 24, 6)
     for bay in range(2):
@@ -98,17 +94,20 @@ def _windows(wall: str, frame: str, width: float, height: float, glass: tuple[st
             u0, v0 = 0.5 * bay + 0.25 * (1 - width), 0.5 * storey + 0.16
             u1, v1 = u0 + 0.5 * width, v0 + 0.5 * height
             _fill(image, frame, (u0 - 0.03, u1 + 0.03), (v0 - 0.03, v1 + 0.03))
+            # Panes differ from window to window, and a pale strip on each is a curtain.
             _fill(image, glass[(bay + 2 * storey) % len(glass)], (u0, u1), (v0, v1))
             _fill(image, SIGN_WHITE, (u0, u0 + 0.4 * (u1 - u0)), (v0, v1), blend=0.15)
     return _finish(image)
 
 
-def _courses(colour: str, mortar: str, rows: int, columns: int) -> UInt8[np.ndarray, "h w 3"]:
+def _courses(color: str, mortar: str, rows: int, columns: int) -> Pixels:
     """Bricks, slabs or roof tiles: staggered rows with darker joints and uneven stones."""
-    image = _mottled(colour, 2 * columns, 9)
-    generator = np.random.default_rng(zlib.crc32(f"{colour}{rows}{columns}".encode()))
+    image = _mottled(color, 2 * columns, 9)
+    generator = np.random.default_rng(zlib.crc32(f"{color}{rows}{columns}".encode()))
+
     for row in range(rows):
         for column in range(columns + 1):
+            # Every other row is shifted by half a stone, so its first one is cut.
             u0 = (column - 0.5 * (row % 2)) / columns
             span = (max(u0, 0.0), min(u0 + 1 / columns, 1.0))
             _fill(image, mortar, span, (row / rows, (row + 1) / rows), 0.3 * generator.random())
@@ -118,8 +117,8 @@ def _courses(colour: str, mortar: str, rows: int, columns: int) -> UInt8[np.ndar
     return _finish(image)
 
 
-def _stripes(first: str, second: str, count: int, along_u: bool) -> UInt8[np.ndarray, "h w 3"]:
-    """``count`` stripes of each colour, lying along u or standing along v."""
+def _stripes(first: str, second: str, count: int, along_u: bool) -> Pixels:
+    """``count`` stripes of each color, lying along u or standing along v."""
     image = _mottled(first, 16, 4)
     for k in range(count):
         span = ((k + 0.5) / count, (k + 1) / count)
@@ -127,7 +126,7 @@ def _stripes(first: str, second: str, count: int, along_u: bool) -> UInt8[np.nda
     return _finish(image)
 
 
-def _road(lanes: int) -> UInt8[np.ndarray, "h w 3"]:
+def _road(lanes: int) -> Pixels:
     """Asphalt across a whole road: edge lines, dashes between lanes, a solid line in the middle."""
     image = _mottled("#55565a", 20, 5)
     line = 0.035 if lanes == 2 else 0.022
@@ -135,14 +134,14 @@ def _road(lanes: int) -> UInt8[np.ndarray, "h w 3"]:
         _fill(image, "#c9c7bd", (0, 1), (edge, edge + line))
     for lane in range(1, lanes):
         middle = lanes > 2 and lane == lanes // 2
+        color, length = ("#d9b64a", 1.0) if middle else ("#d6d4ca", 0.5)
         v0 = lane / lanes - line / 2
-        _fill(
-            image, "#d9b64a" if middle else "#d6d4ca", (0, 1.0 if middle else 0.5), (v0, v0 + line)
-        )
+        _fill(image, color, (0, length), (v0, v0 + line))
     return _finish(image)
 
 
-def _shopfront(wall: str, sign: str) -> UInt8[np.ndarray, "h w 3"]:
+def _shopfront(wall: str, sign: str) -> Pixels:
+    """A shop window with a reflection, a door, and a sign over both."""
     image = _mottled(wall, 16, 5)
     _fill(image, "#31404a", (0.06, 0.62), (0.10, 0.68))
     _fill(image, "#8fa5b0", (0.10, 0.30), (0.14, 0.64), blend=0.5)
@@ -151,14 +150,11 @@ def _shopfront(wall: str, sign: str) -> UInt8[np.ndarray, "h w 3"]:
     return _finish(image)
 
 
-_DARK, _PALE, _WARM = (
-    ("#2f3d49", "#3c4c58"),
-    ("#56707f", "#49606f"),
-    ("#37424c", "#8c7a4e", "#3c4c58"),
-)
-_BAYS_M = (6.0, 6.0)
-"""Two bays of 3 m, two storeys of 3 m."""
+# Panes of a facade's windows.
+_DARK, _PALE = ("#2f3d49", "#3c4c58"), ("#56707f", "#49606f")
+_WARM, _BLUE = ("#37424c", "#8c7a4e", "#3c4c58"), ("#6f93a8", "#5a7f96")
 
+# A facade's texture holds two bays by two storeys.
 BAY_M = STOREY_M = 3.0
 
 FACADES = {
@@ -169,11 +165,12 @@ FACADES = {
     "facade_plaster_rose": partial(_windows, "#c58f80", "#f0e2d6", 0.40, 0.54, _DARK),
     "facade_concrete": partial(_windows, "#a3a39c", "#7c7d7a", 0.70, 0.46, _PALE),
     "facade_panel": partial(_windows, "#c8ccce", "#8a9196", 0.60, 0.50, _DARK),
-    "facade_glass": partial(_windows, "#5d7482", "#44545f", 0.88, 0.80, ("#6f93a8", "#5a7f96")),
+    "facade_glass": partial(_windows, "#5d7482", "#44545f", 0.88, 0.80, _BLUE),
 }
 
+# Materials that are drawn; sides of boxes have u along the horizontal edge and v upwards.
 TEXTURES: dict[str, Texture] = {
-    **{name: Texture(_BAYS_M, draw) for name, draw in FACADES.items()},
+    **{name: Texture((2 * BAY_M, 2 * STOREY_M), draw) for name, draw in FACADES.items()},
     "shopfront_red": Texture((6.0, 4.0), partial(_shopfront, "#b9ae9a", "#a8322d")),
     "shopfront_blue": Texture((6.0, 4.0), partial(_shopfront, "#8f9498", "#2b5a8c")),
     "shopfront_green": Texture((6.0, 4.0), partial(_shopfront, "#c4b48e", "#2f6b4a")),
@@ -214,4 +211,3 @@ TEXTURES: dict[str, Texture] = {
     "foliage_autumn": Texture((3.0, 3.0), partial(_plain, "#b0752f", 20, 16.0)),
     "needles": Texture((3.0, 3.0), partial(_plain, "#2c4d3a", 20, 10.0)),
 }
-"""Materials that are drawn; sides of boxes have u along the horizontal edge and v upwards."""

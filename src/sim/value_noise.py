@@ -29,6 +29,7 @@ def _smooth(x, y):
     s, t = x - column, y - row
     s, t = s * s * (3 - 2 * s), t * t * (3 - 2 * t)
     i, j = np.int64(column), np.int64(row)
+    # Between the lattice points of two rows, then between the rows.
     near = _at(i, j) + (_at(i + 1, j) - _at(i, j)) * s
     far = _at(i, j + 1) + (_at(i + 1, j + 1) - _at(i, j + 1)) * s
     return near + (far - near) * t

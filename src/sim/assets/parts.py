@@ -14,6 +14,7 @@ from ..solid import Shape, Solid
 
 Vector = Sequence[float]
 Ends = tuple[Vector, Vector]
+Rows = Iterable[tuple]
 
 # How deep things reach into the ground, so that neither a slope nor a kerb opens a gap.
 ROOT_M = -0.2
@@ -51,7 +52,7 @@ def box(class_id: int, material: str, size_m: Vector, center_m: Vector, *turn_ra
     return part("box", class_id, material, size_m, center_m, *turn_rad)
 
 
-def boxes(class_id: int, rows: Iterable[tuple]) -> list[Solid]:
+def boxes(class_id: int, rows: Rows) -> list[Solid]:
     """Boxes of one class; each row holds material, size, center, and any turn."""
     return [box(class_id, *row) for row in rows]
 

@@ -13,7 +13,6 @@ from .network import ROAD_RISE_M, Network, Profile, Street, straight
 from .parking import park
 from .polyline import Spot
 from .streetscape import TWO_LANES, Streetscape
-from .terrain import rolling
 
 _WALK = Profile(6.0, "paving_warm", 0.0, "paving_warm", None, 2.6, 6.5)
 _FACADES = ("facade_glass", "facade_panel", "facade_concrete", "facade_brick")
@@ -122,7 +121,7 @@ def _furnish_walk(site: Streetscape, walk: Street) -> None:
 
 def build(rng: Rng) -> Town:
     """Builds the town; the generator decides its details."""
-    site = Streetscape("campus", _network(rng), rolling(rng, 0.4), rng)
+    site = Streetscape("campus", _network(rng), rng, relief_m=0.4)
     site.lay_ground("paving")
     streets, walks = site.network.streets[:_SIDES], site.network.streets[_SIDES:]
     for street in streets:

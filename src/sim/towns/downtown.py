@@ -10,7 +10,6 @@ from ..solid import Rng, Solid
 from .network import Network, Street
 from .parking import park
 from .streetscape import FOUR_LANES, TWO_LANES, Streetscape
-from .terrain import rolling
 
 _FACADES = ("facade_concrete", "facade_panel", "facade_glass", "facade_brick", "facade_brick_dark")
 
@@ -59,7 +58,7 @@ def _furnish(site: Streetscape, street: Street) -> None:
 
 def build(rng: Rng) -> Town:
     """Builds the town; the generator decides its details."""
-    site = Streetscape("downtown", _network(rng), rolling(rng, 0.3), rng)
+    site = Streetscape("downtown", _network(rng), rng, relief_m=0.3)
     site.lay_ground("paving")
     site.traffic_lights()
     for street in site.network.streets:

@@ -12,7 +12,6 @@ from .network import Network, Profile, Street, straight
 from .parking import lot, park
 from .polyline import Spot
 from .streetscape import Streetscape
-from .terrain import rolling
 
 _STREET = Profile(8.0, "road_wide", 3.7, "concrete", 8.0, 3.0, 7.5)
 
@@ -51,7 +50,7 @@ def _furnish(site: Streetscape, street: Street) -> None:
 
 def build(rng: Rng) -> Town:
     """Builds the town; the generator decides its details."""
-    site = Streetscape("industrial", _network(rng), rolling(rng, 0.3), rng)
+    site = Streetscape("industrial", _network(rng), rng, relief_m=0.3)
     site.lay_ground("concrete")
     bridge = partial(industry.pipe_bridge, width_m=2 * _STREET.half_m + 0.8)
     for k, street in enumerate(site.network.streets):

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from ..assets import buildings, construction, furniture, market, placed, upright, vegetation
+from ..assets import buildings, construction, furniture, placed, plaza, upright, vegetation
 from ..layout import Town
 from ..solid import Rng, Solid
 from ..textures import BAY_M, STOREY_M
@@ -13,7 +13,6 @@ from .network import ROAD_RISE_M, Network, Profile, Street, straight
 from .parking import park
 from .polyline import Spot
 from .streetscape import Streetscape
-from .terrain import rolling
 
 _STREET = Profile(7.0, "road_2lane", 3.6, "paving_warm", 7.0, 2.3, 6.0)
 _ALLEY = Profile(10.5, "cobbles", 0.0, "cobbles", None, 2.2, 5.0)
@@ -80,9 +79,9 @@ def _square(site: Streetscape) -> None:
     side_m = float(np.linalg.norm(along)) - _ALLEY.road_m
     middle = Spot(*corners.mean(axis=0).tolist(), float(np.arctan2(along[1], along[0])))
     site.lay(*middle, (side_m, side_m), ROAD_RISE_M, "cobbles")
-    site.place(market.festoon(rng, side_m / 2 - 0.6, 8), *middle)
+    site.place(plaza.festoon(rng, side_m / 2 - 0.6, 8), *middle)
     for out_m in (-6.5, 6.5):
-        site.place(market.hall(rng), *middle.moved(out_m, 0.0))
+        site.place(plaza.market_hall(rng), *middle.moved(out_m, 0.0))
 
     # A few places in the rows of stalls stay empty.
     for quarter in np.arange(4) * np.pi / 2:
@@ -97,7 +96,7 @@ def _square(site: Streetscape) -> None:
 
 def _string(rng: Rng, width_m: float) -> list[Solid]:
     """A cable across a street with pennants, bulbs or a lamp."""
-    make = furniture.span_wire if rng.random() < 0.3 else market.bunting
+    make = furniture.span_wire if rng.random() < 0.3 else plaza.bunting
     return make(rng, width_m=width_m)
 
 
@@ -140,7 +139,7 @@ def _crane(site: Streetscape) -> None:
 
 def build(rng: Rng) -> Town:
     """Builds the town; the generator decides its details."""
-    site = Streetscape("market", _network(rng), rolling(rng, 0.4), rng)
+    site = Streetscape("market", _network(rng), rng, relief_m=0.4)
     site.lay_ground("earth")
     alleys, streets = site.network.streets[:4], site.network.streets[4:]
     _square(site)

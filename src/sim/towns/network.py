@@ -4,16 +4,17 @@ Every path runs from one *port* to another: a place at a junction where a street
 center line ends. The successors of a path are the paths that start at its last port.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from ..layout import Gate, Path
 from ..solid import Rng
 from .polyline import Point, Polyline, arc_m, crossing, parallel, trimmed, turn
 from .ways import Way, joined
+
+Pairs = Iterable[tuple[int, int]]
 
 # Heights of the surfaces above the terrain; neighbours differ by more than a patch can sag.
 ROAD_RISE_M, JUNCTION_RISE_M, CROSSING_RISE_M, PAVEMENT_RISE_M = 0.04, 0.08, 0.12, 0.16
@@ -26,7 +27,7 @@ CROSSING_OUT_M, STOP_LINE_OUT_M, KERB_STAND_M = 1.7, 3.8, 0.3
 OPPOSING_RAD = np.deg2rad(45)
 
 # The speed is a limit for bicycles; nobody walks as fast.
-WALK = WALK_HALF_WIDTH_M, WALK_MPS = 0.4, 2.5
+WALK_HALF_WIDTH_M, WALK_MPS = 0.4, 2.5
 
 # The slowdown is the speed on a turn, as a part of the speed on the street.
 LANE_HALF_WIDTH_M = 1.4
@@ -73,19 +74,13 @@ class Street:
     profile: Profile
 
 
-def straight(
-    junctions_m: Float[np.ndarray, "j 2"], pairs: Iterable[tuple[int, int]], profile: Profile
-) -> tuple[Street, ...]:
+def straight(junctions_m: Polyline, pairs: Pairs, profile: Profile) -> tuple[Street, ...]:
     """Streets in straight lines between pairs of junctions."""
     return tuple(Street(a, b, junctions_m[[a, b]], profile) for a, b in pairs)
 
 
 def bowed(
-    rng: Rng,
-    junctions_m: Float[np.ndarray, "j 2"],
-    pairs: Iterable[tuple[int, int]],
-    profile: Profile,
-    bow_m: tuple[float, float],
+    rng: Rng, junctions_m: Polyline, pairs: Pairs, profile: Profile, bow_m: tuple[float, float]
 ) -> tuple[Street, ...]:
     """Streets that curve to either side; ``bow_m`` bounds how far aside the control point lies."""
     streets = []
@@ -118,7 +113,7 @@ class Network:
     With ``lights`` all junctions have traffic lights; without, who comes first goes first.
     """
 
-    junctions_m: Float[np.ndarray, "j 2"]
+    junctions_m: Polyline
     streets: tuple[Street, ...]
     lights: bool = False
 
@@ -150,32 +145,31 @@ class Network:
         """Right-hand lanes, one per direction, joined by turns at the junctions."""
         ways = []
         for k, street in enumerate(self.streets):
-            profile = street.profile
-            if profile.lane_mps is not None:
-                room = (LANE_HALF_WIDTH_M, profile.lane_mps, ROAD_RISE_M)
-                ways += self._tracks(k, profile.road_m / 4, room, has_gates=True)
+            speed_mps = street.profile.lane_mps
+            if speed_mps is None:
+                continue
+            for line_m, start, end in self._directions(k):
+                lane_m = parallel(line_m, -street.profile.road_m / 4)
+                gate = self._stop_line(*end[1:], lane_m)
+                lane = Path(lane_m, LANE_HALF_WIDTH_M, speed_mps, (), ROAD_RISE_M, gate)
+                ways.append(Way(lane, start, end))
         return joined(ways + self._turns(ways, JUNCTION_RISE_M))
 
     def corridors(self) -> tuple[Path, ...]:
         """Center lines over the streets, both ways, joined by turns at the junctions."""
         ways = []
         for k, street in enumerate(self.streets):
-            room = (street.profile.corridor_half_width_m, street.profile.corridor_mps, 0.0)
-            ways += self._tracks(k, 0.0, room, has_gates=False)
+            room = (street.profile.corridor_half_width_m, street.profile.corridor_mps)
+            for line_m, start, end in self._directions(k):
+                ways.append(Way(Path(line_m, *room, ()), start, end))
         return joined(ways + self._turns(ways, 0.0))
 
-    def _tracks(
-        self, k: int, right_m: float, room: tuple[float, float, float], has_gates: bool
-    ) -> list[Way]:
-        """Ways along a street in both directions, each to the right of the street's middle."""
+    def _directions(self, k: int) -> Iterator[tuple[Polyline, tuple, tuple]]:
+        """Yields a street's open line with its first and last port, there and back."""
         street = self.streets[k]
-        middle_m, ports = self.open_m(street), [(street.start, k), (street.end, k)]
-        ways = []
-        for line_m, (start, end) in ((middle_m, ports), (middle_m[::-1], ports[::-1])):
-            track_m = parallel(line_m, -right_m)
-            gate = self._stop_line(*end, track_m) if has_gates else None
-            ways.append(Way(track_m, ("from", *start), ("to", *end), *room, gate))
-        return ways
+        line_m = self.open_m(street)
+        yield line_m, ("from", street.start, k), ("to", street.end, k)
+        yield line_m[::-1], ("from", street.end, k), ("to", street.start, k)
 
     def _stop_line(self, junction: int, street: int, lane_m: Polyline) -> Gate:
         phase, phases = self._phases(junction)[street]
@@ -208,11 +202,13 @@ class Network:
                 (_, junction, street), (_, next_junction, next_street) = come.end, go.start
                 if junction != next_junction or street == next_street:
                     continue
-                corner_m = crossing(come.points_m[::-1], go.points_m)
-                points_m = turn(come.points_m[-1], corner_m, go.points_m[0])
-                half_m = min(come.half_width_m, go.half_width_m)
-                speed_mps = TURN_SLOWDOWN * min(come.speed_mps, go.speed_mps)
-                turns.append(Way(points_m, come.end, go.start, half_m, speed_mps, rise_m))
+                here, onward = come.path, go.path
+                corner_m = crossing(here.points_m[::-1], onward.points_m)
+                points_m = turn(here.points_m[-1], corner_m, onward.points_m[0])
+                half_m = min(here.half_width_m, onward.half_width_m)
+                speed_mps = TURN_SLOWDOWN * min(here.speed_mps, onward.speed_mps)
+                path = Path(points_m, half_m, speed_mps, (), rise_m)
+                turns.append(Way(path, come.end, go.start))
         return turns
 
     # ----------------------------------------------------------------------------------- walks
@@ -228,7 +224,7 @@ class Network:
             for side in (-1, 1):
                 points_m = parallel(line, side * street.profile.walk_m)
                 ports = (street.start, k, side), (street.end, k, -side)
-                ways += Way(points_m, *ports, *WALK, rise_m).both_ways()
+                ways += _both_ways(points_m, *ports, rise_m)
 
         for junction in range(len(self.junctions_m)):
             ways += self._corners(junction) + self._crossings(junction)
@@ -260,7 +256,7 @@ class Network:
             paved = max(arm.profile.pavement_m, following.profile.pavement_m) > 0
             rise_m = PAVEMENT_RISE_M if paved else ROAD_RISE_M
             ports = (junction, arm.street, 1), (junction, following.street, -1)
-            ways += Way(points_m, *ports, *WALK, rise_m).both_ways()
+            ways += _both_ways(points_m, *ports, rise_m)
         return ways
 
     def _crossings(self, junction: int) -> list[Way]:
@@ -276,7 +272,7 @@ class Network:
             rise_m = CROSSING_RISE_M if profile.has_crossings else ROAD_RISE_M
             ports = (junction, arm.street, -1), (junction, arm.street, 1)
             points_m = np.stack([sides_m[-1], sides_m[1]])
-            ways += Way(points_m, *ports, *WALK, rise_m, gate).both_ways()
+            ways += _both_ways(points_m, *ports, rise_m, gate)
         return ways
 
     @staticmethod
@@ -292,6 +288,14 @@ class Network:
         a, b = (np.array([np.cos(x.angle_rad), np.sin(x.angle_rad)]) for x in (arm, following))
         bend = crossing(np.stack([port_m, port_m + a]), np.stack([next_port_m, next_port_m + b]))
         return np.stack([port_m, bend, next_port_m])
+
+
+def _both_ways(
+    points_m: Polyline, start: tuple, end: tuple, rise_m: float, gate: Gate | None = None
+) -> list[Way]:
+    """A walk and the same way back."""
+    room = (WALK_HALF_WIDTH_M, WALK_MPS, (), rise_m, gate)
+    return [Way(Path(points_m, *room), start, end), Way(Path(points_m[::-1], *room), end, start)]
 
 
 def _opposing(one: Arm, other: Arm) -> bool:

@@ -11,7 +11,6 @@ from .network import Network, Profile, Street
 from .parking import drives
 from .polyline import Point, Polyline
 from .streetscape import Streetscape
-from .terrain import rolling
 
 _STREET = Profile(6.0, "cobbles", 1.8, "paving_warm", 6.0, 2.0, 5.5)
 _FACADES = ("facade_plaster_cream", "facade_plaster_ochre", "facade_plaster_rose", "facade_brick")
@@ -42,7 +41,7 @@ def _house(rng: Rng) -> list[Solid]:
 
 def build(rng: Rng) -> Town:
     """Builds the town; the generator decides its details."""
-    site = Streetscape("old_town", _network(rng), rolling(rng, 0.5), rng)
+    site = Streetscape("old_town", _network(rng), rng, relief_m=0.5)
     site.lay_ground("grass_dry")
     streets, edge = site.network.streets, _STREET.pavement_m
 

@@ -10,7 +10,6 @@ from ..solid import Rng, Solid
 from .network import Network, Profile, Street, bowed, straight
 from .parking import park
 from .streetscape import TWO_LANES, Streetscape
-from .terrain import rolling
 
 _PATH = Profile(4.0, "gravel", 0.0, "gravel", None, 2.4, 6.0)
 _FACADES = ("facade_brick", "facade_plaster_cream", "facade_panel")
@@ -67,7 +66,7 @@ def _furnish_path(site: Streetscape, path: Street) -> None:
 
 def build(rng: Rng) -> Town:
     """Builds the town; the generator decides its details."""
-    site = Streetscape("park", _network(rng), rolling(rng, 0.5), rng)
+    site = Streetscape("park", _network(rng), rng, relief_m=0.5)
     site.lay_ground("grass")
     for street in site.network.streets:
         furnish = _furnish_path if street.profile is _PATH else _furnish_street

@@ -11,7 +11,7 @@ import numpy as np
 from ..assets import ACTORS, extent_m
 from .network import PAVEMENT_RISE_M, Street
 from .polyline import Spot
-from .streetscape import BOTH_SIDES, Streetscape
+from .streetscape import BOTH, Streetscape
 
 TRUCK_SHARE = 0.08
 # Bays are cut into a pavement: level with it but for what keeps the two surfaces apart.
@@ -33,7 +33,7 @@ def park(site: Streetscape, street: Street, share: float) -> None:
     if not profile.pavement_m:
         return
 
-    for side in BOTH_SIDES:
+    for side in BOTH:
         for spot in site.spots(line, side * profile.road_m / 2, 6.6, jitter=0.1):
             kind = "truck" if site.rng.random() < TRUCK_SHARE else "car"
             vehicle = ACTORS[kind](site.rng)
@@ -49,7 +49,7 @@ def park(site: Streetscape, street: Street, share: float) -> None:
 
 def drives(site: Streetscape, street: Street, spacing_m: float) -> None:
     """Parks cars on paved drives behind the pavements of a street."""
-    for side in BOTH_SIDES:
+    for side in BOTH:
         out_m = side * (street.profile.half_m + DRIVE_M[0] / 2)
         for spot in site.spots(site.network.open_m(street), out_m, spacing_m):
             drive = spot.moved(0.0, 0.0, site.rng.choice([0.0, np.pi]))
@@ -68,7 +68,7 @@ def lot(
     length_m, depth_m = columns * bay_width_m, 2 * bay_length_m + AISLE_M[kind]
     site.lay(*middle, (length_m, depth_m), LOT_RISE_M, "asphalt")
 
-    for side in BOTH_SIDES:
+    for side in BOTH:
         across_m = side * (depth_m - bay_length_m) / 2
         for k in range(columns + 1):
             edge_m = k * bay_width_m - length_m / 2

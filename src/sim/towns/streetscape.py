@@ -18,19 +18,23 @@ from .site import Site
 
 Maker = Callable[[Rng], Sequence[Solid]]
 Sides = Sequence[int]
+Span = tuple[float, float]
 
 # Left of a street is 1, right is -1.
-BOTH_SIDES = (-1, 1)
+BOTH = (-1, 1)
 
 TWO_LANES = Profile(7.0, "road_2lane", 3.4, "paving", 9.0, 2.4, 7.0)
 FOUR_LANES = Profile(14.0, "road_4lane", 4.5, "paving", 11.0, 4.0, 8.0)
 
 
 class Streetscape(Site):
-    """A site that furnishes its streets; ``rng`` decides where, and is passed on to the makers."""
+    """A site that furnishes its streets; ``rng`` decides where, and is passed on to the makers.
 
-    def __init__(self, name: str, network: Network, terrain: HeightField, rng: Rng):
-        super().__init__(name, network, terrain)
+    The ground rolls by ``relief_m`` above and below zero.
+    """
+
+    def __init__(self, name: str, network: Network, rng: Rng, relief_m: float = 0.35):
+        super().__init__(name, network, _rolling(rng, relief_m))
         self.rng = rng
 
     def lay_ground(self, base: str) -> None:
@@ -52,12 +56,7 @@ class Streetscape(Site):
             at += spacing_m * (1 + jitter * self.rng.uniform(-1, 1))
 
     def row(
-        self,
-        street: Street,
-        out_m: float,
-        spacing_m: float,
-        make: Maker,
-        sides: Sides = BOTH_SIDES,
+        self, street: Street, out_m: float, spacing_m: float, make: Maker, sides: Sides = BOTH
     ) -> None:
         """Places things along a street, ``out_m`` from the edge of its road."""
         profile = street.profile
@@ -78,12 +77,7 @@ class Streetscape(Site):
                 self.place(make(self.rng), *spot)
 
     def frontage(
-        self,
-        street: Street,
-        make: Maker,
-        setback_m: tuple[float, float],
-        gap_m: tuple[float, float],
-        sides: Sides = BOTH_SIDES,
+        self, street: Street, make: Maker, setback_m: Span, gap_m: Span, sides: Sides = BOTH
     ) -> None:
         """Places buildings along a street, each behind the pavement by a setback, with gaps."""
         line = self.network.open_m(street)
@@ -131,12 +125,7 @@ class Streetscape(Site):
                 self.place(mast, *kerb.moved(0.0, 0.0, -np.pi / 2), PAVEMENT_RISE_M)
 
     def in_gardens(
-        self,
-        street: Street,
-        count: int,
-        make: Maker,
-        out_m: tuple[float, float],
-        sides: Sides = BOTH_SIDES,
+        self, street: Street, count: int, make: Maker, out_m: Span, sides: Sides = BOTH
     ) -> None:
         """Scatters things beside a street, at random distances from its pavement, turned anyhow."""
         line = self.network.open_m(street)
@@ -165,3 +154,19 @@ class Streetscape(Site):
             yaw = np.round((angle + np.pi) / (np.pi / 2)) * np.pi / 2
             if y > south_m:
                 self.place(make(self.rng), float(x), float(y), float(yaw))
+
+
+def _rolling(rng: Rng, height_m: float) -> HeightField:
+    """Three waves of 60 to 150 m in random directions, within ``height_m`` above and below zero."""
+    # Low, long waves: no road is exactly flat, and none is steep.
+    heading = rng.uniform(0, 2 * np.pi, 3)
+    number = 2 * np.pi / rng.uniform(60, 150, 3)
+    phase = rng.uniform(0, 2 * np.pi, 3)
+    share = rng.uniform(0.5, 1.0, 3)
+    amplitude_m = height_m * share / share.sum()
+
+    def terrain(x_m, y_m):
+        along = np.multiply.outer(x_m, np.cos(heading)) + np.multiply.outer(y_m, np.sin(heading))
+        return (amplitude_m * np.sin(number * along + phase)).sum(axis=-1)
+
+    return terrain

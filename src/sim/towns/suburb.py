@@ -10,7 +10,6 @@ from ..solid import Rng, Solid
 from .network import Network, Profile, bowed
 from .parking import drives
 from .streetscape import Streetscape
-from .terrain import rolling
 
 _STREET = Profile(7.0, "road_2lane", 2.2, "paving_warm", 8.0, 2.6, 6.5)
 _FACADES = ("siding_white", "siding_blue", "facade_plaster_cream", "facade_brick")
@@ -32,7 +31,7 @@ def _house(rng: Rng) -> list[Solid]:
 
 def build(rng: Rng) -> Town:
     """Builds the town; the generator decides its details."""
-    site = Streetscape("suburb", _network(rng), rolling(rng, 0.45), rng)
+    site = Streetscape("suburb", _network(rng), rng, relief_m=0.45)
     site.lay_ground("grass")
     edge = _STREET.pavement_m
     for k, street in enumerate(site.network.streets):

@@ -14,8 +14,7 @@ from ..solid import Rng, Solid
 from .ground import BASE_TILE_M, MARGIN_M
 from .network import Network, Profile, Street, straight
 from .parking import park
-from .streetscape import BOTH_SIDES, TWO_LANES, Streetscape
-from .terrain import rolling
+from .streetscape import BOTH, TWO_LANES, Streetscape
 
 _QUAY = Profile(7.0, "road_2lane", 5.0, "paving_warm", 9.0, 3.0, 7.5)
 _QUAY_Y_M, _INLAND_Y_M, _DECK_Y_M = -46.0, 42.0, -4.0
@@ -140,7 +139,7 @@ def _tilted(angle_rad: float) -> Float[np.ndarray, "4 4"]:
 
 def _furnish(site: Streetscape, street: Street) -> None:
     quay, edge = street.profile is _QUAY, street.profile.pavement_m
-    gardens = _LAND if quay else BOTH_SIDES
+    gardens = _LAND if quay else BOTH
     site.row(street, 0.55, 24.0, furniture.lamp_post)
     site.row(street, 0.5, 40.0, furniture.sign_post)
     if quay:
@@ -163,12 +162,12 @@ def _furnish(site: Streetscape, street: Street) -> None:
 
 def build(rng: Rng) -> Town:
     """Builds the town; the generator decides its details."""
-    site = Streetscape("waterfront", _network(rng), rolling(rng, 0.25), rng)
+    site = Streetscape("waterfront", _network(rng), rng, relief_m=0.25)
     site.lay_ground("paving")
     _lay_water(site)
     _overpass(site)
     for street in site.network.streets:
-        sides = _LAND if street.profile is _QUAY else BOTH_SIDES
+        sides = _LAND if street.profile is _QUAY else BOTH
         site.frontage(street, _flats, (1.0, 3.0), (3.0, 10.0), sides)
     for street in site.network.streets:
         _furnish(site, street)

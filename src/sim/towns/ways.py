@@ -4,38 +4,31 @@ A *port* is a place at a junction where a street's lane, pavement or center line
 """
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
-from ..layout import Gate, Path
-from .polyline import Polyline
+from ..layout import Path
 
 
-@dataclass(frozen=True)
-class Way:
-    """A path from one port to another."""
+class Way(NamedTuple):
+    """A path from one port to another, without its successors."""
 
-    points_m: Polyline
+    path: Path
     start: Hashable
     end: Hashable
-    half_width_m: float
-    speed_mps: float
-    rise_m: float
-    gate: Gate | None = None
-
-    def both_ways(self) -> list["Way"]:
-        """Returns this way, and the way back along it."""
-        return [self, replace(self, points_m=self.points_m[::-1], start=self.end, end=self.start)]
 
 
 def joined(ways: Sequence[Way]) -> tuple[Path, ...]:
-    """Paths whose successors start where they end; nobody turns on the spot."""
+    """Returns the paths with their successors, which start where they end.
+
+    Nobody turns on the spot: the way back is no successor.
+    """
     starts: dict[Hashable, list[int]] = {}
     for k, way in enumerate(ways):
         starts.setdefault(way.start, []).append(k)
 
     paths = []
-    for way in ways:
-        onward = tuple(k for k in starts.get(way.end, ()) if ways[k].end != way.start)
-        room = (way.half_width_m, way.speed_mps)
-        paths.append(Path(way.points_m, *room, onward, way.rise_m, way.gate))
+    for path, start, end in ways:
+        onward = tuple(k for k in starts.get(end, ()) if ways[k].end != start)
+        paths.append(replace(path, successors=onward))
     return tuple(paths)
