@@ -8,21 +8,22 @@ import pytest
 from src.ontology import CAR, LARGE_VEHICLE
 from src.sim.layout import GroundPatch, Path
 from src.sim.solid import Solid
-from src.sim.towns.network import LANE_HALF_WIDTH_M, WALK_HALF_WIDTH_M, Network, Profile, Street
+from src.sim.towns.network import LANE_HALF_WIDTH_M, WALK_HALF_WIDTH_M, Network, Profile, straight
 from src.sim.towns.parking import AISLE_M, BAY_RISE_M, DRIVE_RISE_M, LOT_RISE_M, drives, lot, park
-from src.sim.towns.site import Site
+from src.sim.towns.polyline import Spot
+from src.sim.towns.streetscape import Streetscape
 
 CORNERS_M = np.array([(0.0, 0.0), (160.0, 0.0), (80.0, 130.0)])
 WIDE = Profile(7.0, "road_2lane", 4.6, "paving", 9.0, 2.4, 7.0)
 
 
-class Ring(Site):
+class Ring(Streetscape):
     """Three streets on flat ground; it remembers which solids each vehicle is made of."""
 
-    def __init__(self, profile: Profile = WIDE):
-        pairs = ((0, 1), (1, 2), (2, 0))
-        streets = tuple(Street(a, b, CORNERS_M[[a, b]], profile) for a, b in pairs)
-        super().__init__("ring", Network(CORNERS_M, streets), lambda x, y: np.zeros_like(x + y))
+    def __init__(self, seed: int = 0, profile: Profile = WIDE):
+        streets = straight(CORNERS_M, ((0, 1), (1, 2), (2, 0)), profile)
+        rng = np.random.default_rng(seed)
+        super().__init__("ring", Network(CORNERS_M, streets), rng, relief_m=0.0)
         self.vehicles: list[list[Solid]] = []
 
     def place(self, *args) -> bool:
@@ -36,9 +37,9 @@ class Ring(Site):
 
 
 def parked_along(share: float, seed: int = 0, profile: Profile = WIDE) -> Ring:
-    site, rng = Ring(profile), np.random.default_rng(seed)
+    site = Ring(seed, profile)
     for street in site.network.streets:
-        park(site, street, rng, share)
+        park(site, street, share)
     return site
 
 
@@ -95,20 +96,21 @@ def test_the_share_says_how_many_places_are_taken():
 
 
 def test_no_bays_without_a_pavement():
-    path = Profile(4.0, "gravel", 0.0, "gravel", None, 2.4, 6.0)
-    assert parked_along(1.0, profile=path).vehicles == []
+    gravel = Profile(4.0, "gravel", 0.0, "gravel", None, 2.4, 6.0)
+    assert parked_along(1.0, profile=gravel).vehicles == []
 
 
 @pytest.mark.parametrize("place", ["kerb", "drive", "lot"])
 def test_every_vehicle_stands_on_a_paved_patch_of_its_own(place):
-    site, rng = Ring(), np.random.default_rng(3)
+    site = Ring(seed=3)
     if place == "lot":
-        lot(site, (80.0, 45.0), 0.4, rng, columns=7, share=0.8)
+        lot(site, Spot(80.0, 45.0, 0.4), columns=7, share=0.8, kind="car")
     for street in site.network.streets:
         if place == "kerb":
-            park(site, street, rng, 1.0)
+            park(site, street, 1.0)
         if place == "drive":
-            drives(site, street, rng, 14.0)
+            drives(site, street, 14.0)
+
     rise_m = {"kerb": BAY_RISE_M, "drive": DRIVE_RISE_M, "lot": LOT_RISE_M}[place]
     patches = site.patches(rise_m)
     assert len(patches) == (1 if place == "lot" else len(site.vehicles))
@@ -127,8 +129,8 @@ def covers(patch: GroundPatch, point: np.ndarray, slack_m: float = 0.1) -> bool:
 
 @pytest.mark.parametrize("kind", ["car", "truck"])
 def test_a_full_lot_has_two_rows_with_an_aisle_between_them(kind):
-    site = Ring()
-    lot(site, (80.0, 45.0), 0.0, np.random.default_rng(1), columns=5, share=1.0, kind=kind)
+    site = Ring(seed=1)
+    lot(site, Spot(80.0, 45.0, 0.0), columns=5, share=1.0, kind=kind)
     class_id = {"car": CAR, "truck": LARGE_VEHICLE}[kind]
     assert [{s.class_id for s in vehicle} for vehicle in site.vehicles] == 10 * [{class_id}]
     across_m = np.array([corners_m(vehicle)[:, 1] - 45.0 for vehicle in site.vehicles])

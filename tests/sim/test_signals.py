@@ -103,7 +103,7 @@ def test_opposing_arms_have_green_together_and_people_wait_for_their_own_arm():
 
 def test_where_a_road_only_goes_on_there_is_a_phase_for_people_as_well():
     streets = tuple(Street(0, k, ENDS_M[[0, end]], TWO_LANES) for k, end in ((1, 1), (2, 3)))
-    network = Network(ENDS_M[[0, 1, 3]], streets, signals=True)
+    network = Network(ENDS_M[[0, 1, 3]], streets, lights=True)
     gates = gates_at(network.lanes(), 0, is_crossing=False)
     assert {(gate.phase, gate.phases) for both in gates.values() for gate in both} == {(0, 2)}
 

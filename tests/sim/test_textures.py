@@ -48,4 +48,4 @@ def test_palette_fits_one_image_and_is_unique():
     assert 0 < len(PALETTE) <= 256
     assert len(set(PALETTE)) == len(PALETTE)
     assert rgb_of("#0a141e") == (10, 20, 30)
-    assert all(0 <= value <= 255 for colour in PALETTE for value in rgb_of(colour))
+    assert all(0 <= value <= 255 for color in PALETTE for value in rgb_of(color))

@@ -8,15 +8,7 @@ import numpy as np
 import pytest
 
 from src.errors import UserError
-from src.ontology import (
-    BUILDING,
-    CAR,
-    GENERAL,
-    LARGE_VEHICLE,
-    OCCUPIED,
-    THIN_STRUCTURE,
-    VEGETATION,
-)
+from src.ontology import BUILDING, CAR, GENERAL, LARGE_VEHICLE, OCCUPIED, THIN_STRUCTURE, VEGETATION
 from src.sim.assets import ACTORS, bounds_m
 from src.sim.layout import Path, Town
 from src.sim.textures import PALETTE, TEXTURES
@@ -24,7 +16,32 @@ from src.sim.towns import build_town, town_names
 from src.sim.towns.parking import BAY_RISE_M
 from src.sim.towns.polyline import arc_m, parallel, point_at
 
-ALL = [(n, 0) for n in town_names()] + [pytest.param((n, 1), marks=pytest.mark.slow) for n in town_names()]
+TOWNS = town_names()
+ALL = [(n, 0) for n in TOWNS] + [pytest.param((n, 1), marks=pytest.mark.slow) for n in TOWNS]
+
+OWN_TOWN = """
+import numpy as np
+
+from src.sim.assets import buildings, furniture
+from src.sim.towns.network import Network, straight
+from src.sim.towns.streetscape import TWO_LANES, Streetscape
+
+
+def house(rng):
+    return buildings.gabled_house(rng, bays=3, depth_m=9.0, storeys=2, facade="facade_brick")
+
+
+def build(rng):
+    corners_m = np.array([(-90.0, -60.0), (90.0, -60.0), (0.0, 80.0)])
+    streets = straight(corners_m, [(0, 1), (1, 2), (2, 0)], TWO_LANES)
+    site = Streetscape("triangle", Network(corners_m, streets), rng)
+    site.lay_ground("grass")
+    for street in streets:
+        site.frontage(street, house, setback_m=(2.0, 5.0), gap_m=(1.0, 8.0))
+        site.row(street, 0.5, 25.0, furniture.lamp_post)
+    site.outskirts(30, house)
+    return site.finished()
+"""
 
 
 @cache
@@ -69,7 +86,8 @@ def test_every_occupied_class_is_there(town):
         assert classes.count(class_id) >= 5
     assert len(town.ground) > 10
     actors = {part.class_id for make in ACTORS.values() for part in make(np.random.default_rng(0))}
-    assert len(set(classes) | actors) == len(OCCUPIED) - 1, "all but the ground, which is patches"
+    # The ground is made of patches, not of solids.
+    assert len(set(classes) | actors) == len(OCCUPIED) - 1
     assert 700 < len(town.solids) < 6000
 
 
@@ -101,7 +119,7 @@ def test_vehicles_are_parked_in_every_town(town):
 
 
 @pytest.mark.parametrize(
-    "name", [n if n == "park" else pytest.param(n, marks=pytest.mark.slow) for n in town_names()]
+    "name", [n if n == "park" else pytest.param(n, marks=pytest.mark.slow) for n in TOWNS]
 )
 def test_the_seed_decides(name):
     def fingerprint(town: Town) -> tuple:
@@ -114,9 +132,35 @@ def test_the_seed_decides(name):
     assert fingerprint(again) != fingerprint(town_of(name, 1))
 
 
-def test_unknown_town_is_a_user_error_that_names_the_others():
-    with pytest.raises(UserError, match=r"atlantis.*downtown"):
-        build_town("atlantis", np.random.default_rng(0))
+@pytest.mark.parametrize("name", ["atlantis", "streetscape", "numpy.linalg", "a..b", "", 7, None])
+def test_unknown_town_is_a_user_error_that_names_the_others(name):
+    """Neither what the towns share nor a module without a function ``build`` is a town."""
+    with pytest.raises(UserError, match=rf"sim\.towns.*'{name}'.*downtown.*build\(rng\)") as error:
+        build_town(name, np.random.default_rng(0))
+    assert "\n" not in str(error.value)
+
+
+def test_a_town_nearly_named_is_suggested():
+    with pytest.raises(UserError, match=r"'subrub'.*'suburb'\?"):
+        build_town("subrub", np.random.default_rng(0))
+
+
+def test_a_town_of_one_s_own_is_one_module_of_any_package(tmp_path, monkeypatch):
+    (tmp_path / "mytowns").mkdir()
+    (tmp_path / "mytowns" / "triangle.py").write_text(OWN_TOWN)
+    (tmp_path / "mytowns" / "broken.py").write_text("import no_such_library")
+    monkeypatch.syspath_prepend(tmp_path)
+    town = build_town("mytowns.triangle", np.random.default_rng(0))
+    assert town.name == "triangle"
+    assert len(town.solids) > 300
+    assert count_inside(town, samples(town, town.corridors, (-0.9, 0, 0.9), (3.0, 9.2, 16.5))) == 0
+    assert "mytowns.triangle" not in town_names()
+
+    with pytest.raises(UserError, match=r"mytowns\.square"):
+        build_town("mytowns.square", np.random.default_rng(0))
+    # An error within a town's file is not taken for a town that is not there.
+    with pytest.raises(ModuleNotFoundError, match="no_such_library"):
+        build_town("mytowns.broken", np.random.default_rng(0))
 
 
 def test_corridors_are_free_where_the_flight_climbs(town):
@@ -222,16 +266,11 @@ def test_nothing_floats_and_nothing_is_buried(town):
 
 def water_depth_m(town: Town, x_m: float, y_m: float) -> float:
     """How far the water lies below the terrain at a place; 0 on land. Water is laid square."""
-    return max(
-        (
-            -patch.rise_m
-            for patch in town.ground
-            if patch.material == "water"
-            and abs(x_m - patch.origin_m[0]) < patch.length_m / 2
-            and abs(y_m - patch.origin_m[1]) < patch.width_m / 2
-        ),
-        default=0.0,
-    )
+    for patch in town.ground:
+        out_m = np.abs(np.subtract((x_m, y_m), patch.origin_m))
+        if patch.material == "water" and (2 * out_m < (patch.length_m, patch.width_m)).all():
+            return -patch.rise_m
+    return 0.0
 
 
 def heaps(lower: np.ndarray, upper: np.ndarray, slack_m: float = 0.03) -> Iterator[np.ndarray]:
