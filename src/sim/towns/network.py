@@ -139,8 +139,6 @@ class Network:
         """Returns a street's center line between its junctions."""
         return trimmed(street.points_m, self.radius_m(street.start), self.radius_m(street.end))
 
-    # ------------------------------------------------------------------------ lanes, corridors
-
     def lanes(self) -> tuple[Path, ...]:
         """Right-hand lanes, one per direction, joined by turns at the junctions."""
         ways = []
@@ -210,8 +208,6 @@ class Network:
                 path = Path(points_m, half_m, speed_mps, (), rise_m)
                 turns.append(Way(path, come.end, go.start))
         return turns
-
-    # ----------------------------------------------------------------------------------- walks
 
     def walks(self) -> tuple[Path, ...]:
         """Pavements on both sides, the ways around corners and the crossings, both ways."""
