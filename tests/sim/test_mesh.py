@@ -11,13 +11,18 @@ from src.sim.rays import RayScene
 from tests.sim.scenery import solid
 
 SHAPES = ("box", "cylinder", "cone", "ellipsoid")
-SIZE_M, CENTRE_M = (3.0, 2.0, 5.0), (4.0, -1.0, 2.0)
+SIZE_M, CENTER_M = (3.0, 2.0, 5.0), (4.0, -1.0, 2.0)
 POLYGON = ROUND_SIDES / 2 * np.sin(2 * np.pi / ROUND_SIDES)
 """Area of the polygon whose corners lie on the unit circle."""
 
 
 def placed(shape):
-    return solid(0, SIZE_M, CENTRE_M, shape, yaw_rad=0.6)
+    return solid(0, SIZE_M, CENTER_M, shape, yaw_rad=0.6)
+
+
+@pytest.fixture(params=SHAPES)
+def shape(request):
+    return request.param
 
 
 def triangles(mesh):
@@ -46,13 +51,15 @@ VOLUMES = {
 """Of the tessellated solid of size 2 x 2 x 2, worked out by hand."""
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_the_volume_is_the_analytic_one_and_positive(shape):
-    expected_m3 = VOLUMES[shape] * np.prod(SIZE_M) / 8
-    assert volume_m3(mesh_of_solid(placed(shape))) == pytest.approx(expected_m3)
+def test_the_volume_is_the_analytic_one_and_a_sphere_holds_it(shape):
+    mesh = mesh_of_solid(placed(shape))
+    assert volume_m3(mesh) == pytest.approx(VOLUMES[shape] * np.prod(SIZE_M) / 8)
+    middle_m, reach_m = mesh.bounding_sphere()
+    distance_m = np.linalg.norm(mesh.vertices_m - middle_m, axis=1)
+    assert distance_m.max() == pytest.approx(reach_m)
+    assert reach_m <= np.linalg.norm(SIZE_M) / 2 * 1.05
 
 
-@pytest.mark.parametrize("shape", SHAPES)
 def test_every_edge_is_walked_once_each_way(shape):
     edges = Counter()
     for corners in triangles(mesh_of_solid(placed(shape))).round(6):
@@ -63,22 +70,20 @@ def test_every_edge_is_walked_once_each_way(shape):
     assert all(edges[b, a] == count for (a, b), count in edges.items())
 
 
-@pytest.mark.parametrize("shape", SHAPES)
 def test_normals_point_away_from_the_middle(shape):
     mesh = mesh_of_solid(placed(shape))
     a, b, c = triangles(mesh).transpose(1, 0, 2)
     # At a tip one side of a quad has no length, so one of its triangles is no triangle.
     drawn = np.unique(mesh.faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9])
-    outward = ((mesh.vertices_m - CENTRE_M) * mesh.normals).sum(axis=1)
+    outward = ((mesh.vertices_m - CENTER_M) * mesh.normals).sum(axis=1)
     assert outward[drawn].min() > 0
     assert np.linalg.norm(mesh.normals[drawn], axis=1) == pytest.approx(1)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
 def test_rays_find_the_surface_where_the_solid_says(shape):
     it = placed(shape)
     rng = np.random.default_rng(0)
-    origins_m = CENTRE_M + rng.uniform(-2.5, 2.5, (4000, 3))
+    origins_m = CENTER_M + rng.uniform(-2.5, 2.5, (4000, 3))
     directions = rng.standard_normal((4000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     rays = RayScene(triangles(mesh_of_solid(it)))
@@ -115,20 +120,16 @@ def test_a_patch_follows_the_terrain_and_has_a_skirt():
     assert (outward[walls, :2].sum(axis=1) > 0).all()
 
 
-def test_merging_keeps_every_triangle():
-    meshes = [mesh_of_solid(placed(shape)) for shape in SHAPES]
-    both = merge(meshes)
-    np.testing.assert_array_equal(triangles(both), np.concatenate([triangles(m) for m in meshes]))
-
-
 def corners(mesh):
     """Every triangle with all that its corners carry, in an order of its own."""
     table = np.concatenate([mesh.vertices_m, mesh.normals, mesh.uvs_m], axis=1)
     return sorted(map(tuple, table[mesh.faces].reshape(len(mesh.faces), -1).tolist()))
 
 
-def test_cells_have_every_triangle_once_and_none_of_another_cell():
-    mesh = merge([mesh_of_solid(placed(shape)) for shape in SHAPES])
+def test_merging_keeps_every_triangle_and_cells_have_each_once_and_none_of_another_cell():
+    meshes = [mesh_of_solid(placed(shape)) for shape in SHAPES]
+    mesh = merge(meshes)
+    np.testing.assert_array_equal(triangles(mesh), np.concatenate([triangles(m) for m in meshes]))
     mesh = merge([mesh, mesh.moved(np.eye(4) - np.diag([2.0, 2, 0, 0]))])
     pieces = split(mesh, 1.5)
     assert len(pieces) > 6
@@ -138,17 +139,7 @@ def test_cells_have_every_triangle_once_and_none_of_another_cell():
         np.testing.assert_array_equal(np.floor(middle_m / 1.5), np.tile(cell, (len(middle_m), 1)))
         assert set(piece.faces.reshape(-1)) == set(range(len(piece.vertices_m)))
 
-
-def test_an_endless_cell_has_the_whole_mesh():
-    mesh = mesh_of_solid(solid(0, SIZE_M, (0, 0, 0)))
-    (piece,) = split(mesh, np.inf).values()
-    assert corners(piece) == corners(mesh)
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_the_sphere_touches_the_mesh_and_holds_it(shape):
-    mesh = mesh_of_solid(placed(shape))
-    middle_m, reach_m = mesh.bounding_sphere()
-    distance_m = np.linalg.norm(mesh.vertices_m - middle_m, axis=1)
-    assert distance_m.max() == pytest.approx(reach_m)
-    assert reach_m <= np.linalg.norm(SIZE_M) / 2 * 1.05
+    # An endless cell has the whole mesh.
+    one = mesh_of_solid(solid(0, SIZE_M, (0, 0, 0)))
+    (piece,) = split(one, np.inf).values()
+    assert corners(piece) == corners(one)

@@ -14,6 +14,7 @@ from tests.sim.roads import SIZES_M, way
 CAR_M, BUS_M, PERSON_M = (SIZES_M[name] for name in ("car", "bus", "pedestrian"))
 REACH_M = 45.0
 LINE_M, CLEAR_M = 56.0, 4.0
+# Eastward over a junction or to the right at it; westward there is nothing to wait for.
 LANES = (
     way((-60, -2), (0, -2), successors=(1, 2), gate=Gate(0, LINE_M, CLEAR_M, False, None, 0)),
     way((0, -2), (16, -2), successors=(3,)),
@@ -22,8 +23,6 @@ LANES = (
     way((6, -8), (6, -70)),
     way((120, 2), (-60, 2)),
 )
-"""Eastward over a junction or to the right at it; westward there is nothing to wait for."""
-
 WALKS = (
     way((-60, -8), (-5, -8), successors=(1,), half_width_m=0.4),
     way((-5, -8), (-5, 8), gate=Gate(0, 3.0, -3.0, True, None, 0), half_width_m=0.4),
@@ -38,6 +37,11 @@ def flight(x_mps=5.0, y_mps=0.0, start_m=(0.0, 0.0), seconds=10.0):
 
 def gaze(**kwargs):
     return Gaze(flight(**kwargs), REACH_M)
+
+
+def seen_of(it, places_m):
+    """How much is seen of things that stay at their places."""
+    return it.share(np.tile(np.array(places_m)[:, None], (1, len(it.at_m), 1)))
 
 
 def car_on(path, start_m):
@@ -72,22 +76,16 @@ def test_what_keeps_its_place_before_the_camera_is_always_in_view_or_never(x_mps
 
 
 def test_the_share_is_that_of_the_time_in_view():
-    it = gaze()
-    standing_m = np.array([(25.0, 0), (5, 0), (70, 0), (-1, 0), (25, 30)])
-    seen = it.share(np.tile(standing_m[:, None], (1, len(it.at_m), 1)))
     # Passed after 5 s and 1 s; in reach after 5 s; never ahead; always too far aside.
-    assert seen == pytest.approx([0.5, 0.1, 0.5, 0, 0], abs=0.06)
+    places_m = [(25.0, 0), (5, 0), (70, 0), (-1, 0), (25, 30)]
+    assert seen_of(gaze(), places_m) == pytest.approx([0.5, 0.1, 0.5, 0, 0], abs=0.06)
 
 
-def test_who_hovers_looks_where_it_last_flew_to():
-    legs_m = [
-        flight(start_m=(-5.0, 0.0), seconds=1.0),
-        flight(0.0, 5.0, seconds=4.0),
-        np.tile([0.0, 20.0, 9.0], (2000, 1)),
-    ]
-    it = Gaze(np.concatenate(legs_m), REACH_M)
-    still = [np.tile(place_m, (len(it.at_m), 1)) for place_m in ((0.0, 40.0), (20.0, 20.0))]
-    assert it.share(np.array(still)) == pytest.approx([1, 0], abs=0.08)
+def test_a_uav_that_hovers_looks_where_it_last_flew_to():
+    east_m, north_m = flight(start_m=(-5.0, 0.0), seconds=1.0), flight(0.0, 5.0, seconds=4.0)
+    hover_m = np.tile([0.0, 20.0, 9.0], (2000, 1))
+    it = Gaze(np.concatenate([east_m, north_m, hover_m]), REACH_M)
+    assert seen_of(it, [(0.0, 40.0), (20.0, 20.0)]) == pytest.approx([1, 0], abs=0.08)
 
 
 def test_spots_are_every_two_metres_near_the_way_and_not_on_a_junction():
@@ -146,12 +144,9 @@ def test_nobody_starts_on_a_junction(name):
     for k, one in zip(first, placed):
         (x_m, y_m), _ = one.start
         half_m = SIZES_M[name][0] / 2
-        if k == 0:
-            assert x_m + half_m <= -60 + LINE_M + 0.1
-        if k == 3:
-            assert x_m >= 16 + CLEAR_M + half_m - 0.1
-        if k == 4:
-            assert y_m <= -8 - CLEAR_M - half_m + 0.1
+        # How far it stands from the line before the junction, and from the junction behind it.
+        free_m = {0: LINE_M - 60 - x_m, 3: x_m - 16 - CLEAR_M, 4: -8 - CLEAR_M - y_m}
+        assert free_m.get(k, np.inf) >= half_m - 0.1
         assert half_m < one.start_m < one.route.length_m - half_m - 1
 
 

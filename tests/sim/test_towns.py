@@ -19,30 +19,6 @@ from src.sim.towns.polyline import arc_m, parallel, point_at
 TOWNS = town_names()
 ALL = [(n, 0) for n in TOWNS] + [pytest.param((n, 1), marks=pytest.mark.slow) for n in TOWNS]
 
-OWN_TOWN = """
-import numpy as np
-
-from src.sim.assets import buildings, furniture
-from src.sim.towns.network import Network, straight
-from src.sim.towns.streetscape import TWO_LANES, Streetscape
-
-
-def house(rng):
-    return buildings.gabled_house(rng, bays=3, depth_m=9.0, storeys=2, facade="facade_brick")
-
-
-def build(rng):
-    corners_m = np.array([(-90.0, -60.0), (90.0, -60.0), (0.0, 80.0)])
-    streets = straight(corners_m, [(0, 1), (1, 2), (2, 0)], TWO_LANES)
-    site = Streetscape("triangle", Network(corners_m, streets), rng)
-    site.lay_ground("grass")
-    for street in streets:
-        site.frontage(street, house, setback_m=(2.0, 5.0), gap_m=(1.0, 8.0))
-        site.row(street, 0.5, 25.0, furniture.lamp_post)
-    site.outskirts(30, house)
-    return site.finished()
-"""
-
 
 @cache
 def town_of(name: str, seed: int) -> Town:
@@ -69,9 +45,7 @@ def samples(town: Town, paths: tuple[Path, ...], half_widths, heights_m) -> np.n
 def count_inside(town: Town, points: np.ndarray, classes=OCCUPIED) -> int:
     points = points[np.argsort(points[:, 0])]
     inside = np.zeros(len(points), dtype=bool)
-    for solid in town.solids:
-        if solid.class_id not in classes:
-            continue
+    for solid in (solid for solid in town.solids if solid.class_id in classes):
         lower, upper = bounds_m(solid)
         span = slice(*np.searchsorted(points[:, 0], (lower[0], upper[0])))
         near = points[span]
@@ -80,18 +54,17 @@ def count_inside(town: Town, points: np.ndarray, classes=OCCUPIED) -> int:
     return int(inside.sum())
 
 
-def test_every_occupied_class_is_there(town):
+def test_every_occupied_class_is_there_of_known_materials(town):
     classes = [solid.class_id for solid in town.solids]
     for class_id in (BUILDING, VEGETATION, THIN_STRUCTURE, GENERAL):
         assert classes.count(class_id) >= 5
     assert len(town.ground) > 10
+    # At least four parked cars, of four wheels each.
+    assert sum(s.class_id == CAR and s.shape == "cylinder" for s in town.solids) >= 4 * 4
     actors = {part.class_id for make in ACTORS.values() for part in make(np.random.default_rng(0))}
     # The ground is made of patches, not of solids.
     assert len(set(classes) | actors) == len(OCCUPIED) - 1
     assert 700 < len(town.solids) < 6000
-
-
-def test_every_material_is_known(town):
     assert {solid.material for solid in town.solids} <= {*TEXTURES, *PALETTE}
     assert {patch.material for patch in town.ground} <= set(TEXTURES)
 
@@ -113,11 +86,6 @@ def test_thin_structures_stand_all_along_the_corridors(town):
     assert ((gap_m < 15).sum(axis=1) >= 5).mean() > 0.67
 
 
-def test_vehicles_are_parked_in_every_town(town):
-    wheels = [s for s in town.solids if s.class_id == CAR and s.shape == "cylinder"]
-    assert len(wheels) >= 4 * 4
-
-
 @pytest.mark.parametrize(
     "name", [n if n == "park" else pytest.param(n, marks=pytest.mark.slow) for n in TOWNS]
 )
@@ -135,31 +103,28 @@ def test_the_seed_decides(name):
 @pytest.mark.parametrize("name", ["atlantis", "streetscape", "numpy.linalg", "a..b", "", 7, None])
 def test_unknown_town_is_a_user_error_that_names_the_others(name):
     """Neither what the towns share nor a module without a function ``build`` is a town."""
-    with pytest.raises(UserError, match=rf"sim\.towns.*'{name}'.*downtown.*build\(rng\)") as error:
+    with pytest.raises(UserError, match=rf"^sim\.towns.*'{name}'.*downtown.*build\(rng\).*$"):
         build_town(name, np.random.default_rng(0))
-    assert "\n" not in str(error.value)
-
-
-def test_a_town_nearly_named_is_suggested():
     with pytest.raises(UserError, match=r"'subrub'.*'suburb'\?"):
         build_town("subrub", np.random.default_rng(0))
 
 
 def test_a_town_of_one_s_own_is_one_module_of_any_package(tmp_path, monkeypatch):
-    (tmp_path / "mytowns").mkdir()
-    (tmp_path / "mytowns" / "triangle.py").write_text(OWN_TOWN)
-    (tmp_path / "mytowns" / "broken.py").write_text("import no_such_library")
+    for name, text in (
+        ("square", "from src.sim.towns.park import build"),
+        ("broken", "import no_x"),
+    ):
+        (tmp_path / "mytowns").mkdir(exist_ok=True)
+        (tmp_path / "mytowns" / f"{name}.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
-    town = build_town("mytowns.triangle", np.random.default_rng(0))
-    assert town.name == "triangle"
-    assert len(town.solids) > 300
-    assert count_inside(town, samples(town, town.corridors, (-0.9, 0, 0.9), (3.0, 9.2, 16.5))) == 0
-    assert "mytowns.triangle" not in town_names()
 
-    with pytest.raises(UserError, match=r"mytowns\.square"):
-        build_town("mytowns.square", np.random.default_rng(0))
+    town = build_town("mytowns.square", np.random.default_rng(0))
+    assert town.ground == town_of("park", 0).ground
+    assert "mytowns.square" not in town_names()
+    with pytest.raises(UserError, match=r"mytowns\.circle"):
+        build_town("mytowns.circle", np.random.default_rng(0))
     # An error within a town's file is not taken for a town that is not there.
-    with pytest.raises(ModuleNotFoundError, match="no_such_library"):
+    with pytest.raises(ModuleNotFoundError, match="no_x"):
         build_town("mytowns.broken", np.random.default_rng(0))
 
 
@@ -199,24 +164,19 @@ def test_paths_join_where_they_say(town):
 
 def test_corridors_turn_gently_and_reach_far(town):
     assert all(path.half_width_m >= 2.0 and 3 <= path.speed_mps <= 9 for path in town.corridors)
-    for start in range(len(town.corridors)):
-        assert longest_way_m(town.corridors, start, 120.0) >= 120.0
-    joints = [
-        angle_rad(path.points_m[-2:], town.corridors[k].points_m[:2])
-        for path in town.corridors
-        for k in path.successors
-    ]
-    assert max(joints) < np.deg2rad(50)
+    for start, path in enumerate(town.corridors):
+        for k in path.successors:
+            joint_rad = angle_rad(path.points_m[-2:], town.corridors[k].points_m[:2])
+            assert joint_rad < np.deg2rad(50)
 
-
-def longest_way_m(paths: tuple[Path, ...], start: int, enough_m: float) -> float:
-    """Length of a way that takes the first successor that has not been flown yet."""
-    total_m, current, flown = 0.0, start, set()
-    while current is not None and total_m < enough_m:
-        flown.add(current)
-        total_m += paths[current].length_m
-        current = next((k for k in paths[current].successors if k not in flown), None)
-    return total_m
+        # A way that takes the first successor that has not been flown yet.
+        total_m, current, flown = 0.0, start, set()
+        while current is not None and total_m < 120:
+            flown.add(current)
+            total_m += town.corridors[current].length_m
+            successors = town.corridors[current].successors
+            current = next((k for k in successors if k not in flown), None)
+        assert total_m >= 120
 
 
 def angle_rad(a: np.ndarray, b: np.ndarray) -> float:
@@ -298,12 +258,10 @@ def test_the_ground_is_gentle_but_never_flat(town):
 
 
 def test_towns_differ_in_what_they_are_made_of():
-    def share(name: str, class_id: int) -> float:
-        return np.mean([s.class_id == class_id for s in town_of(name, 0).solids])
-
-    def tallest_m(name: str) -> float:
-        return max(bounds_m(s)[1][2] for s in town_of(name, 0).solids)
-
-    assert tallest_m("downtown") > 1.5 * max(tallest_m("suburb"), tallest_m("park"))
-    assert share("park", VEGETATION) > share("old_town", VEGETATION)
-    assert share("old_town", BUILDING) > share("park", BUILDING)
+    names = ("downtown", "suburb", "park", "old_town")
+    downtown, suburb, park, old_town = (town_of(name, 0).solids for name in names)
+    tallest_m = [max(bounds_m(s)[1][2] for s in solids) for solids in (downtown, suburb, park)]
+    assert tallest_m[0] > 1.5 * max(tallest_m[1:])
+    for class_id, more, fewer in ((VEGETATION, park, old_town), (BUILDING, old_town, park)):
+        shares = [np.mean([s.class_id == class_id for s in solids]) for solids in (more, fewer)]
+        assert shares[0] > shares[1]
