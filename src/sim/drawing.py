@@ -69,6 +69,7 @@ class Drawing:
         """
         bullet, client = self._bullet, self._client
         geometry = self._geometry(mesh, uvs)
+
         with silent():
             shape = bullet.createVisualShape(
                 bullet.GEOM_MESH, rgbaColor=[1, 1, 1, 1], **geometry, **client

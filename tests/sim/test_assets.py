@@ -143,6 +143,7 @@ def test_bounds_enclose_the_mesh_tightly(shape):
         scene_from_solid[:3, 3] = generator.normal(size=3)
         size_m = tuple(generator.uniform(0.5, 2, 3))
         solid = Solid(shape, GENERAL, size_m, scene_from_solid, "grass")
+
         lower, upper = bounds_m(solid)
         vertices_m = mesh_of_solid(solid).vertices_m
         # The corners of the tessellation lie on the true surface, so it is a little smaller.

@@ -88,6 +88,7 @@ def test_rays_find_the_surface_where_the_solid_says(shape):
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     rays = RayScene(triangles(mesh_of_solid(it)))
     distance_m, _ = rays.cast(origins_m, directions)
+
     hit = np.isfinite(distance_m)
     ends_m = origins_m[hit] + directions[hit] * distance_m[hit, None]
     assert hit.sum() > 500

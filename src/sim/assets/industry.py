@@ -77,10 +77,8 @@ def tank(rng: Rng) -> list[Solid]:
     angle = np.linspace(0, 2 * np.pi, 9)
     ring_m = 0.48 * diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     for corner_m, next_m in pairwise(ring_m):
-        ends = (
-            ((*corner_m, height - 0.1), (*corner_m, top)),
-            ((*corner_m, top), (*next_m, top)),
-        )
+        head = (*corner_m, top)
+        ends = (((*corner_m, height - 0.1), head), (head, (*next_m, top)))
         solids += beams(THIN_STRUCTURE, metal, 0.06, ends)
     return solids
 

@@ -45,6 +45,7 @@ def lay_junction(site: Site, junction: int) -> None:
     radius, arms = site.network.radius_m(junction), site.network.arms(junction)
     center = site.network.junctions_m[junction]
     widest_m = max(arm.profile.road_m for arm in arms)
+
     for arm in arms:
         profile = arm.profile
         # A narrower way ends under the road that it meets.

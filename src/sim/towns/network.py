@@ -200,6 +200,8 @@ class Network:
                 (_, junction, street), (_, next_junction, next_street) = come.end, go.start
                 if junction != next_junction or street == next_street:
                     continue
+
+                # A turn bends where the two ways would cross, and is as narrow as the narrower.
                 here, onward = come.path, go.path
                 corner_m = crossing(here.points_m[::-1], onward.points_m)
                 points_m = turn(here.points_m[-1], corner_m, onward.points_m[0])

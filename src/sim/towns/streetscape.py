@@ -86,6 +86,8 @@ class Streetscape(Site):
             while at < arc_m(line)[-1]:
                 building = make(self.rng)
                 depth, width, _ = extent_m(building)
+
+                # Its middle never lies beyond the street's end.
                 middle = min(at + width / 2, arc_m(line)[-1])
                 out = street.profile.half_m + self.rng.uniform(*setback_m) + depth / 2
                 front = beside(line, middle, side * out).moved(0.0, 0.0, -side * np.pi / 2)

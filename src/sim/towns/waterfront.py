@@ -166,6 +166,7 @@ def build(rng: Rng) -> Town:
     site.lay_ground("paving")
     _lay_water(site)
     _overpass(site)
+
     for street in site.network.streets:
         sides = _LAND if street.profile is _QUAY else BOTH
         site.frontage(street, _flats, (1.0, 3.0), (3.0, 10.0), sides)
