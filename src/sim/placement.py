@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .actor import HABITS
+from .actor import Actor as Traveller
 from .footprint import boxes_overlap
 from .junction import STOP_SHORT_M, passages_of
 from .layout import Path, Town
 from .pilot import STEP_S
 from .route import Route, chain
-from .traveller import HABITS, Traveller
 
 START_GAP_M = 1.5
 TRIES = 10

@@ -5,9 +5,9 @@ import torch
 
 from src.geometry import front_mount, pinhole, pixel_centres, rigid, rotation_from_euler, unproject
 from src.ontology import CAR, GROUND
-from src.sim.annotation import View, label_frame
+from src.sim.annotation import FrontView, label_frame
 from src.sim.fusion import ActorMap, StaticMap
-from src.sim.scene import Body, Scene, parts_of
+from src.sim.scene import Scene, SceneActor, parts_of
 from src.sim.sensors import scan
 from src.sim.solid import Solid
 from src.sim.weather import WEATHERS
@@ -38,7 +38,7 @@ def actor(places_m, size_m=(4.0, 2.0, 1.6), class_id=CAR, actor_id=1, yaw_rad=0.
     world_from_actor[:, :3, 3] = places_m
     parts = parts_of([solid(class_id, size_m, (0, 0, size_m[2] / 2))])
     velocity_mps = np.zeros((len(places_m), 3))
-    return Body(actor_id, "car", class_id, size_m, parts, world_from_actor, velocity_mps)
+    return SceneActor(actor_id, "car", class_id, size_m, parts, world_from_actor, velocity_mps)
 
 
 def pose(position_m, roll=0.0, pitch=0.0, yaw=0.0):
@@ -63,7 +63,7 @@ def view_of(scene, step, world_from_body):
     origins_m, directions, depth_per_m = camera_rays(world_from_body)
     hits = scene.cast(step, origins_m, directions)
     shape = (HEIGHT, WIDTH)
-    return View(
+    return FrontView(
         world_from_body,
         BODY_FROM_CAMERA,
         PIX_FROM_CAMERA,
@@ -95,7 +95,7 @@ class Stage:
         returns = {}
         for each in scan(self.scene, step, world_from_body.numpy(), rays, step, RANGE_M):
             self.static.add(each, RANGE_M)
-            self.actors.add(each, self.scene.bodies, step)
+            self.actors.add(each, self.scene.actors, step)
             for actor_id in each.hits.actor_id[each.hits.actor_id > 0].tolist():
                 returns[actor_id] = returns.get(actor_id, 0) + 1
         return returns
@@ -107,5 +107,5 @@ class Stage:
     def label(self, step, world_from_body, returns, view=None):
         view = view or view_of(self.scene, step, world_from_body)
         return label_frame(
-            view, self.grid, self.static, self.actors, self.scene.bodies, step, returns
+            view, self.grid, self.static, self.actors, self.scene.actors, step, returns
         )

@@ -17,7 +17,7 @@ from src.sim.annotation import (
 )
 from src.sim.fusion import ActorMap
 from src.sim.point_set import POINT_CUBE_M
-from src.sim.scene import Hits, Scene, parts_of
+from src.sim.scene import ScanHits, Scene, parts_of
 from src.sim.sensors import Scan
 from tests.sim.scenery import (
     HEIGHT,
@@ -180,7 +180,7 @@ def test_an_actor_s_points_go_where_it_is_and_turn_with_it():
     body.world_from_actor[1, :2, :2] = [[0, -1], [1, 0]]
     behind_m, ahead_m = np.array([8.0, 3.0, 1.0]), np.array([12.0, 3.0, 1.0])
     origin_m = np.array([0.0, 3.0, 1.0])
-    hits = Hits(np.array([8.0, 12.0, np.inf]), np.full(3, CAR, np.uint8), np.array([1, 1, -1]))
+    hits = ScanHits(np.array([8.0, 12.0, np.inf]), np.full(3, CAR, np.uint8), np.array([1, 1, -1]))
     actors = ActorMap()
     actors.add(Scan(origin_m, np.tile([1.0, 0, 0], (3, 1)), hits), [body], 0)
     actors.freeze()

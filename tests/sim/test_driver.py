@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from src.sim.actor import HABITS, Actor
 
 from src.sim.driver import DECISION_S, EMERGENCY_MPS2, drive
 from src.sim.pilot import STEP_S
 from src.sim.route import Route
-from src.sim.traveller import HABITS, Traveller
 from tests.sim.roads import SIZES_M, way
 
 LANE = way((-50, -2), (100, -2))
@@ -15,7 +15,7 @@ LANE = way((-50, -2), (100, -2))
 def traveller(name, path, start_m, speed_mps, left_m=0.0):
     route = Route.through((path,), (0,), HABITS[name].corner_m)
     route = route.shifted(np.full(len(route.points_m), left_m))
-    return Traveller(name, SIZES_M[name], route, start_m, speed_mps)
+    return Actor(name, SIZES_M[name], route, start_m, speed_mps)
 
 
 def line_up(*cars):

@@ -10,7 +10,7 @@ import torch
 from src.errors import UserError
 from src.geometry import euler_from_rotation, rotation_from_quat
 from src.sim.clearance import obstacle_heights, stays_clear
-from src.sim.flight import STEP_HZ, STEP_S, FlightConfig, fly
+from src.sim.flight import FlightConfig, fly
 from src.sim.layout import Town
 from src.sim.pilot import Pilot, lead_steps, reference_altitude
 from src.sim.route import Route

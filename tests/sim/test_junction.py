@@ -4,14 +4,14 @@ from itertools import product
 
 import numpy as np
 import pytest
+from src.sim.lights import AMBER_S, GREEN_S, PHASE_S, LightPlan
+from src.sim.actor import HABITS, Actor
 
 from src.sim.driver import DECISION_S, drive
 from src.sim.junction import RightOfWay, passages_of
 from src.sim.layout import Gate
 from src.sim.route import Route
-from src.sim.signals import AMBER_S, GREEN_S, PHASE_S, SignalPlan
 from src.sim.towns.polyline import turn
-from src.sim.traveller import HABITS, Traveller
 from tests.sim.roads import SIZES_M, overlapping, way
 
 EAST, NORTH, WEST, SOUTH = range(4)
@@ -62,14 +62,14 @@ def wheels(come, by=STRAIGHT, start_m=10.0, speed_mps=9.0, name="car", paths=OPE
     turn_on = turns_of(come)[(STRAIGHT, LEFT, RIGHT).index(by)]
     indices = (come, turn_on, 4 + (come + by) % 4)
     route = Route.through(paths[0], indices, HABITS[name].corner_m)
-    return Traveller(name, SIZES_M[name], route, start_m, speed_mps)
+    return Actor(name, SIZES_M[name], route, start_m, speed_mps)
 
 
 def walker(start_m=1.0, back=False, speed_mps=1.4, paths=OPEN):
     route = Route.through(paths[1], (int(back),), 0.5)
     # Everybody keeps to the right.
     route = route.shifted(np.full(len(route.points_m), -0.35))
-    return Traveller("pedestrian", SIZES_M["pedestrian"], route, start_m, speed_mps)
+    return Actor("pedestrian", SIZES_M["pedestrian"], route, start_m, speed_mps)
 
 
 def driven(travellers, duration_s, plans=None):
@@ -103,7 +103,7 @@ def test_a_passage_leads_from_the_line_over_the_turn_until_the_junction_is_clear
     (crossing,) = passages_of(walker())
     assert (crossing.start_m, crossing.end_m) == pytest.approx((KERB_M, WALK_M - KERB_M), abs=0.1)
     lane = OPEN[0][4 + EAST]
-    away = Traveller("car", SIZES_M["car"], Route.through((lane,), (0,), 3.0), 5.0, 9.0)
+    away = Actor("car", SIZES_M["car"], Route.through((lane,), (0,), 3.0), 5.0, 9.0)
     assert passages_of(away) == []
 
 
@@ -160,7 +160,7 @@ def test_all_get_over_a_busy_junction_and_nobody_overlaps(paths, seed):
     for come, start_m in product(range(4), (40.0, 24.0, 8.0)):
         by, name = rng.choice([STRAIGHT, LEFT, RIGHT]), rng.choice(["car", "bus", "motorcycle"])
         crowd.append(wheels(come, by, start_m, rng.uniform(6, 10), name, paths))
-    _, entered_s, left_s = driven(crowd, 110.0, {0: SignalPlan(2, rng.uniform(0, 2 * PHASE_S))})
+    _, entered_s, left_s = driven(crowd, 110.0, {0: LightPlan(2, rng.uniform(0, 2 * PHASE_S))})
     assert left_s.max() < 100
     # Nobody passes anybody on an approach.
     assert (np.diff(entered_s[2:].reshape(4, 3)) > 0).all()
@@ -216,7 +216,7 @@ def test_nobody_enters_on_red_and_everybody_stops_before_the_line():
         wheels(come, start_m=5.0, speed_mps=speed_mps, paths=LIT)
         for come, speed_mps in ((EAST, 7.0), (NORTH, 9.0))
     ]
-    for plan in (SignalPlan(2, offset_s) for offset_s in np.arange(0, 2 * PHASE_S, 1.6)):
+    for plan in (LightPlan(2, offset_s) for offset_s in np.arange(0, 2 * PHASE_S, 1.6)):
         motion, times_s, _ = driven(cars, 25.0, {0: plan})
         for k, entered_s in enumerate(times_s):
             phase = passages_of(cars[k])[0].gate.phase
@@ -242,11 +242,11 @@ def test_nobody_enters_on_red_and_everybody_stops_before_the_line():
 @pytest.mark.parametrize(("ahead_m", "goes"), [(8.0, True), (14.0, True), (20.0, False)])
 def test_at_amber_those_go_on_who_cannot_stop_any_more(ahead_m, goes):
     """At 9 m/s a car needs 16 m, and half a metre more to stand before the line."""
-    plan = SignalPlan(2, GREEN_S - 1.0)
+    plan = LightPlan(2, GREEN_S - 1.0)
     car = wheels(EAST, start_m=LINE_M - SIZES_M["car"][0] / 2 - ahead_m - 9.0, paths=LIT)
     motion, (entered_s,), _ = driven([car], 10.0, {0: plan})
     assert (1 < entered_s < 1 + AMBER_S) if goes else entered_s == np.inf
-    always_green = drive([car], 10.0, {0: SignalPlan(2, 0.0)})
+    always_green = drive([car], 10.0, {0: LightPlan(2, 0.0)})
     if goes:
         assert motion.arc_m == pytest.approx(always_green.arc_m)
     else:
@@ -260,7 +260,7 @@ def test_people_set_out_only_if_they_will_be_over_before_green(spare_s, goes):
     (passage,) = passages_of(one)
     needed_s = (passage.end_m - passage.start_m) / one.speed_mps
     # Their arm's next green begins after that time and the spare one.
-    plan = SignalPlan(2, 2 * PHASE_S - needed_s - spare_s)
+    plan = LightPlan(2, 2 * PHASE_S - needed_s - spare_s)
     arc_m, speed_mps = np.array([one.start_m]), np.array([1.4])
     stops_m = RightOfWay([one], {0: plan}).stops_m(0.0, arc_m, speed_mps)
     assert np.isinf(stops_m[0]) == goes
@@ -269,7 +269,7 @@ def test_people_set_out_only_if_they_will_be_over_before_green(spare_s, goes):
 def test_people_cross_on_red_for_the_cars_and_are_off_the_road_before_green():
     waited = 0
     for offset_s in np.arange(0, 2 * PHASE_S, 2.5):
-        plan, one = SignalPlan(2, offset_s), walker(3.0, paths=LIT)
+        plan, one = LightPlan(2, offset_s), walker(3.0, paths=LIT)
         motion, (entered_s,), _ = driven([one], 2 * PHASE_S + 15, {0: plan})
         assert plan.red_for_s(0, entered_s) > 0
         waited += entered_s > 5

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from src.sim.actor import Actor
 
 from src.sim.footprint import boxes_overlap
 from src.sim.layout import Gate, Town
 from src.sim.pilot import STEP_S
 from src.sim.placement import SHOULDER_M, SPOT_M, START_GAP_M, Gaze, Placer, Spots
 from src.sim.route import Route
-from src.sim.traveller import Traveller
 from tests.sim.roads import SIZES_M, way
 
 CAR_M, BUS_M, PERSON_M = (SIZES_M[name] for name in ("car", "bus", "pedestrian"))
@@ -41,7 +41,7 @@ def gaze(**kwargs):
 
 
 def car_on(path, start_m):
-    return Traveller("car", CAR_M, Route.through((path,), (0,), 1.0), start_m, 9.0)
+    return Actor("car", CAR_M, Route.through((path,), (0,), 1.0), start_m, 9.0)
 
 
 def starts_on(one, paths):

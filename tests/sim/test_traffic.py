@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from src.sim.actor import HABITS
 
 from src.ontology import ACTOR_TYPES
 from src.sim.driver import drive
@@ -10,7 +11,6 @@ from src.sim.pilot import STEP_S
 from src.sim.route import Route, chain
 from src.sim.towns import build_town
 from src.sim.traffic import TrafficConfig, simulate_traffic, size_of
-from src.sim.traveller import HABITS
 from tests.sim.roads import SIZES_M, overlapping, way
 
 

@@ -130,10 +130,10 @@ def test_hiding_what_is_out_of_sight_changes_no_pixel(monkeypatch):
         culled, hidden = [], []
         for place in poses:
             culled.append(render(world, place))
-            hidden.append((~world._shown).mean())
+            hidden.append((~world._visible).mean())
         monkeypatch.setattr("src.sim.world.in_view", lambda *args: np.ones(len(args[2]), bool))
         whole = [render(world, place) for place in poses]
-        assert world._shown.all()
+        assert world._visible.all()
     assert np.mean(hidden) > 0.5
     for one, other in zip(culled, whole):
         for name in ("rgb", "depth_m", "class_id", "actor_id"):

@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from src.sim.lights import ALL_RED_S, AMBER_S, GREEN_S, PHASE_S, LightPlan, light_plans
 
 from src.sim.layout import Town
-from src.sim.signals import ALL_RED_S, AMBER_S, GREEN_S, PHASE_S, SignalPlan, signal_plans
 from src.sim.towns.network import Network, Street
 from src.sim.towns.streetscape import TWO_LANES
 
@@ -43,7 +43,7 @@ def gates_at(paths, junction, is_crossing):
 @pytest.mark.parametrize("phases", [2, 3])
 @pytest.mark.parametrize("offset_s", [0.0, 17.3])
 def test_phases_have_green_in_turn_and_never_together(phases, offset_s):
-    plan = SignalPlan(phases, offset_s)
+    plan = LightPlan(phases, offset_s)
     green = np.array([[plan.is_green(k, t) for k in range(phases)] for t in TIME_S])
     assert green.sum(axis=1).max() == 1
     cycle = round(phases * PHASE_S / STEP_S)
@@ -55,7 +55,7 @@ def test_phases_have_green_in_turn_and_never_together(phases, offset_s):
 
 
 def test_between_two_greens_there_is_amber_and_then_red_for_everyone():
-    plan = SignalPlan(2, 0.0)
+    plan = LightPlan(2, 0.0)
     red = np.array([[plan.red_for_s(k, t) > 0 for k in range(2)] for t in TIME_S])
     green = np.array([[plan.is_green(k, t) for k in range(2)] for t in TIME_S])
     assert not (red & green).any()
@@ -68,7 +68,7 @@ def test_between_two_greens_there_is_amber_and_then_red_for_everyone():
 
 
 def test_the_time_that_a_light_stays_red_is_the_time_until_green():
-    plan = SignalPlan(2, 4.2)
+    plan = LightPlan(2, 4.2)
     for phase in range(2):
         green = np.array([plan.is_green(phase, t) for t in TIME_S])
         for k in np.flatnonzero([plan.red_for_s(phase, t) > 0 for t in TIME_S]):
@@ -78,11 +78,11 @@ def test_the_time_that_a_light_stays_red_is_the_time_until_green():
 
 
 def test_only_junctions_with_lights_have_plans_and_the_seed_decides():
-    assert signal_plans(town(signals=False), np.random.default_rng(0)) == {}
-    plans = signal_plans(town(signals=True), np.random.default_rng(0))
+    assert light_plans(town(signals=False), np.random.default_rng(0)) == {}
+    plans = light_plans(town(signals=True), np.random.default_rng(0))
     assert set(plans) == {0, 1, 2, 3, 4}
-    assert plans == signal_plans(town(signals=True), np.random.default_rng(0))
-    assert plans != signal_plans(town(signals=True), np.random.default_rng(1))
+    assert plans == light_plans(town(signals=True), np.random.default_rng(0))
+    assert plans != light_plans(town(signals=True), np.random.default_rng(1))
     assert len({plan.offset_s for plan in plans.values()}) == 5
     for plan in plans.values():
         assert 0 <= plan.offset_s <= plan.phases * PHASE_S

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 import torch
-
-from src.geometry import quat_from_euler, rotation_from_euler
-from src.sim.attitude import (
+from src.sim.attitude_dynamics import (
     GRAVITY_MPS2,
     body_rates,
-    manoeuvre_tilt,
+    manoeuvre_attitude,
     ornstein_uhlenbeck,
     soft_limit,
 )
+
+from src.geometry import quat_from_euler, rotation_from_euler
 
 
 @pytest.mark.parametrize("step_s", [0.02, 0.5])
@@ -35,7 +35,7 @@ def test_the_thrust_axis_carries_the_acceleration(yaw):
     rng = np.random.default_rng(0)
     velocity_mps, acceleration_mps2 = rng.normal(0, 4, (2, 100, 3))
     yaw_rad = np.full(100, yaw)
-    roll_rad, pitch_rad = manoeuvre_tilt(velocity_mps, acceleration_mps2, yaw_rad, 0.2)
+    roll_rad, pitch_rad = manoeuvre_attitude(velocity_mps, acceleration_mps2, yaw_rad, 0.2)
     angles_rad = torch.from_numpy(np.array([roll_rad, pitch_rad, yaw_rad]))
     up_body = rotation_from_euler(*angles_rad)[:, :, 2].numpy()
     thrust = acceleration_mps2 + 0.2 * velocity_mps + (0, 0, GRAVITY_MPS2)
