@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import torch
+
+from src.geometry import quat_from_euler, rotation_from_euler
 from src.sim.attitude_dynamics import (
     GRAVITY_MPS2,
     body_rates,
@@ -10,8 +12,6 @@ from src.sim.attitude_dynamics import (
     ornstein_uhlenbeck,
     soft_limit,
 )
-
-from src.geometry import quat_from_euler, rotation_from_euler
 
 
 @pytest.mark.parametrize("step_s", [0.02, 0.5])

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from src.sim.actor import HABITS, Actor
 
+from src.sim.actor import HABITS, Actor
 from src.sim.driver import DECISION_S, EMERGENCY_MPS2, drive
 from src.sim.pilot import STEP_S
 from src.sim.route import Route

@@ -4,12 +4,12 @@ from itertools import product
 
 import numpy as np
 import pytest
-from src.sim.lights import AMBER_S, GREEN_S, PHASE_S, LightPlan
-from src.sim.actor import HABITS, Actor
 
+from src.sim.actor import HABITS, Actor
 from src.sim.driver import DECISION_S, drive
 from src.sim.junction import RightOfWay, passages_of
 from src.sim.layout import Gate
+from src.sim.lights import AMBER_S, GREEN_S, PHASE_S, LightPlan
 from src.sim.route import Route
 from src.sim.towns.polyline import turn
 from tests.sim.roads import SIZES_M, overlapping, way

@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from src.sim.lights import ALL_RED_S, AMBER_S, GREEN_S, PHASE_S, LightPlan, light_plans
 
 from src.sim.layout import Town
+from src.sim.lights import ALL_RED_S, AMBER_S, GREEN_S, PHASE_S, LightPlan, light_plans
 from src.sim.towns.network import Network, Street
 from src.sim.towns.streetscape import TWO_LANES
 

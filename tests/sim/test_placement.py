@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from src.sim.actor import Actor
 
+from src.sim.actor import Actor
 from src.sim.footprint import boxes_overlap
 from src.sim.layout import Gate, Town
 from src.sim.pilot import STEP_S

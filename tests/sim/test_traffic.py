@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from src.sim.actor import HABITS
 
 from src.ontology import ACTOR_TYPES
+from src.sim.actor import HABITS
 from src.sim.driver import drive
 from src.sim.layout import Town
 from src.sim.pilot import STEP_S
