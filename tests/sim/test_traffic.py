@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+import torch
 
+from src.geometry import rotation_from_euler
 from src.ontology import ACTOR_TYPES
 from src.sim.actor import HABITS
 from src.sim.driver import drive
@@ -88,14 +90,12 @@ def test_actors_face_where_they_go_and_turn_smoothly():
     assert max(turned_rad) > 1
 
 
-def test_an_actor_s_transform_is_its_place_and_yaw(busy):
+def test_actors_stand_upright_on_their_places(busy):
     for actor in busy[:3]:
-        world_from_actor, yaw_rad = actor.world_from_actor, actor.yaw_rad
-        nose, left, up = np.moveaxis(world_from_actor[:, :3, :3], -1, 0)
-        assert nose == pytest.approx(np.c_[np.cos(yaw_rad), np.sin(yaw_rad), 0 * yaw_rad])
-        assert left == pytest.approx(np.c_[-np.sin(yaw_rad), np.cos(yaw_rad), 0 * yaw_rad])
-        assert (up == (0, 0, 1)).all()
-        assert (world_from_actor[:, :3, 3] == actor.position_m).all()
+        yaw_rad = torch.from_numpy(actor.yaw_rad)
+        rotation = rotation_from_euler(*torch.zeros(2, len(yaw_rad)), yaw_rad)
+        assert actor.world_from_actor[:, :3, :3] == pytest.approx(rotation.numpy())
+        assert (actor.world_from_actor[:, :3, 3] == actor.position_m).all()
 
 
 def test_what_comes_near_the_uav_is_left_out():
