@@ -176,12 +176,9 @@ def _attitude(
     They are one more than there are steps, for the last body rate.
     """
     motion = manoeuvre_attitude(velocity_mps, acceleration_mps2, yaw_rad, config.drag_per_s)
-    return [
-        soft_limit(
-            np.append(angle, angle[-1]) + _gust(rng, len(angle) + 1, config), config.tilt_limit_rad
-        )
-        for angle in motion
-    ]
+    longer = [np.append(angle_rad, angle_rad[-1]) for angle_rad in motion]
+    gusty = [angle_rad + _gust(rng, len(angle_rad), config) for angle_rad in longer]
+    return [soft_limit(angle_rad, config.tilt_limit_rad) for angle_rad in gusty]
 
 
 def _gust(rng: np.random.Generator, steps: int, config: FlightConfig) -> Float[np.ndarray, "t"]:

@@ -114,12 +114,9 @@ class World:
         """Returns the scene as it is at a step, lit by the weather; `air` adds fog and rain."""
         camera_from_world = inverse(world_from_camera)
         self._place(step, camera_from_world.numpy())
-        rgb, buffer, bullet_id = self._drawing.picture(
-            *self._size,
-            camera.view_matrix(camera_from_world),
-            self._projection,
-            {**weather.light(), "shadow": 0},
-        )
+        matrices = camera.view_matrix(camera_from_world), self._projection
+        light = {**weather.light(), "shadow": 0}
+        rgb, buffer, bullet_id = self._drawing.picture(*self._size, *matrices, light)
 
         if self._renderer == "tiny":
             relight = cast_shadows
