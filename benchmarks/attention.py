@@ -29,6 +29,7 @@ from src.models.backbone import STRIDES
 from src.models.references import PillarReferences, References
 
 ROUNDS = 5
+# The paper's size, apart from heights, heads and points, which are our choice.
 DIM, HEIGHTS, HEADS, POINTS = 256, 8, 8, 2
 SIZE_PIX = (800, 448)
 
@@ -75,19 +76,16 @@ def scene(dataset: Path) -> tuple[Tensor, list[Tensor], References]:
     scale = SIZE_PIX[0] / clip.meta.width
     pix_from_camera = clip.meta.pix_from_camera.float() * torch.tensor([[scale], [scale], [1.0]])
     pix_from_camera[1, 2] = SIZE_PIX[1] / 2
-    references = PillarReferences(VoxelGrid(), HEIGHTS, "attitude").to(device())(
-        occ_from_body(clip.world_from_body[:1]).float().to(device()),
-        clip.meta.body_from_camera.float()[None].to(device()),
-        pix_from_camera[None].to(device()),
-        SIZE_PIX,
-    )
+    transforms = occ_from_body(clip.world_from_body[:1]), clip.meta.body_from_camera[None]
+    camera = [matrix.float().to(device()) for matrix in (*transforms, pix_from_camera[None])]
+    references = PillarReferences(VoxelGrid(), HEIGHTS, "attitude").to(device())(*camera, SIZE_PIX)
 
     generator = torch.Generator().manual_seed(0)
     width, height = SIZE_PIX
     features = [torch.randn(1, DIM, height // s, width // s, generator=generator) for s in STRIDES]
-    features = [
-        f.to(device(), memory_format=torch.channels_last).requires_grad_() for f in features
-    ]
+    # The network's convolutions keep the channels last, so that values need no copy.
+    features = [map_.contiguous(memory_format=torch.channels_last) for map_ in features]
+    features = [map_.to(device()).requires_grad_() for map_ in features]
     pillars = references.valid.shape[1]
     query = torch.randn(1, pillars, DIM, generator=generator).to(device()).requires_grad_()
     return query, features, references

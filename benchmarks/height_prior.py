@@ -74,6 +74,7 @@ def measure(data: SkyShieldData, every: int) -> Iterator[tuple[str, float]]:
             for part, frames in known.items()
         }
         frequencies = Frequencies((rows, columns, layers + moves * (highest - lowest)))
+        # Only training frames are counted: the validation labels are what is to be predicted.
         for labels, layer in placed["train"]:
             frequencies.add(labels, layer)
         yield name, frequencies.nats(placed["val"])

@@ -43,6 +43,8 @@ def contenders(cfg: DictConfig, exported: bool, folder: Path) -> dict[str, Calla
     batch = next(iter(data.in_order("test")))
     window = {k: v[-1:].to(device()) for k, v in batch.items() if isinstance(v, torch.Tensor)}
     window["history_valid"] = torch.ones_like(window["history_valid"])
+
+    # The whole queue is computed for every frame, as training does; a stream keeps past frames.
     anew = torch.no_grad()(lambda: network(window))
     stream_of = partial(SkyOccStream, history_step_s=cfg.data.history_step_s)
 

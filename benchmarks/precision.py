@@ -34,6 +34,7 @@ def measure(overrides: list[str]) -> dict[str, list[float]]:
     loss = OccupancyLoss(torch.ones(NUM_CLASSES), lovasz_weight=1.0).to(device())
     batch = on_device(next(iter(data.train_dataloader())), device())
 
+    # The optimizer's part is the same in both, so it is left out.
     def step(precision: Precision) -> None:
         with precision.forward_context():
             total = loss(network(batch), batch["semantics"])["total"]

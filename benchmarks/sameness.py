@@ -34,6 +34,7 @@ def differences(first: Path, other: Path) -> tuple[float, float, float, float]:
     ]
     scores = (tables[0] - tables[1]).abs().max(axis=1)
     experiment, split = (scores.index.get_level_values(level) for level in scores.index.names)
+    # Anchors are not trained, so their scores differ only where the data or the scoring do.
     of_anchor, of_whole = experiment.isin(ANCHORS), split == "test"
     chosen = (~of_anchor & of_whole, ~of_anchor & ~of_whole, of_anchor)
     return losses, *(scores[rows].max() for rows in chosen)

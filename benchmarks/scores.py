@@ -19,15 +19,8 @@ from torchmetrics.classification import MulticlassJaccardIndex
 from benchmarks.settings import device_name, run
 from benchmarks.tables import print_line, print_table
 from benchmarks.timing import extra_mib, median_ms
+from src import metrics
 from src.data.truth import SkyShieldTruth
-from src.metrics import (
-    Calibration,
-    KARBreakdown,
-    KARSensitivity,
-    OccupancyScores,
-    RayIoU,
-    SafetyScores,
-)
 from src.metrics.functional import camera_rays
 from src.ontology import FREE, NUM_CLASSES, UNKNOWN
 
@@ -42,6 +35,7 @@ def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
     truth = source.truth(clip, frame)
     later = source.truth(clip, source.samples[5][1])["semantics"]
     target, velocity, visible = (truth[key] for key in ("semantics", "velocity_mps", "visible"))
+    # A prediction has no unknown voxels.
     preds = torch.where(later == UNKNOWN, FREE, later).to(torch.uint8)
     ids = preds.long()
     logits = torch.randn(1, NUM_CLASSES, *source.grid.shape, generator=torch.Generator())
@@ -50,9 +44,10 @@ def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
 
     grid = source.grid
     jaccard = MulticlassJaccardIndex(NUM_CLASSES, ignore_index=UNKNOWN)
-    plain, compiled = (OccupancyScores(grid, backend=name) for name in ("torch", "numba"))
-    breakdown, safety, calibration = KARBreakdown(grid), SafetyScores(grid), Calibration(grid)
-    ray_iou, sensitivity = RayIoU(grid), KARSensitivity(grid)
+    plain, compiled = (metrics.OccupancyScores(grid, backend=name) for name in ("torch", "numba"))
+    breakdown, safety = metrics.KARBreakdown(grid), metrics.SafetyScores(grid)
+    calibration = metrics.Calibration(grid)
+    ray_iou, sensitivity = metrics.RayIoU(grid), metrics.KARSensitivity(grid)
     subject = f"{'x'.join(map(str, grid.shape))} voxels, {clip} frame {frame} of {source.name}"
     return {
         "MulticlassJaccardIndex (torchmetrics)": lambda: jaccard.update(ids, target),

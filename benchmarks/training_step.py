@@ -53,10 +53,10 @@ class Step:
         self.network: SkyOcc = instantiate(cfg.model).to(device)
         self.loss = OccupancyLoss(torch.ones(NUM_CLASSES), lovasz_weight=1.0).to(device)
         self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=1e-4)
-        self.memory = (
-            PillarMemory(self.network.past_frames) if cfg.data.order == "streams" else None
-        )
-        self.device = device
+        self.memory, self.device = None, device
+        # With streams, past frames come from the memory of earlier steps.
+        if cfg.data.order == "streams":
+            self.memory = PillarMemory(self.network.past_frames)
         self.bf16 = precision_of(cfg) == BF16
 
     def precision(self) -> AbstractContextManager:
@@ -110,8 +110,16 @@ def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]
         step(batch, spent)
 
     precision = BF16 if step.bf16 else "fp32"
+    where = f"{precision}, {device_name()}, peak memory {peak_mib():.0f} MiB"
     waits = waits_of_step(cfg, next(batches))
-    return cfg, seconds, f"{precision}, {_where()}; {waits.total()} waits for a GPU: {dict(waits)}"
+    return cfg, seconds, f"{where}; {waits.total()} waits for a GPU: {dict(waits)}"
+
+
+def peak_mib() -> float:
+    """Returns the peak memory of the GPU where there is one, otherwise of the process."""
+    if torch.cuda.is_available():
+        return torch.cuda.max_memory_allocated() / 2**20
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def waits_of_step(cfg: DictConfig, batch: Mapping[str, Tensor]) -> Waits:
@@ -119,14 +127,6 @@ def waits_of_step(cfg: DictConfig, batch: Mapping[str, Tensor]) -> Waits:
     with simulated_cuda() as waits:
         Step(cfg, CUDA)(on_device(batch, CUDA), defaultdict(float))
         return waits.copy()
-
-
-def _where() -> str:
-    if torch.cuda.is_available():
-        peak_mib = torch.cuda.max_memory_allocated() / 2**20
-    else:
-        peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return f"{device_name()}, peak memory {peak_mib:.0f} MiB"
 
 
 def main() -> None:

@@ -169,10 +169,11 @@ class ClipMaker:
         self, plan: ClipPlan, observation: Observation, on_image: OnImage
     ) -> Iterator[FrontView]:
         """Renders every frame, hands its image over, and yields the camera's measurements."""
-        weather, lens = weather_named(plan.weather), (self.pix_from_camera, *self.size)
+        weather = weather_named(plan.weather)
+        camera = self.pix_from_camera, *self.size
         # The annotation uses the very transforms that readers of the clip's files will compute.
         transforms = poses_of(observation.frames)
-        with World(observation.scene, *lens, self.sim["renderer"]) as world:
+        with World(observation.scene, *camera, self.sim["renderer"]) as world:
             for frame, world_from_body in enumerate(transforms):
                 world_from_camera = world_from_body @ self.body_from_camera
                 rendering = world.render(self.step_of(frame), world_from_camera, weather)

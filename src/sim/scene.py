@@ -26,10 +26,6 @@ class Part:
     material: str
     mesh: Mesh
 
-    @property
-    def triangles_m(self) -> Float[np.ndarray, "f 3 3"]:
-        return self.mesh.vertices_m[self.mesh.faces]
-
 
 @dataclass(frozen=True)
 class SceneActor:
@@ -245,5 +241,5 @@ def _cut(patch: GroundPatch) -> list[GroundPatch]:
 
 
 def _triangles(parts: Iterable[Part]) -> Float[np.ndarray, "f 3 3"]:
-    triangles = [part.triangles_m for part in parts]
+    triangles = [part.mesh.vertices_m[part.mesh.faces] for part in parts]
     return np.concatenate(triangles) if triangles else np.zeros((0, 3, 3))

@@ -45,6 +45,7 @@ def start(sim, root, tmp_path):
     return subprocess.Popen(command, env={**os.environ, "PYTHONPATH": str(ROOT)}, **streams)
 
 
+# The patience is for a machine that does much else at the same time.
 def wait_for(condition, patience_s=60.0):
     deadline = time.monotonic() + patience_s
     while not condition():
@@ -68,6 +69,7 @@ def is_running(pid):
 
 def kill(process):
     """Kills a generator, and returns when its workers are gone: how many there were."""
+    # Workers are counted first, because the kernel gives them to another parent.
     workers = workers_of(process.pid) if is_running(process.pid) else []
     process.kill()
     process.wait()
@@ -108,15 +110,13 @@ def test_a_frame_holds_what_the_contract_says(mini_dataset):
 
 
 def test_actors_are_those_of_the_instance_image(mini_dataset):
-    for name in ("clip00", "clip01"):
-        clip = Clip(mini_dataset / "suburb" / name)
+    for clip in (Clip(mini_dataset / "suburb" / name) for name in ("clip00", "clip01")):
         assert (clip.actors["class_id"] == clip.actors["type"].map(ACTOR_TYPES)).all()
         for frame, rows in clip.actors.groupby("frame"):
             instance, class_id = clip.aux("instance", frame), clip.aux("class", frame)
             for row in rows.itertuples():
-                mask = instance == row.actor_id
-                assert row.visible_pixels == mask.sum()
-                assert (class_id[mask] == row.class_id).all()
+                assert row.visible_pixels == (instance == row.actor_id).sum()
+                assert (class_id[instance == row.actor_id] == row.class_id).all()
             assert set(np.unique(instance)) <= {-1, 0, *rows["actor_id"]}
             np.testing.assert_array_equal(instance == -1, np.isinf(clip.aux("depth", frame)))
 

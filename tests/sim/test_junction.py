@@ -133,11 +133,9 @@ def test_who_comes_first_goes_first_and_the_other_waits_before_the_line(first, b
 
 
 def test_ways_that_do_not_meet_are_used_at_the_same_time():
-    for ways in (
-        ((EAST, STRAIGHT), (WEST, STRAIGHT)),
-        ((EAST, RIGHT), (NORTH, STRAIGHT)),
-        ((EAST, RIGHT), (NORTH, RIGHT), (WEST, RIGHT), (SOUTH, RIGHT)),
-    ):
+    four_rights = [(arm, RIGHT) for arm in (EAST, NORTH, WEST, SOUTH)]
+    opposite, merging = [(EAST, STRAIGHT), (WEST, STRAIGHT)], [(EAST, RIGHT), (NORTH, STRAIGHT)]
+    for ways in (opposite, merging, four_rights):
         cars = [wheels(arm, by, start_m=20.0) for arm, by in ways]
         motion, _, _ = driven(cars, 8.0)
         for k, car in enumerate(cars):
@@ -196,10 +194,9 @@ def test_people_and_cars_wait_for_each_other():
     # The car is before the line first.
     motion, entered_s, left_s = driven([wheels(EAST, start_m=40.0), walker(3.0)], 25.0)
     assert left_s[0] <= entered_s[1] < np.inf
-    arc_m = motion.arc_m[motion.speed_mps[:, 1] < 0.01, 1]
-    waiting = arc_m[arc_m < WALK_M / 2]
-    assert len(waiting) > 5
-    assert waiting.max() + SIZES_M["pedestrian"][0] / 2 < KERB_M
+    waits = (motion.speed_mps[:, 1] < 0.01) & (motion.arc_m[:, 1] < WALK_M / 2)
+    assert waits.sum() > 5
+    assert motion.arc_m[waits, 1].max() + SIZES_M["pedestrian"][0] / 2 < KERB_M
 
 
 def test_people_share_a_crossing():
@@ -210,20 +207,18 @@ def test_people_share_a_crossing():
 def test_nobody_enters_on_red_and_everybody_stops_before_the_line():
     """Two cars whose arms have green in turn, from many times of the cycle on."""
     waited = late = 0
-    cars = [
-        wheels(come, start_m=5.0, speed_mps=speed_mps, paths=LIT)
-        for come, speed_mps in ((EAST, 7.0), (NORTH, 9.0))
-    ]
+    cars = [wheels(EAST, STRAIGHT, 5.0, 7.0, paths=LIT), wheels(NORTH, STRAIGHT, 5.0, paths=LIT)]
     for plan in (LightPlan(2, offset_s) for offset_s in np.arange(0, 2 * PHASE_S, 1.6)):
         motion, times_s, _ = driven(cars, 25.0, {0: plan})
         for k, entered_s in enumerate(times_s):
-            phase = passages_of(cars[k])[0].gate.phase
             assert entered_s < np.inf
+            phase = passages_of(cars[k])[0].gate.phase
             assert plan.red_for_s(phase, entered_s) == 0
+            front_m = motion.arc_m[:, k] + SIZES_M["car"][0] / 2
             stands = motion.speed_mps[:, k] < 0.01
-            front_m = motion.arc_m[stands, k] + SIZES_M["car"][0] / 2
-            assert (front_m < LINE_M - 0.3).all()
-            waited += bool(len(front_m))
+            assert (front_m[stands] < LINE_M - 0.3).all()
+            waited += stands.any()
+
             if not plan.is_green(phase, entered_s):
                 # It is amber, and when that began the car could not have stopped any more.
                 late += 1
@@ -231,8 +226,8 @@ def test_nobody_enters_on_red_and_everybody_stops_before_the_line():
                 amber_s = since_s + 2 * PHASE_S * np.round((entered_s - since_s) / (2 * PHASE_S))
                 assert 0 <= entered_s - amber_s < AMBER_S
                 at = max(int(amber_s / DECISION_S), 0)
-                left_m = LINE_M - SIZES_M["car"][0] / 2 - motion.arc_m[at, k]
-                assert left_m < motion.speed_mps[at, k] ** 2 / (2 * HABITS["car"].brake_mps2) + 1.5
+                braking_m = motion.speed_mps[at, k] ** 2 / (2 * HABITS["car"].brake_mps2)
+                assert LINE_M - front_m[at] < braking_m + 1.5
     assert waited > 15
     assert late >= 1
 
@@ -243,11 +238,12 @@ def test_at_amber_those_go_on_who_cannot_stop_any_more(ahead_m, goes):
     plan = LightPlan(2, GREEN_S - 1.0)
     car = wheels(EAST, start_m=LINE_M - SIZES_M["car"][0] / 2 - ahead_m - 9.0, paths=LIT)
     motion, (entered_s,), _ = driven([car], 10.0, {0: plan})
-    assert (1 < entered_s < 1 + AMBER_S) if goes else entered_s == np.inf
-    always_green = drive([car], 10.0, {0: LightPlan(2, 0.0)})
     if goes:
+        assert 1 < entered_s < 1 + AMBER_S
+        always_green = drive([car], 10.0, {0: LightPlan(2, 0.0)})
         assert motion.arc_m == pytest.approx(always_green.arc_m)
     else:
+        assert entered_s == np.inf
         assert motion.acceleration_mps2.min() > -1.2 * HABITS["car"].brake_mps2
         assert motion.speed_mps[-1, 0] < 0.1
 
@@ -259,8 +255,7 @@ def test_people_set_out_only_if_they_will_be_over_before_green(spare_s, goes):
     needed_s = (passage.end_m - passage.start_m) / one.speed_mps
     # Their arm's next green begins after that time and the spare one.
     plan = LightPlan(2, 2 * PHASE_S - needed_s - spare_s)
-    arc_m, speed_mps = np.array([one.start_m]), np.array([1.4])
-    stops_m = RightOfWay([one], {0: plan}).stops_m(0.0, arc_m, speed_mps)
+    stops_m = RightOfWay([one], {0: plan}).stops_m(0.0, np.array([one.start_m]), np.array([1.4]))
     assert np.isinf(stops_m[0]) == goes
 
 

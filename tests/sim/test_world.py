@@ -20,6 +20,7 @@ STATIC = (
     solid(VEGETATION, (3, 3, 6), (10, 6, 3), "cone", material=PLAIN),
     solid(THIN_STRUCTURE, (0.5, 0.5, 7), (9, -1, 3.5), "cylinder", material=PLAIN),
 )
+# Two cars, which stand elsewhere at the second step; their numbers need not follow each other.
 ACTORS = (
     actor([(14, 1, 0), (11, 2, 0)], actor_id=1, yaw_rad=0.4),
     actor([(12, -2, 0), (16, -1, 0)], actor_id=7),
@@ -162,12 +163,12 @@ def test_egl_gives_what_rays_meet(egl):
 @pytest.mark.parametrize("attitude", ATTITUDES)
 def test_egls_colors_lie_on_what_rays_meet(needs_egl, attitude):
     """Half a pixel off, the red of dozens of pixels along the outlines would be amiss."""
-    red = [
+    boxes = [
         solid(BUILDING, (4, 3, 9), (19, 5, 4.5), yaw_rad=0.3, material=RED),
         solid(VEGETATION, (4, 4, 5), (13, -5, 4), "ellipsoid", material=RED),
         solid(THIN_STRUCTURE, (1, 1, 9), (11, 1, 4.5), "cylinder", material=RED),
     ]
-    with world_of(Scene(parts_of([ground(), *red]), ()), "egl") as opened:
+    with world_of(Scene(parts_of([ground(), *boxes]), ()), "egl") as opened:
         seen = render(opened, body_at((0.5, 0.4, 6.2), *attitude), 0, WEATHERS["cloudy"])
 
     red, green, blue = np.moveaxis(seen.rgb.astype(int), -1, 0)
