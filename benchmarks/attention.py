@@ -75,6 +75,7 @@ def scene(dataset: Path) -> tuple[Tensor, list[Tensor], References]:
     clip = Clip(dataset / next(iter(read_manifest(dataset)["clips"])))
     scale = SIZE_PIX[0] / clip.meta.width
     pix_from_camera = clip.meta.pix_from_camera.float() * torch.tensor([[scale], [scale], [1.0]])
+    # The optical axis stays in the middle of an image with another ratio of its sides.
     pix_from_camera[1, 2] = SIZE_PIX[1] / 2
     transforms = occ_from_body(clip.world_from_body[:1]), clip.meta.body_from_camera[None]
     camera = [matrix.float().to(device()) for matrix in (*transforms, pix_from_camera[None])]
@@ -86,9 +87,8 @@ def scene(dataset: Path) -> tuple[Tensor, list[Tensor], References]:
     # The network's convolutions keep the channels last, so that values need no copy.
     features = [map_.contiguous(memory_format=torch.channels_last) for map_ in features]
     features = [map_.to(device()).requires_grad_() for map_ in features]
-    pillars = references.valid.shape[1]
-    query = torch.randn(1, pillars, DIM, generator=generator).to(device()).requires_grad_()
-    return query, features, references
+    query = torch.randn(1, references.valid.shape[1], DIM, generator=generator)
+    return query.to(device()).requires_grad_(), features, references
 
 
 def main() -> None:
@@ -100,6 +100,7 @@ def main() -> None:
     query, features, references = scene(options.dataset)
     torch.manual_seed(0)
     attention = DeformableCrossAttention(DIM, HEIGHTS, HEADS, POINTS).to(device())
+    # Fresh offsets are zero, so all points of a head would fall on one place.
     torch.nn.init.normal_(attention.sampling.weight, std=0.02)
 
     inputs = attention, query, features, references

@@ -101,8 +101,8 @@ def main() -> None:
     print(table.to_string(float_format="{:.1f}".format))
     print(f"building a town: {max(built_s):.1f} s at most")
     print(f"labelled frames a second of one core: {1000 / table.loc['in all', 'mean']:.1f}")
-    peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(f"peak memory {peak_kib / 2**20:.2f} GiB")
+    # Linux counts it in KiB.
+    print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB")
 
 
 def _sim(args: argparse.Namespace, *more: str) -> dict:
@@ -133,6 +133,7 @@ def _measure(sim: dict, plan: ClipPlan) -> pd.Series:
         frames = _make(sim, plan)
         total_s = time.perf_counter() - start
     rows = {stage: seconds[stage] for stage, _, _ in STAGES}
+    # Whatever no stage claims, such as the sorting of actors into tables.
     rows["the rest"] = total_s - sum(rows.values())
     rows["in all"] = total_s
     return 1000 * pd.Series(rows) / frames

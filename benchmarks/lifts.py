@@ -63,12 +63,8 @@ def references_of(grid: VoxelGrid, num_heights: int, image) -> References:
     """Returns the references of a level UAV with its camera at its center."""
     pix_from_camera = pinhole(image.width, image.height, torch.pi / 2).float()
     references = PillarReferences(grid, num_heights, "attitude")
-    return references(
-        torch.eye(4)[None],
-        front_mount((0.0, 0.0, 0.0)).float()[None],
-        pix_from_camera[None],
-        (image.width, image.height),
-    )
+    camera = front_mount((0.0, 0.0, 0.0)).float()[None], pix_from_camera[None]
+    return references(torch.eye(4)[None], *camera, (image.width, image.height))
 
 
 def measures(scene: Scene) -> dict[tuple[str, str], Callable[[], object]]:
@@ -78,6 +74,7 @@ def measures(scene: Scene) -> dict[tuple[str, str], Callable[[], object]]:
         features = [feature.detach().requires_grad_() for feature in scene.features]
         return lift(scene.query, features, scene.references)
 
+    # A forward with its backward needs inputs that want gradients; they are made anew each time.
     todo: dict[tuple[str, str], Callable[[], object]] = {}
     for name, lift in scene.lifts.items():
         neck = scene.necks[name]

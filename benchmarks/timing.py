@@ -23,10 +23,11 @@ def milliseconds(measures: Measures, rounds: int) -> dict[Hashable, list[float]]
     spent_ms: dict[Hashable, list[float]] = {name: [] for name in measures}
     for _ in range(rounds):
         for name, measure in measures.items():
-            _wait_for_gpu()
+            # A GPU works on its own while the host goes on: both ends of the time must wait.
+            wait_for_gpu()
             start_s = time.perf_counter()
             measure()
-            _wait_for_gpu()
+            wait_for_gpu()
             spent_ms[name].append(1e3 * (time.perf_counter() - start_s))
     return spent_ms
 
@@ -47,7 +48,7 @@ def extra_mib(measure: Callable[[], object]) -> float:
         torch.cuda.reset_peak_memory_stats()
         before = torch.cuda.memory_allocated()
         measure()
-        _wait_for_gpu()
+        wait_for_gpu()
         return (torch.cuda.max_memory_allocated() - before) / 2**20
 
     # Memory that was freed, but is kept for later, would hide the memory that is taken now.
@@ -58,7 +59,8 @@ def extra_mib(measure: Callable[[], object]) -> float:
     return max(0, _status_kib("VmHWM") - before) / 1024
 
 
-def _wait_for_gpu() -> None:
+def wait_for_gpu() -> None:
+    """Waits until the GPU has done all that it was given; without one, does nothing."""
     if torch.cuda.is_available():
         torch.cuda.synchronize()
 

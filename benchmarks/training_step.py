@@ -22,6 +22,7 @@ from torch import Tensor
 
 from benchmarks.settings import composed, device, device_name, run
 from benchmarks.tables import print_line, print_table
+from benchmarks.timing import wait_for_gpu
 from src.models.losses import OccupancyLoss
 from src.models.memory import PillarMemory
 from src.models.network import Frame, SkyOcc
@@ -41,8 +42,7 @@ Seconds = dict[str, float]
 def timed(seconds: Seconds, stage: str) -> Iterator[None]:
     start_s = time.perf_counter()
     yield
-    if torch.cuda.is_available():
-        torch.cuda.synchronize()
+    wait_for_gpu()
     seconds[stage] += time.perf_counter() - start_s
 
 
@@ -101,6 +101,7 @@ def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]
     step = Step(cfg, device())
     batches = iter(data.train_dataloader())
     seconds: Seconds = defaultdict(float)
+    # The first steps take memory and compile, and are not counted.
     for number in range(WARM_UP + steps):
         spent = seconds if number >= WARM_UP else defaultdict(float)
         with timed(spent, "waiting for the loader"):
@@ -109,8 +110,7 @@ def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]
             batch = on_device(batch, device())
         step(batch, spent)
 
-    precision = BF16 if step.bf16 else "fp32"
-    where = f"{precision}, {device_name()}, peak memory {peak_mib():.0f} MiB"
+    where = f"{BF16 if step.bf16 else 'fp32'}, {device_name()}, peak memory {peak_mib():.0f} MiB"
     waits = waits_of_step(cfg, next(batches))
     return cfg, seconds, f"{where}; {waits.total()} waits for a GPU: {dict(waits)}"
 

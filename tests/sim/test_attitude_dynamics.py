@@ -44,6 +44,7 @@ def test_the_limit_is_soft():
     limited = soft_limit(angles_rad, 0.5)
     assert np.abs(limited).max() <= 0.5
     assert (np.diff(limited) >= 0).all()
+    # Below the knee, at two thirds of the limit, nothing changes.
     small = np.abs(angles_rad) < 0.3
     assert limited[small] == pytest.approx(angles_rad[small])
 
@@ -53,6 +54,7 @@ def test_integrating_the_body_rates_gives_the_attitudes_back():
     angles = torch.from_numpy(np.cumsum(rng.normal(0, 0.01, (3, 60)), axis=1))
     quat_xyzw = quat_from_euler(*angles).numpy()
     rates = attitude_dynamics.body_rates(quat_xyzw, 0.02)
+    # The rates act on the body's own axes, one after the other from the right.
     rotation = rotation_from_euler(*angles[:, 0])
     for rate in torch.from_numpy(rates) * 0.02:
         x, y, z = rate

@@ -144,6 +144,7 @@ def test_depth_is_infinite_where_nothing_is_hit(tiny):
 
 
 def test_depth_from_buffer_inverts_the_projection_matrix():
+    # Points straight ahead: OpenGL looks along -z.
     columns = camera.projection_matrix(PIX_FROM_CAMERA, WIDTH, HEIGHT, NEAR_M, FAR_M, UNCORRECTED)
     depth_m = np.array([NEAR_M, 1.0, 7.5, 60.0, 119.0])
     clip = np.c_[np.zeros((5, 2)), -depth_m, np.ones(5)] @ np.reshape(columns, (4, 4))
@@ -160,6 +161,7 @@ def test_a_sphere_is_in_view_if_any_of_its_points_is():
     reach_m = generator.uniform(0.5, 20, 4000)
     seen = camera.in_view(planes, camera_from_world.numpy(), middle_m, reach_m)
 
+    # The points of each sphere are probed in many directions.
     towards = generator.normal(size=(4000, 300, 3))
     towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
     points_m = torch.from_numpy(middle_m[:, None] + reach_m[:, None, None] * towards)

@@ -91,6 +91,7 @@ def test_people_who_meet_pass_each_other_but_no_one_walks_into_another():
     meeting = [actor("pedestrian", path, 15.0, 1.4, left_m=-0.35) for path in (walk, back)]
     passed = drive(meeting, 12.0)
     assert passed.arc_m[-1].min() > 30
+    # In the middle of the walk neither has room to pass.
     head_on = [actor("pedestrian", path, 15.0, 1.4) for path in (walk, back)]
     stuck = drive(head_on, 12.0)
     assert 40 - stuck.arc_m[-1].sum() > SIZES_M["pedestrian"][0]

@@ -78,6 +78,7 @@ def test_a_flight_is_twelve_seconds_of_whole_states(twenty):
     for values in vars(twenty[0]).values():
         assert len(values) == 12 * STEP_HZ
         assert np.isfinite(values).all()
+    # Captures at these rates are steps of the simulation.
     assert [STEP_HZ % rate_hz for rate_hz in (2.5, 5, 10, 25)] == [0, 0, 0, 0]
 
 
@@ -92,6 +93,7 @@ def test_climb_and_descent_are_bounded_and_the_ceiling_holds(twenty):
 
 def test_altitude_is_above_the_terrain(twenty):
     flight = twenty[0]
+    # The terrain is read where the UAV is, not where its command was.
     ground_m = rolling(*flight.position_m[:, :2].T)
     assert flight.position_m[:, 2] - ground_m == pytest.approx(flight.altitude_m, abs=1e-9)
 
@@ -111,6 +113,7 @@ def test_angles_quaternion_transform_and_rates_agree(twenty):
     assert flight.world_from_body[:, :3, :3] == pytest.approx(rotation.numpy())
     assert flight.world_from_body[:, :3, 3] == pytest.approx(flight.position_m)
 
+    # Twice the sine of the turn between two steps stands in the antisymmetric part of its matrix.
     step = (rotation[:-1].transpose(1, 2) @ rotation[1:]).numpy()
     turned = (step - step.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
     assert turned / 2 / STEP_S == pytest.approx(flight.body_rates_radps[:-1], rel=0.02, abs=1e-3)
@@ -123,6 +126,7 @@ def test_the_nose_points_along_the_way(twenty):
 
 
 def test_left_turns_bank_with_negative_roll():
+    # Gusts would hide the bank that the turn demands.
     calm = dataclasses.replace(NORMAL, gust_sigma_rad=0.0)
     several = flights(8, BLOCK, terrain=rolling, config=calm)
     roll_rad = all_of(several, "roll_rad")
@@ -165,6 +169,7 @@ def test_it_climbs_over_what_crosses_the_corridor(top_m):
 
 
 def test_a_wire_of_four_centimetres_is_seen():
+    # One wire runs across the route, the other one along it.
     wire = ((50.15, -20, 6.98), (50.19, 20, 7.02))
     along = ((80, 0.31, 5.98), (120, 0.35, 6.02))
     route = Route.through((corridor((0, 0), (150, 0)),), (0,), 5.0, 0.5)
@@ -212,6 +217,7 @@ def test_what_passes_the_ceiling_does_not_raise_the_target():
 
 def test_it_stops_before_what_is_too_tall():
     several = flights(10, STRAIGHT, ((119, -20, 0), (150, 20, 40)))
+    # Some flights begin behind the tower.
     coming = [flight for flight in several if flight.position_m[0, 0] <= 119]
     assert all_of(coming, "position_m")[:, 0].max() < 119 - 1
     assert all_of(coming, "altitude_m").max() < 20
@@ -224,6 +230,7 @@ def test_touching_and_being_inside_are_both_noticed():
     grazed, around = ((4, 0.4, 0), (6, 2.0, 9)), ((-50, -50, 0), (50, 50, 60))
     assert not stays_clear(track, cast_on(grazed), 0.6)
     assert not stays_clear(track, cast_on(around), 0.6)
+    # A sheet of a millimeter lies between two steps.
     assert not stays_clear(track, cast_on(((5, -3, 0), (5.001, 3, 9))), 0.0)
 
 

@@ -160,6 +160,7 @@ def test_one_worker_makes_the_same_bytes_as_two(mini_dataset, mini_sim, tmp_path
 def test_a_clip_does_not_depend_on_the_others_and_another_seed_makes_others(
     mini_dataset, mini_sim, tmp_path
 ):
+    # Alone in its dataset, the first clip has the bytes that it has beside another one.
     wanted = mini_sim | {"clips_per_town": 1}
     generate(wanted, tmp_path / "alone")
     generate(wanted | {"seed": 1}, tmp_path / "other")
@@ -228,6 +229,7 @@ def test_a_failing_clip_ends_it_and_leaves_nothing(mini_sim, tmp_path):
 
 def test_what_is_there_is_left_alone_and_no_worker_starts(mini_dataset, mini_sim, monkeypatch):
     monkeypatch.setattr("src.sim.generate.require_renderer", lambda _: pytest.fail("not needed"))
+    # Neither a byte nor a date changes.
     before = {path: path.stat().st_mtime_ns for path in mini_dataset.rglob("*")}
     assert generate(mini_sim, mini_dataset) == 0
     assert before == {path: path.stat().st_mtime_ns for path in mini_dataset.rglob("*")}

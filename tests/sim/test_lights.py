@@ -50,6 +50,8 @@ def test_phases_have_green_and_amber_in_turn_and_then_all_have_red(phases, offse
         for color, length_s in lights
         for _ in range(round(length_s / STEP_S))
     ]
+
+    # The plan is compared with a list of the whole cycle, tick by tick.
     plan = LightPlan(phases, offset_s)
     for phase, time_s in product(range(phases), TIME_S):
         now = int((time_s + offset_s) / STEP_S) % len(cycle)
@@ -85,6 +87,7 @@ def test_opposing_arms_have_green_together_and_people_wait_for_their_own_arm():
 
 
 def test_where_a_road_only_goes_on_there_is_a_phase_for_people_as_well():
+    # Two streets end in one point: there is a bend, and no third arm.
     streets = tuple(Street(0, k, ENDS_M[[0, end]], TWO_LANES) for k, end in ((1, 1), (2, 3)))
     gates = gates_at(Network(ENDS_M[[0, 1, 3]], streets, True).lanes(), 0, is_crossing=False)
     assert {(gate.phase, gate.phases) for both in gates.values() for gate in both} == {(0, 2)}

@@ -49,6 +49,7 @@ def test_the_paper_s_plan_has_every_weather_in_every_town_and_twelve_clips_of_ea
     mini_sim |= {"towns": list(TOWNS), "clips_per_town": 15, "weathers": list(WEATHERS)}
     plans = plan_clips(mini_sim)
     assert len({plan.clip_id for plan in plans}) == 120
+    # Ten weathers take turns over fifteen clips a town.
     matrix = pd.crosstab([plan.town for plan in plans], [plan.weather for plan in plans])
     assert matrix.shape == (8, 10)
     assert (matrix.sum() == 12).all()

@@ -41,6 +41,7 @@ def test_left_is_left_and_the_arc_is_the_true_length():
     straight = Route.through(CROSS, (0, 1), 1.0)
     assert straight.shifted(np.full(len(straight.points_m), 2.0)).points_m[:, 1] == pytest.approx(2)
     turn = Route.through(CROSS, (0, 2), 4.0)
+    # On the outside of the turn the arc is longer, and is sampled anew.
     outside = turn.shifted(np.full(len(turn.points_m), -2.0))
     steps_m = np.linalg.norm(np.diff(outside.points_m, axis=0), axis=1)
     assert steps_m == pytest.approx(outside.spacing_m, rel=0.02)
@@ -51,6 +52,7 @@ def test_braking_reaches_every_limit_in_time():
     limits_mps[120] = 2.0
     lowered = braked(limits_mps, 0.5, 2.5)
     assert (np.diff(lowered**2) >= -2 * 2.5 * 0.5 - 1e-9).all()
+    # The slow place itself and all far from it keep their limits.
     assert lowered[[0, 120]].tolist() == [10.0, 2.0]
     assert (lowered <= limits_mps).all()
 

@@ -84,6 +84,7 @@ def test_only_what_is_near_the_way_is_kept():
     far = solid(VEGETATION, (2.0, 2.0, 2.0), (70, 0, 1))
     patch = GroundPatch((0, 0), 0.0, 200.0, 10.0, 0.0, "asphalt")
     town = Town("t", lambda x, y: 0 * x, (WALL, far), (patch,), (), (), ())
+    # The road of 200 m is one patch, which is cut; pieces within 30 m stay whole.
     pieces = pieces_of(town)
     whole, near = (
         {part.class_id: part.mesh for part in parts}
@@ -107,6 +108,7 @@ def test_paths_lie_on_the_surface_that_actors_are_put_on(name):
         origins_m = np.c_[middle_m, np.full(len(middle_m), 50.0)]
         down = np.tile(DOWN, (len(middle_m), 1)).astype(float)
         height_m = 50 - surface.cast_static(origins_m, down)
+        # Between its corners the ground is flat, so a path may leave it by a little.
         above_m = town.terrain(*middle_m.T) + rise_m - height_m
         assert np.abs(above_m).max() < 0.13
         assert np.quantile(np.abs(above_m), 0.8) < 0.05

@@ -24,6 +24,7 @@ def test_together_they_see_every_direction():
     wanted = random_directions(2000)
     seen = [lidar.directions(2000, scan=0) for lidar in LIDARS]
     assert nearest_angle_deg(np.concatenate(seen), wanted).max() < 5
+    # Each alone is blind to the side of the other.
     for alone in seen:
         assert nearest_angle_deg(alone, wanted).max() > 30
 

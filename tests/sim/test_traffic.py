@@ -37,6 +37,7 @@ TOWN = Town("hand-made", terrain, (), (), LANES, WALKS, ())
 UAV_M = np.c_[np.linspace(20, 100, 600), np.zeros(600), np.full(600, 9.0)]
 
 
+# Sizes are given by type, so that no shape needs to be built.
 def traffic(seed, uav_m=UAV_M, **counts):
     config = TrafficConfig(counts) if counts else TrafficConfig()
     with pytest.MonkeyPatch.context() as patch:
@@ -99,6 +100,7 @@ def test_actors_stand_upright_on_their_places(busy):
 
 
 def test_what_comes_near_the_uav_is_left_out():
+    # So low and so far aside, it flies along the lane.
     low = np.c_[UAV_M[:, :2] - (0, 2), np.full(600, 2.0)]
     for actor in (actor for seed in range(3) for actor in traffic(seed, uav_m=low)):
         assert np.hypot(*(low - actor.position_m)[:, :2].T).min() > 2
@@ -144,6 +146,7 @@ def test_in_a_real_town_actors_stop_and_turn_and_never_overlap():
 
 def test_nobody_reacts_to_what_was_left_out(monkeypatch):
     """Of those that meet the UAV the others know nothing: they drive again without them."""
+    # The number of actors of every attempt.
     driven = []
 
     def recorded(travellers, *args):

@@ -131,6 +131,7 @@ def test_hiding_what_is_out_of_sight_changes_no_pixel(monkeypatch):
 
 def test_what_is_hidden_is_not_drawn_and_comes_back(monkeypatch):
     with world_of(SCENE) as world:
+        # Culling that hides everything leaves an empty sky.
         before = render(world, HERE)
         monkeypatch.setattr("src.sim.camera.in_view", lambda *args: np.zeros(len(args[2]), bool))
         nothing = render(world, HERE)
@@ -156,6 +157,7 @@ def test_egl_gives_what_rays_meet(egl):
     truth = view_of(SCENE, 1, here)
     assert (rendering.class_id == truth.class_id).mean() > 0.999
     assert (rendering.actor_id == truth.actor_id).mean() > 0.999
+    # Beyond the far plane a ray still meets things, but nothing is drawn.
     near = truth.depth_m < 100
     assert np.abs(rendering.depth_m[near] - truth.depth_m[near]).max() < 0.01
 
@@ -204,6 +206,7 @@ def test_a_second_world_with_egl_is_refused_while_one_is_open(egl):
 
 def test_a_world_that_could_not_be_filled_is_closed(needs_egl, monkeypatch):
     monkeypatch.setattr("src.sim.drawing._obj", lambda *mesh: 1 / 0)
+    # Were it left open, the second world would be refused.
     with pytest.raises(ZeroDivisionError), world_of(SCENE, "egl"):
         pass
     monkeypatch.undo()
