@@ -1,9 +1,9 @@
-"""What the cross-attention costs at the paper's size, beside its usual form in plain PyTorch.
+"""The cost of the cross-attention at the paper's size, beside its usual form in plain PyTorch.
 
     python -m benchmarks.attention DATASET [--threads 1]
 
 D=256, 10,000 pillars x 8 heights, 8 heads, 2 points, four levels of an 800x448 image, and the
-poses of the first frame of any finished data set. The usual form is the multi-scale deformable
+transforms of the first frame of any finished dataset. The usual form is the multi-scale deformable
 attention of the published codebases without their compiled operator: `grid_sample` level by level,
 all samples stored, then weighted and summed; once for every reference, as it is published, and
 once for those in view alone, as its callers gather them. Prints median milliseconds, ratios and
@@ -16,21 +16,20 @@ from pathlib import Path
 
 import torch
 import torch.nn.functional as F
-from rich.console import Console
-from rich.table import Table
 from torch import Tensor
 
+from benchmarks.settings import device, device_name, run
+from benchmarks.tables import print_line, print_table
 from benchmarks.timing import extra_mib, median_ms
 from src.data.clip import Clip
 from src.data.manifest import read_manifest
-from src.failures import told_in_one_line
 from src.geometry import VoxelGrid, occ_from_body
 from src.models.attention import DeformableCrossAttention
 from src.models.backbone import STRIDES
 from src.models.references import PillarReferences, References
-from src.provenance import machine
 
 ROUNDS = 5
+# The paper's size, apart from heights, heads and points, which are our choice.
 DIM, HEIGHTS, HEADS, POINTS = 256, 8, 8, 2
 SIZE_PIX = (800, 448)
 
@@ -42,22 +41,15 @@ def usual_form(
     references: References,
     in_view: bool,
 ) -> Tensor:
-    """The same numbers from `grid_sample` by level, for one frame."""
-    pillars, heights = references.valid.shape[1:]
-    if in_view:
-        pillar, height = references.valid[0].nonzero(as_tuple=True)
-    else:
-        pillar, height = (
-            x.flatten()
-            for x in torch.cartesian_prod(
-                torch.arange(pillars, device=query.device),
-                torch.arange(heights, device=query.device),
-            ).T
-        )
+    """Computes the numbers of one frame from `grid_sample` by level."""
+    # References are pairs of a pillar and a height: those in view, or all.
+    wanted = references.valid[0] if in_view else torch.ones_like(references.valid[0])
+    pillar, height = wanted.nonzero(as_tuple=True)
     values = [attention.value(feature.permute(0, 2, 3, 1)) for feature in features]
     raw = attention.sampling(query[0, pillar] + attention.height_embedding[height])
     raw = raw.view(-1, 3, HEADS, POINTS, len(STRIDES))
     weight = raw[:, 2].flatten(-2).softmax(dim=-1).view_as(raw[:, 2])
+
     reference = references.pix[0, pillar, height]
     sampled = []
     for level, value in enumerate(values):
@@ -66,36 +58,37 @@ def usual_form(
         place = reference[:, None, None] / STRIDES[level] + raw[:, :2, :, :, level].movedim(1, -1)
         place = 2 * place / place.new_tensor([columns, rows]) - 1
         sampled.append(F.grid_sample(maps, place.transpose(0, 1), align_corners=False))
+
     # [heads, channels, references, points * levels], as the published code stacks them.
     stacked = torch.stack(sampled, dim=-1).flatten(-2)
     total = (stacked * weight.flatten(-2).transpose(0, 1)[:, None]).sum(dim=-1)
-    by_height = query.new_zeros(pillars, heights, DIM)
     valid = references.valid[0, pillar, height]
-    found = total.flatten(0, 1).T * valid[:, None]
-    by_height = by_height.index_put((pillar, height), found)
+    by_height = query.new_zeros(*references.valid.shape[1:], DIM)
+    by_height = by_height.index_put((pillar, height), total.flatten(0, 1).T * valid[:, None])
     update = by_height.flatten(1) @ attention.output.flatten(0, 1)
     return (update / references.valid[0].sum(dim=-1, keepdim=True).clamp(min=1))[None]
 
 
-def scene(dataset: Path, device: torch.device) -> tuple[Tensor, list[Tensor], References]:
-    """Query, feature maps and the references of a real pose, in the camera's field of view."""
+def scene(dataset: Path) -> tuple[Tensor, list[Tensor], References]:
+    """Returns query, feature maps and the references of a real transform, in the camera's field
+    of view."""
     clip = Clip(dataset / next(iter(read_manifest(dataset)["clips"])))
     scale = SIZE_PIX[0] / clip.meta.width
     pix_from_camera = clip.meta.pix_from_camera.float() * torch.tensor([[scale], [scale], [1.0]])
+    # The optical axis stays in the middle of an image with another ratio of its sides.
     pix_from_camera[1, 2] = SIZE_PIX[1] / 2
-    references = PillarReferences(VoxelGrid(), HEIGHTS, "attitude").to(device)(
-        occ_from_body(clip.world_from_body[:1]).float().to(device),
-        clip.meta.body_from_camera.float()[None].to(device),
-        pix_from_camera[None].to(device),
-        SIZE_PIX,
-    )
+    transforms = occ_from_body(clip.world_from_body[:1]), clip.meta.body_from_camera[None]
+    camera = [matrix.float().to(device()) for matrix in (*transforms, pix_from_camera[None])]
+    references = PillarReferences(VoxelGrid(), HEIGHTS, "attitude").to(device())(*camera, SIZE_PIX)
+
     generator = torch.Generator().manual_seed(0)
     width, height = SIZE_PIX
     features = [torch.randn(1, DIM, height // s, width // s, generator=generator) for s in STRIDES]
-    features = [f.to(device, memory_format=torch.channels_last).requires_grad_() for f in features]
-    pillars = references.valid.shape[1]
-    query = torch.randn(1, pillars, DIM, generator=generator).to(device).requires_grad_()
-    return query, features, references
+    # The network's convolutions keep the channels last, so that values need no copy.
+    features = [map_.contiguous(memory_format=torch.channels_last) for map_ in features]
+    features = [map_.to(device()).requires_grad_() for map_ in features]
+    query = torch.randn(1, references.valid.shape[1], DIM, generator=generator)
+    return query.to(device()).requires_grad_(), features, references
 
 
 def main() -> None:
@@ -104,49 +97,38 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    query, features, references = scene(options.dataset, device)
+    query, features, references = scene(options.dataset)
     torch.manual_seed(0)
-    attention = DeformableCrossAttention(DIM, HEIGHTS, HEADS, POINTS).to(device)
+    attention = DeformableCrossAttention(DIM, HEIGHTS, HEADS, POINTS).to(device())
+    # Fresh offsets are zero, so all points of a head would fall on one place.
     torch.nn.init.normal_(attention.sampling.weight, std=0.02)
+
+    inputs = attention, query, features, references
     ways: dict[str, Callable[[], Tensor]] = {
-        "usual form, every reference": lambda: usual_form(
-            attention, query, features, references, in_view=False
-        ),
-        "usual form, in view alone": lambda: usual_form(
-            attention, query, features, references, in_view=True
-        ),
+        "usual form, every reference": lambda: usual_form(*inputs, in_view=False),
+        "usual form, in view alone": lambda: usual_form(*inputs, in_view=True),
         "ours": lambda: attention(query, features, references),
     }
     report(ways, f"{references.valid.float().mean():.0%} of the references are in view")
 
 
-def report(ways: dict[str, Callable[[], Tensor]], of_what: str) -> None:
+def report(ways: dict[str, Callable[[], Tensor]], subject: str) -> None:
     """Prints time and memory of all, forward alone and with the backward."""
-    console = Console(width=110)
-    table = Table(title=f"{machine()}, {torch.get_num_threads()} thread(s); {of_what}")
-    for column in ("", "forward ms", "times", "MiB", "and backward ms", "times", "MiB"):
-        table.add_column(column, justify="right" if column else "left")
     forward = {name: torch.no_grad()(way) for name, way in ways.items()}
     backward = {name: (lambda way=way: way().sum().backward()) for name, way in ways.items()}
-    spent = [median_ms(todo, ROUNDS) for todo in (forward, backward)]
-    memory = [
-        {name: extra_mib(measure) for name, measure in todo.items()} for todo in (forward, backward)
-    ]
-    first = next(iter(ways))
-    for name in ways:
-        cells = [
-            cell
-            for ms, mib in zip(spent, memory)
-            for cell in (f"{ms[name]:.0f}", f"{ms[first] / ms[name]:.1f}", f"{mib[name]:.0f}")
-        ]
-        table.add_row(name, *cells)
-    console.print(table)
+    first, rows = next(iter(ways)), {name: [name] for name in ways}
+    for measures in (forward, backward):
+        spent_ms = median_ms(measures, ROUNDS)
+        for name, measure in measures.items():
+            numbers = spent_ms[name], spent_ms[first] / spent_ms[name], extra_mib(measure)
+            rows[name] += (f"{numbers[0]:.0f}", f"{numbers[1]:.1f}", f"{numbers[2]:.0f}")
+
+    columns = ("", "forward ms", "times", "MiB", "and backward ms", "times", "MiB")
+    print_table(f"{device_name()}; {subject}", columns, rows.values())
     outputs = [way() for way in forward.values()]
     apart = max((output - outputs[-1]).abs().max().item() for output in outputs)
-    console.print(f"outputs differ by {apart:.1e} at most, of {outputs[-1].abs().max():.1f}")
+    print_line(f"outputs differ by {apart:.1e} at most, of {outputs[-1].abs().max():.1f}")
 
 
 if __name__ == "__main__":
-    with told_in_one_line():
-        main()
+    run(main)

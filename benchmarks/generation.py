@@ -1,9 +1,9 @@
-"""Where the time of generation goes: one clip on one core, stage by stage.
+"""The time of generation by stage: one clip on one core.
 
     python -m benchmarks.generation --width 384 --height 224 --capture-hz 25
 
 Prints milliseconds a frame of every stage, for the first clip of every town under the weather that
-its place in the data set gives it; then frames a second of one core, and the peak memory. The first
+its place in the dataset gives it; then frames a second of one core, and the peak memory. The first
 frames compile the kernels: a short clip before the measured ones pays for that. Towns are built
 beforehand, as a worker does once for all clips of a town; what that takes is printed below.
 """
@@ -14,23 +14,26 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from unittest.mock import patch
 
 import pandas as pd
 import torch
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+from benchmarks.settings import composed, run
 from src.data.clip import ClipWriter
 from src.provenance import machine
 from src.sim import clip_maker
-from src.sim.clip_maker import ClipMaker, ClipPlan, place_of
+from src.sim.clip_maker import ClipMaker, ClipPlan
 from src.sim.fusion import ActorMap, StaticMap
 from src.sim.plan import plan_clips
-from src.sim.towns import TOWNS
+from src.sim.staging import place_of
+from src.sim.towns import town_names
 from src.sim.world import World
 
+# The functions that are timed: the stage's name in the table, the owner, and the name there.
 STAGES: list[tuple[str, object, str]] = [
     ("flight, traffic, scene", ClipMaker, "stage"),
     ("LiDAR rays", clip_maker, "scan"),
@@ -46,30 +49,25 @@ STAGES: list[tuple[str, object, str]] = [
     ("writing labels", ClipWriter, "add_labels"),
     ("writing tables, sums, sync", ClipWriter, "_seal"),
 ]
-"""What is timed: the name in the table, and where the function is found."""
 
 
 @contextmanager
 def timed() -> Iterator[dict[str, float]]:
-    """Wall-clock seconds of every stage while the context is open."""
+    """Collects the wall-clock seconds of every stage while the context is open."""
     seconds: dict[str, float] = defaultdict(float)
-    kept = [(owner, name, getattr(owner, name)) for _, owner, name in STAGES]
-    for (stage, owner, name), (_, _, function) in zip(STAGES, kept):
-        setattr(owner, name, _timing(function, stage, seconds))
-    try:
+    with ExitStack() as patches:
+        for stage, owner, name in STAGES:
+            function = _timing(getattr(owner, name), stage, seconds)
+            patches.enter_context(patch.object(owner, name, function))
         yield seconds
-    finally:
-        for owner, name, function in kept:
-            setattr(owner, name, function)
 
 
 def _timing(function: Callable, stage: str, seconds: dict[str, float]) -> Callable:
     def call(*args, **kwargs):
-        start = time.perf_counter()
-        try:
-            return function(*args, **kwargs)
-        finally:
-            seconds[stage] += time.perf_counter() - start
+        start_s = time.perf_counter()
+        result = function(*args, **kwargs)
+        seconds[stage] += time.perf_counter() - start_s
+        return result
 
     return call
 
@@ -79,29 +77,32 @@ def main() -> None:
     parser.add_argument("--width", type=int, default=384)
     parser.add_argument("--height", type=int, default=224)
     parser.add_argument("--capture-hz", type=float, default=25)
-    parser.add_argument("--towns", nargs="+", default=list(TOWNS), choices=TOWNS, metavar="TOWN")
+    parser.add_argument("--towns", nargs="+", default=town_names(), choices=town_names(), metavar="TOWN")
     parser.add_argument("overrides", nargs="*", help="any other setting, such as sim.lidar_hz=10")
     args = parser.parse_args()
     torch.set_num_threads(1)
     sim = _sim(args)
     plans = plan_clips(sim)
+
+    # The first frames compile the kernels.
     _make(_sim(args, "sim.capture_hz=2.5"), plans[0])
     print(f"{machine()}, one thread, 1 clip a town, sim.seed=0")
     print(f"{args.width}x{args.height}, grid {sim['grid']['shape']}, {args.capture_hz:g} Hz")
-    built_s = []
-    columns = {}
+    built_s, columns = [], {}
     for plan in plans:
+        # A worker builds a town once for all its clips, so that is not part of a clip's time.
         start = time.perf_counter()
         place_of(plan.town, sim["seed"])
         built_s.append(time.perf_counter() - start)
         columns[f"{plan.town} {plan.weather}"] = _measure(sim, plan)
+
     table = pd.DataFrame(columns)
     table["mean"] = table.mean(axis=1)
     print(table.to_string(float_format="{:.1f}".format))
     print(f"building a town: {max(built_s):.1f} s at most")
     print(f"labelled frames a second of one core: {1000 / table.loc['in all', 'mean']:.1f}")
-    peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(f"peak memory {peak_kib / 2**20:.2f} GiB")
+    # Linux counts it in KiB.
+    print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB")
 
 
 def _sim(args: argparse.Namespace, *more: str) -> dict:
@@ -113,9 +114,7 @@ def _sim(args: argparse.Namespace, *more: str) -> dict:
         f"sim.capture_hz={args.capture_hz}",
         f"sim.towns=[{','.join(args.towns)}]",
     ]
-    conf = Path(__file__).parent.parent / "conf"
-    with initialize_config_dir(str(conf), version_base="1.3"):
-        cfg = compose("config", [*settings, *args.overrides, *more])
+    cfg = composed([*settings, *args.overrides, *more])
     return OmegaConf.to_container(cfg.sim, resolve=True)
 
 
@@ -128,16 +127,17 @@ def _make(sim: dict, plan: ClipPlan) -> int:
 
 
 def _measure(sim: dict, plan: ClipPlan) -> pd.Series:
-    """Milliseconds a frame by stage, and in all."""
+    """Returns the milliseconds a frame by stage, and in all."""
     with timed() as seconds:
         start = time.perf_counter()
         frames = _make(sim, plan)
         total_s = time.perf_counter() - start
     rows = {stage: seconds[stage] for stage, _, _ in STAGES}
+    # Whatever no stage claims, such as the sorting of actors into tables.
     rows["the rest"] = total_s - sum(rows.values())
     rows["in all"] = total_s
     return 1000 * pd.Series(rows) / frames
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

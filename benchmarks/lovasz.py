@@ -1,4 +1,4 @@
-"""What the exact Lovasz-Softmax costs, beside the loop in which it was published.
+"""The cost of the exact Lovász-Softmax, beside the loop in which it was published.
 
     python -m benchmarks.lovasz [--threads 1]
 
@@ -9,38 +9,40 @@ Jaccard losses, their differences.
 """
 
 import argparse
+import math
 from collections.abc import Callable
 
 import torch
 import torch.nn.functional as F
-from rich.console import Console
-from rich.table import Table
 from torch import Tensor
 
+from benchmarks.settings import device_name, run
+from benchmarks.tables import print_line, print_table
 from benchmarks.timing import extra_mib, median_ms
-from src.failures import told_in_one_line
 from src.models.losses import lovasz_softmax, weighted_cross_entropy
 from src.ontology import NUM_CLASSES, UNKNOWN
-from src.provenance import machine
 
 SHAPE = (100, 100, 60)
 ROUNDS = 9
+# About the shares of the classes in labels.
 SHARES = (0.05, 0.12, 0.02, 0.003, 0.002, 0.004, 0.001, 0.005, 0.795)
-"""About those of the classes in labels."""
+PUBLISHED = "Lovász-Softmax, the published loop"
 
 
 def published_loop(logits: Tensor, target: Tensor) -> Tensor:
-    """Class by class, with a descending sort of the errors."""
+    """Computes the loss class by class, with a descending sort of the errors."""
     probability = logits.softmax(dim=1).movedim(1, -1).reshape(-1, NUM_CLASSES)
     labels = target.flatten()
     known = labels != UNKNOWN
     probability, labels = probability[known], labels[known]
+
     losses = []
     for class_id in range(NUM_CLASSES):
         is_class = (labels == class_id).to(probability.dtype)
         if is_class.sum() == 0:
             continue
         errors, order = (is_class - probability[:, class_id]).abs().sort(descending=True)
+
         sorted_is_class = is_class[order]
         total = sorted_is_class.sum()
         intersection = total - sorted_is_class.cumsum(0)
@@ -52,12 +54,12 @@ def published_loop(logits: Tensor, target: Tensor) -> Tensor:
 
 
 def scene() -> tuple[Tensor, Tensor]:
-    """Labels in patches, a fifth of them unknown, and logits that get most of them right."""
-    generator = torch.Generator().manual_seed(0)
-    coarse = torch.multinomial(
-        torch.tensor(SHARES), SHAPE[0] * SHAPE[1] * SHAPE[2] // 27 + 1, True, generator=generator
-    )
-    target = coarse.repeat_interleave(27)[: SHAPE[0] * SHAPE[1] * SHAPE[2]].view(1, *SHAPE)
+    """Returns labels in patches, a fifth of them unknown, and logits that get most right."""
+    generator, voxels = torch.Generator().manual_seed(0), math.prod(SHAPE)
+    shares = torch.tensor(SHARES)
+    coarse = torch.multinomial(shares, voxels // 27 + 1, replacement=True, generator=generator)
+    target = coarse.repeat_interleave(27)[:voxels].view(1, *SHAPE)
+
     logits = torch.randn(1, NUM_CLASSES, *SHAPE, generator=generator)
     logits.scatter_add_(1, target[:, None], torch.full_like(logits[:, :1], 2.0))
     unknown = torch.rand(target.shape, generator=generator) < 0.2
@@ -76,37 +78,38 @@ def main() -> None:
     def framework_cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
         return F.cross_entropy(logits, target.long(), ignore_index=UNKNOWN)
 
-    todo = {
-        "Lovasz-Softmax, the published loop": with_backward(published_loop),
-        "Lovasz-Softmax, ours": with_backward(lovasz_softmax),
+    def weighted(logits: Tensor, target: Tensor) -> Tensor:
+        return weighted_cross_entropy(logits, target, torch.ones(NUM_CLASSES))
+
+    measures = {
+        PUBLISHED: with_backward(published_loop),
+        "Lovász-Softmax, ours": with_backward(lovasz_softmax),
         "cross-entropy, the framework's": with_backward(framework_cross_entropy),
-        "weighted cross-entropy, ours": with_backward(
-            lambda logits, target: weighted_cross_entropy(logits, target, torch.ones(NUM_CLASSES))
-        ),
+        "weighted cross-entropy, ours": with_backward(weighted),
     }
-    spent_ms = median_ms(todo, ROUNDS)
-    table = Table(title=f"{machine()}, {torch.get_num_threads()} thread(s); forward and backward")
-    for column in ("loss of 600,000 voxels x 9", "ms", "times faster", "MiB more"):
-        table.add_column(column, justify="left" if column.startswith("loss") else "right")
+    rows, spent_ms = [], median_ms(measures, ROUNDS)
     for name, spent in spent_ms.items():
-        ratio = f"{spent_ms['Lovasz-Softmax, the published loop'] / spent:.1f}"
-        memory = f"{extra_mib(todo[name]):.0f}"
-        table.add_row(name, f"{spent:.0f}", ratio if "Lovasz" in name else "", memory)
-    console = Console(width=100)
-    console.print(table)
-    exact = published_loop(logits.double(), target)
-    ours, published = (
-        torch.autograd.grad(f(logits, target), logits)[0] for f in (lovasz_softmax, published_loop)
-    )
-    gap = abs(lovasz_softmax(logits, target) - published_loop(logits, target)).item()
+        ratio = f"{spent_ms[PUBLISHED] / spent:.1f}" if "Lovász" in name else ""
+        rows.append((name, f"{spent:.0f}", ratio, f"{extra_mib(measures[name]):.0f}"))
+    columns = ("loss of 600,000 voxels x 9", "ms", "times faster", "MiB more")
+    print_table(f"{device_name()}; forward and backward", columns, rows)
+    compare(logits, target)
+
+
+def compare(logits: Tensor, target: Tensor) -> None:
+    """Prints how far both losses and their gradients are apart, and how far from float64."""
+    pair = (lovasz_softmax, published_loop)
+    # The loop subtracts running sums in float32, which costs it digits.
+    losses = torch.stack([loss(logits, target) for loss in pair])
+    ours, published = (torch.autograd.grad(loss, logits, retain_graph=True)[0] for loss in losses)
     relative = ((ours - published).norm() / published.norm()).item()
-    console.print(f"losses differ by {gap:.1e}, gradients by {relative:.1e} (relative)")
-    off = [abs(loss(logits, target) - exact).item() for loss in (lovasz_softmax, published_loop)]
-    console.print(
-        f"from the loop in float64, ours is off by {off[0]:.1e}, the loop by {off[1]:.1e}"
-    )
+    gap = abs(losses[0] - losses[1]).item()
+    print_line(f"losses differ by {gap:.1e}, gradients by {relative:.1e} (relative)")
+
+    exact = published_loop(logits.double(), target)
+    off = (losses.double() - exact).abs().tolist()
+    print_line(f"from the loop in float64, ours is off by {off[0]:.1e}, the loop by {off[1]:.1e}")
 
 
 if __name__ == "__main__":
-    with told_in_one_line():
-        main()
+    run(main)

@@ -1,9 +1,9 @@
-"""What the scores cost: one frame, one thread, all in one run, each beside the others.
+"""The cost of the scores: one frame, one thread, all in one run, each beside the others.
 
     python -m benchmarks.scores DATASET
 
-``DATASET`` is the folder of any finished data set; its labels are the truth, and what is predicted
-for a frame are the labels of a later one. Prints the median milliseconds of an update, the ratios
+``DATASET`` is the folder of any finished dataset; its labels are the target, and the labels of a
+later frame stand for the prediction. Prints the median milliseconds of an update, the ratios
 to torchmetrics' `MulticlassJaccardIndex` at its defaults, and the memory that an update of
 `OccupancyScores` takes beyond its inputs. The measures take turns, so that whatever else the
 machine does meets all of them.
@@ -14,47 +14,41 @@ from collections.abc import Callable
 from pathlib import Path
 
 import torch
-from rich.console import Console
-from rich.table import Table
 from torchmetrics.classification import MulticlassJaccardIndex
 
+from benchmarks.settings import device_name, run
+from benchmarks.tables import print_line, print_table
 from benchmarks.timing import extra_mib, median_ms
+from src import metrics
 from src.data.truth import SkyShieldTruth
-from src.failures import told_in_one_line
-from src.metrics import (
-    Calibration,
-    KARBreakdown,
-    KARSensitivity,
-    OccupancyScores,
-    RayIoU,
-    SafetyScores,
-)
 from src.metrics.functional import camera_rays
 from src.ontology import FREE, NUM_CLASSES, UNKNOWN
-from src.provenance import machine
 
 ROUNDS = 15
 RAYS = (100, 56)
 
 
 def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
-    """What is timed, by name, and what of."""
+    """Returns the measures by name, and the name of the frame."""
     source = SkyShieldTruth(dataset)
     clip, frame = source.samples[0]
     truth = source.truth(clip, frame)
     later = source.truth(clip, source.samples[5][1])["semantics"]
     target, velocity, visible = (truth[key] for key in ("semantics", "velocity_mps", "visible"))
+    # A prediction has no unknown voxels.
     preds = torch.where(later == UNKNOWN, FREE, later).to(torch.uint8)
     ids = preds.long()
     logits = torch.randn(1, NUM_CLASSES, *source.grid.shape, generator=torch.Generator())
     logits.scatter_(1, ids[:, None], 6.0)
     rays = camera_rays(*(truth[key] for key in ("camera_from_occ", "pix_from_camera", "size_pix")))
+
     grid = source.grid
     jaccard = MulticlassJaccardIndex(NUM_CLASSES, ignore_index=UNKNOWN)
-    plain, compiled = (OccupancyScores(grid, backend=name) for name in ("torch", "numba"))
-    breakdown, safety, calibration = KARBreakdown(grid), SafetyScores(grid), Calibration(grid)
-    ray_iou, sensitivity = RayIoU(grid), KARSensitivity(grid)
-    of_what = f"{'x'.join(map(str, grid.shape))} voxels, {clip} frame {frame} of {source.name}"
+    plain, compiled = (metrics.OccupancyScores(grid, backend=name) for name in ("torch", "numba"))
+    breakdown, safety = metrics.KARBreakdown(grid), metrics.SafetyScores(grid)
+    calibration = metrics.Calibration(grid)
+    ray_iou, sensitivity = metrics.RayIoU(grid), metrics.KARSensitivity(grid)
+    subject = f"{'x'.join(map(str, grid.shape))} voxels, {clip} frame {frame} of {source.name}"
     return {
         "MulticlassJaccardIndex (torchmetrics)": lambda: jaccard.update(ids, target),
         "OccupancyScores, plain torch": lambda: plain.update(preds, target, velocity),
@@ -67,28 +61,23 @@ def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
         f"RayIoU, {RAYS[0]}x{RAYS[1]} rays": lambda: ray_iou.update(preds, target, *rays),
         "Calibration, logits": lambda: calibration.update(logits, target, velocity),
         "KARSensitivity, 81 settings": lambda: sensitivity.update(preds, target, velocity),
-    }, of_what
+    }, subject
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("dataset", type=Path)
     torch.set_num_threads(1)
-    todo, of_what = measures(parser.parse_args().dataset)
-    milliseconds = median_ms(todo, ROUNDS)
-    reference = milliseconds["MulticlassJaccardIndex (torchmetrics)"]
-    table = Table(title=f"{machine()}, one thread; {of_what}")
-    for name in ("update", "ms", "times faster"):
-        table.add_column(name, justify="left" if name == "update" else "right")
-    for name, spent_ms in milliseconds.items():
-        table.add_row(name, f"{spent_ms:.2f}", f"{reference / spent_ms:.1f}")
-    console = Console(width=100)
-    console.print(table)
+    todo, subject = measures(parser.parse_args().dataset)
+    spent_ms = median_ms(todo, ROUNDS)
+    reference_ms = spent_ms["MulticlassJaccardIndex (torchmetrics)"]
+    rows = [(name, f"{ms:.2f}", f"{reference_ms / ms:.1f}") for name, ms in spent_ms.items()]
+    print_table(f"{device_name()}; {subject}", ("update", "ms", "times faster"), rows)
+
     for name in todo:
         if name.startswith("OccupancyScores"):
-            console.print(f"{name}: {extra_mib(todo[name]):.1f} MiB beyond its inputs")
+            print_line(f"{name}: {extra_mib(todo[name]):.1f} MiB beyond its inputs")
 
 
 if __name__ == "__main__":
-    with told_in_one_line():
-        main()
+    run(main)

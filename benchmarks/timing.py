@@ -1,4 +1,4 @@
-"""What the benchmarks share: contenders that take turns, and the memory that one takes.
+"""The timing of contenders that take turns, and the memory that one takes.
 
 In turns, whatever else the machine does meets all of them; so ratios can be trusted, and
 milliseconds less.
@@ -7,47 +7,51 @@ milliseconds less.
 import ctypes
 import statistics
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 
 import torch
 
-Measures = Mapping[str, Callable[[], object]]
+Measures = Mapping[Hashable, Callable[[], object]]
 
 
-def milliseconds(measures: Measures, rounds: int) -> dict[str, list[float]]:
-    """Milliseconds of every run of each, after one that is not counted."""
+def milliseconds(measures: Measures, rounds: int) -> dict[Hashable, list[float]]:
+    """Returns the milliseconds of every run of each measure, after one that is not counted."""
     for measure in measures.values():
         measure()  # compiles, and takes memory
-    spent_ms: dict[str, list[float]] = {name: [] for name in measures}
+
+    spent_ms: dict[Hashable, list[float]] = {name: [] for name in measures}
     for _ in range(rounds):
         for name, measure in measures.items():
-            _wait_for_gpu()
+            # A GPU works on its own while the host goes on: both ends of the time must wait.
+            wait_for_gpu()
             start_s = time.perf_counter()
             measure()
-            _wait_for_gpu()
+            wait_for_gpu()
             spent_ms[name].append(1e3 * (time.perf_counter() - start_s))
     return spent_ms
 
 
-def median_ms(measures: Measures, rounds: int) -> dict[str, float]:
-    """The median of each."""
+def median_ms(measures: Measures, rounds: int) -> dict[Hashable, float]:
+    """Returns the median milliseconds of each measure."""
     spent_ms = milliseconds(measures, rounds)
     return {name: statistics.median(times) for name, times in spent_ms.items()}
 
 
 def extra_mib(measure: Callable[[], object]) -> float:
-    """How far the memory in use rises above where it stood, while something runs.
+    """Returns how far the memory in use rises above where it stood, while something runs.
 
-    Of the GPU where there is one, otherwise the resident memory; that on Linux with glibc.
+    It is the memory of the GPU where there is one; otherwise the resident memory, on Linux with
+    glibc.
     """
     if torch.cuda.is_available():
         torch.cuda.reset_peak_memory_stats()
         before = torch.cuda.memory_allocated()
         measure()
-        _wait_for_gpu()
+        wait_for_gpu()
         return (torch.cuda.max_memory_allocated() - before) / 2**20
-    # What was freed, but is kept for later, would hide what is taken now.
+
+    # Memory that was freed, but is kept for later, would hide the memory that is taken now.
     ctypes.CDLL(None).malloc_trim(0)
     Path("/proc/self/clear_refs").write_text("5")
     before = _status_kib("VmRSS")
@@ -55,7 +59,8 @@ def extra_mib(measure: Callable[[], object]) -> float:
     return max(0, _status_kib("VmHWM") - before) / 1024
 
 
-def _wait_for_gpu() -> None:
+def wait_for_gpu() -> None:
+    """Waits until the GPU has done all that it was given; without one, does nothing."""
     if torch.cuda.is_available():
         torch.cuda.synchronize()
 

@@ -1,8 +1,8 @@
-"""Where the time of a training step goes.
+"""The time of a training step by stage.
 
     python -m benchmarks.training_step scale=small [--steps 12]
 
-Takes the overrides of run.py and needs the data set to be there: real frames, through the loader of
+Takes the overrides of run.py and needs a finished dataset: real frames, through the loader of
 training, with ``data.order=streams`` as well. On a GPU where there is one, in the precision of the
 configuration there. Prints samples per second, the share of each stage, the peak memory, and how
 often a step makes the host wait for a GPU, which a simulated one counts; asserts nothing.
@@ -14,22 +14,20 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from pathlib import Path
 
 import torch
-from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from rich.console import Console
-from rich.table import Table
 from torch import Tensor
 
-from src.failures import quiet_libraries, told_in_one_line
+from benchmarks.settings import composed, device, device_name, run
+from benchmarks.tables import print_line, print_table
+from benchmarks.timing import wait_for_gpu
 from src.models.losses import OccupancyLoss
 from src.models.memory import PillarMemory
 from src.models.network import Frame, SkyOcc
 from src.ontology import NUM_CLASSES
-from src.provenance import git_commit, machine
+from src.provenance import git_commit
 from src.tasks.dataset import data_of, finished_dataset
 from src.tasks.precision import BF16, precision_of
 from src.tasks.predictor import on_device
@@ -44,8 +42,7 @@ Seconds = dict[str, float]
 def timed(seconds: Seconds, stage: str) -> Iterator[None]:
     start_s = time.perf_counter()
     yield
-    if torch.cuda.is_available():
-        torch.cuda.synchronize()
+    wait_for_gpu()
     seconds[stage] += time.perf_counter() - start_s
 
 
@@ -56,10 +53,10 @@ class Step:
         self.network: SkyOcc = instantiate(cfg.model).to(device)
         self.loss = OccupancyLoss(torch.ones(NUM_CLASSES), lovasz_weight=1.0).to(device)
         self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=1e-4)
-        self.memory = (
-            PillarMemory(self.network.past_frames) if cfg.data.order == "streams" else None
-        )
-        self.device = device
+        self.memory, self.device = None, device
+        # With streams, past frames come from the memory of earlier steps.
+        if cfg.data.order == "streams":
+            self.memory = PillarMemory(self.network.past_frames)
         self.bf16 = precision_of(cfg) == BF16
 
     def precision(self) -> AbstractContextManager:
@@ -98,40 +95,38 @@ class Step:
 
 
 def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]:
-    """Configuration, seconds of every stage over all steps, and where they were measured."""
-    conf = Path(__file__).parent.parent / "conf"
-    with initialize_config_dir(str(conf.resolve()), version_base="1.3"):
-        cfg = compose("config", overrides=overrides)
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    """Returns configuration, seconds of every stage over all steps, and the machine."""
+    cfg = composed(overrides)
     data = data_of(cfg, finished_dataset(cfg))
-    step = Step(cfg, device)
+    step = Step(cfg, device())
     batches = iter(data.train_dataloader())
     seconds: Seconds = defaultdict(float)
+    # The first steps take memory and compile, and are not counted.
     for number in range(WARM_UP + steps):
         spent = seconds if number >= WARM_UP else defaultdict(float)
         with timed(spent, "waiting for the loader"):
             batch = next(batches)
         with timed(spent, "to the device"):
-            batch = on_device(batch, device)
+            batch = on_device(batch, device())
         step(batch, spent)
-    precision = BF16 if step.bf16 else "fp32"
+
+    where = f"{BF16 if step.bf16 else 'fp32'}, {device_name()}, peak memory {peak_mib():.0f} MiB"
     waits = waits_of_step(cfg, next(batches))
-    return cfg, seconds, f"{precision}, {_where()}; {waits.total()} waits for a GPU: {dict(waits)}"
+    return cfg, seconds, f"{where}; {waits.total()} waits for a GPU: {dict(waits)}"
+
+
+def peak_mib() -> float:
+    """Returns the peak memory of the GPU where there is one, otherwise of the process."""
+    if torch.cuda.is_available():
+        return torch.cuda.max_memory_allocated() / 2**20
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def waits_of_step(cfg: DictConfig, batch: Mapping[str, Tensor]) -> Waits:
-    """What of a training step would make the host wait for a GPU, and how often."""
+    """Returns the operations of a training step that would make the host wait for a GPU."""
     with simulated_cuda() as waits:
         Step(cfg, CUDA)(on_device(batch, CUDA), defaultdict(float))
         return waits.copy()
-
-
-def _where() -> str:
-    if torch.cuda.is_available():
-        peak_mib = torch.cuda.max_memory_allocated() / 2**20
-        return f"{torch.cuda.get_device_name()}, peak memory {peak_mib:.0f} MiB"
-    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return f"{machine()}, {torch.get_num_threads()} threads, peak memory {peak_mib:.0f} MiB"
 
 
 def main() -> None:
@@ -142,21 +137,15 @@ def main() -> None:
     cfg, seconds, where = measure(options.overrides, options.steps)
     total_s = sum(seconds.values())
     rate = options.steps * cfg.data.batch_size / total_s
+    rows = [
+        (stage, f"{1e3 * spent_s / options.steps:.0f}", f"{100 * spent_s / total_s:.1f} %")
+        for stage, spent_s in seconds.items()
+    ]
+
     title = f"scale {cfg.scale_name}, {cfg.data.order}, batch {cfg.data.batch_size}"
-    table = Table(title=f"{title}: {rate:.2f} samples/s")
-    table.add_column("stage")
-    table.add_column("ms a step", justify="right")
-    table.add_column("share", justify="right")
-    for stage, spent_s in seconds.items():
-        table.add_row(
-            stage, f"{1e3 * spent_s / options.steps:.0f}", f"{100 * spent_s / total_s:.1f} %"
-        )
-    console = Console(width=100)
-    console.print(table)
-    console.print(f"{where}, commit {git_commit()}", soft_wrap=True, highlight=False)
+    print_table(f"{title}: {rate:.2f} samples/s", ("stage", "ms a step", "share"), rows)
+    print_line(f"{where}, commit {git_commit()}")
 
 
 if __name__ == "__main__":
-    quiet_libraries()
-    with told_in_one_line():
-        main()
+    run(main)

@@ -81,7 +81,7 @@ def triangles_of(
     """All triangles of a scene at a step, in the world (float64), and their classes."""
     static = [part.mesh.vertices_m[part.mesh.faces] for part in scene.static]
     classes = [np.full(len(part.mesh.faces), part.class_id, np.uint8) for part in scene.static]
-    for body in scene.bodies:
+    for body in scene.actors:
         pose, triangles_m = body.world_from_actor[step], body.triangles_m.astype(np.float64)
         static.append(triangles_m @ pose[:3, :3].T + pose[:3, 3])
         classes.append(np.full(len(triangles_m), body.class_id, np.uint8))

@@ -15,7 +15,8 @@ from ..ontology import FREE, SKY, UNKNOWN
 from ..report.top import render_top
 from ..report.view import Frustum
 from ..report.voxels import PALETTE, render_voxels, view_of
-from ..sim.annotation import View, elect, is_supported, vote_actors, vote_camera
+from ..sim.annotation import FrontView as View
+from ..sim.annotation import elect, is_supported, vote_actors, vote_camera
 from ..sim.clip_maker import ClipMaker, ClipPlan, Observation
 from ..sim.sensors import scan
 from ..sim.world import Rendering
@@ -146,7 +147,7 @@ def _all_votes(maker: ClipMaker, seen: Observation, frame: int) -> Int[np.ndarra
     votes = _static_votes(maker, seen, signal.view)
     vote_camera(votes, signal.view, maker.grid)
     supported = [
-        body for body in seen.scene.bodies if is_supported(body, signal.view, signal.lidar_returns)
+        body for body in seen.scene.actors if is_supported(body, signal.view, signal.lidar_returns)
     ]
     vote_actors(votes, signal.view, maker.grid, seen.actors, supported, maker.step_of(frame))
     return votes

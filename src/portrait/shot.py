@@ -18,9 +18,10 @@ from ..geometry import front_mount, pinhole, rigid, rotation_from_euler
 from ..ontology import SKY
 from ..sim.air import Viewpoint, apply_weather
 from ..sim.camera import FAR_M, NEAR_M
-from ..sim.clip_maker import ClipMaker, ClipPlan, generator_for, place_of
+from ..sim.clip_maker import ClipMaker, ClipPlan
 from ..sim.pilot import STEP_HZ
 from ..sim.scene import Scene
+from ..sim.staging import generator_for, place_of
 from ..sim.weather import WEATHERS, weather_named
 from ..sim.world import World
 

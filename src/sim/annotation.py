@@ -1,7 +1,7 @@
-"""From sensor signals to the labels of a frame: the chain of App. A.3, one function a stage.
+"""The chain of App. A.3 from sensor signals to the labels of a frame, one function a stage.
 
-What the scans of a clip say together comes from `fusion`. A frame is labelled in its occ frame,
-through the projection chain of `geometry` alone.
+`fusion` joins the scans of a clip. A frame is labelled in its occ frame, through the projection
+chain of `geometry` alone.
 """
 
 from collections.abc import Iterable, Mapping
@@ -12,39 +12,22 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int, UInt8
 
-from ..geometry import (
-    VoxelGrid,
-    camera_from_occ,
-    in_image,
-    inverse,
-    pixel_centres,
-    project,
-    transform,
-    unproject,
-    world_from_occ,
-)
+from .. import geometry
+from ..geometry import VoxelGrid
 from ..ontology import FREE
+from . import voxel_kernels as kernels
 from .fusion import ActorMap, StaticMap
-from .scene import Body, Hits
+from .scene import ScanHits, SceneActor
 from .sensors import Scan
-from .voxel_kernels import (
-    count_pixel_votes,
-    count_votes,
-    elect_classes,
-    least_of_neighbours,
-    mark_box,
-    see_centres,
-    settle,
-)
 
+# An actor is placed where it is now if the camera or the LiDARs see at least this of it now.
 MIN_VISIBLE_PIXELS = 4
 MIN_LIDAR_RETURNS = 3
-"""An actor is placed where it is now if the camera or the LiDARs see at least this of it now."""
 
 
 @dataclass(frozen=True)
-class View:
-    """What the front camera and the simulator say of one frame. Matrices are float64 tensors."""
+class FrontView:
+    """The front camera's transforms and images at one frame. Matrices are float64 tensors."""
 
     world_from_body: torch.Tensor
     body_from_camera: torch.Tensor
@@ -55,15 +38,15 @@ class View:
 
     @cached_property
     def camera_from_occ(self) -> torch.Tensor:
-        return camera_from_occ(self.world_from_body, self.body_from_camera)
+        return geometry.camera_from_occ(self.world_from_body, self.body_from_camera)
 
     @cached_property
     def world_from_occ(self) -> Float[np.ndarray, "4 4"]:
-        return world_from_occ(self.world_from_body).numpy()
+        return geometry.world_from_occ(self.world_from_body).numpy()
 
     @cached_property
     def occ_from_world(self) -> Float[np.ndarray, "4 4"]:
-        return inverse(world_from_occ(self.world_from_body)).numpy()
+        return geometry.inverse(geometry.world_from_occ(self.world_from_body)).numpy()
 
     @cached_property
     def visible_pixels(self) -> dict[int, int]:
@@ -72,54 +55,64 @@ class View:
         return {int(actor): int(count) for actor, count in zip(ids, counts) if actor > 0}
 
     def rays(self, stride: int, range_m: float) -> Scan:
-        """Every ``stride``-th pixel as a ray in the world; what is beyond the range is not hit."""
-        rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
+        """Returns every ``stride``-th pixel as a ray in the world.
+
+        A ray whose pixel lies beyond the range meets nothing.
+        """
+        every = slice(stride // 2, None, stride)
         height, width = self.depth_m.shape
-        pix = pixel_centres(width, height)[rows, columns].reshape(-1, 2)
-        ones = torch.ones(len(pix), dtype=torch.float64)
-        through = unproject(pix, ones, self.pix_from_camera)
+        pix = geometry.pixel_centres(width, height)[every, every].reshape(-1, 2)
+        depth_m, class_id, actor_id = (
+            image[every, every].reshape(-1)
+            for image in (self.depth_m, self.class_id, self.actor_id)
+        )
+
+        # Places at a depth of 1 m: their distance turns a z-depth into the length of the ray.
+        through = geometry.unproject(
+            pix, torch.ones(len(pix), dtype=torch.float64), self.pix_from_camera
+        )
         reach = through.norm(dim=-1)
         world_from_camera = self.world_from_body @ self.body_from_camera
         directions = (through / reach[:, None]) @ world_from_camera[:3, :3].T
-        depth_m = self.depth_m[rows, columns].reshape(-1)
-        hits = Hits(
-            depth_m * reach.numpy(),
-            self.class_id[rows, columns].reshape(-1),
-            self.actor_id[rows, columns].reshape(-1),
-        )
+        hits = ScanHits(depth_m * reach.numpy(), class_id, actor_id)
         return Scan(world_from_camera[:3, 3].numpy(), directions.numpy(), hits.within(range_m))
 
 
 @dataclass(frozen=True)
 class Labels:
-    """``semantics`` (255 where unsupervised), and what the front camera itself sees of it."""
+    """``semantics`` (255 where unsupervised), and the part that the front camera itself sees."""
 
     semantics: UInt8[np.ndarray, "X Y Z"]
     visible: Bool[np.ndarray, "X Y Z"]
 
 
 def label_frame(
-    view: View,
+    view: FrontView,
     grid: VoxelGrid,
-    static: StaticMap,
-    actors: ActorMap,
-    bodies: Iterable[Body],
+    static_map: StaticMap,
+    actor_map: ActorMap,
+    actors: Iterable[SceneActor],
     step: int,
     lidar_returns: Mapping[int, int],
 ) -> Labels:
-    """The labels of one frame; ``lidar_returns`` counts the returns of now from every actor."""
+    """Returns the labels of one frame.
+
+    ``lidar_returns`` counts the returns of the frame's own scan from every actor.
+    """
+    # Every point that a sensor measured votes for its class in the voxel around it.
     frustum = Frustum.of(view, grid)
     votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
-    static.vote(votes, grid, view.occ_from_world)
+    static_map.vote(votes, grid, view.occ_from_world)
     seen = vote_camera(votes, view, grid)
-    supported = [body for body in bodies if is_supported(body, view, lidar_returns)]
-    vote_actors(votes, view, grid, actors, supported, step)
+    supported = [actor for actor in actors if is_supported(actor, view, lidar_returns)]
+    vote_actors(votes, view, grid, actor_map, supported, step)
 
-    moving = space_of(bodies, step, view, grid)
-    free = (static.free_in(grid, view.world_from_occ) & ~moving) | frustum.seen_free
+    # Free space of earlier and later scans does not hold where a moving actor stands now.
+    moving = space_of(actors, step, view, grid)
+    free = (static_map.free_in(grid, view.world_from_occ) & ~moving) | frustum.seen_free
     semantics, visible = elect(votes, free), np.empty(grid.shape, dtype=bool)
     marks = (visible, frustum.inside, seen, frustum.seen_free)
-    settle(semantics.ravel(), *(mark.ravel() for mark in marks))
+    kernels.settle(semantics.ravel(), *(mark.ravel() for mark in marks))
     return Labels(semantics, visible)
 
 
@@ -128,32 +121,37 @@ def label_frame(
 
 @dataclass(frozen=True)
 class Frustum:
-    """Voxels whose centre is in the image, and those that the camera sees to be free now."""
+    """Voxels whose center is in the image, and those that the camera sees to be free now."""
 
     inside: Bool[np.ndarray, "X Y Z"]
     seen_free: Bool[np.ndarray, "X Y Z"]
 
     @classmethod
-    def of(cls, view: View, grid: VoxelGrid) -> "Frustum":
-        """Free is what lies nearer than the rendered depth by half a voxel's diagonal."""
+    def of(cls, view: FrontView, grid: VoxelGrid) -> "Frustum":
+        """Builds the frustum of a view.
+
+        A voxel is seen to be free if it is nearer than the rendered depth by half its diagonal.
+        """
         inside, seen_free = np.zeros((2, *grid.shape), dtype=bool)
         pix_from_occ = (view.pix_from_camera @ view.camera_from_occ[:3]).numpy()
         clearance_m = grid.voxel_m * 3**0.5 / 2
-        see_centres(inside, seen_free, *_place(grid), pix_from_occ, view.depth_m, clearance_m)
+        kernels.see_centres(
+            inside, seen_free, *_place(grid), pix_from_occ, view.depth_m, clearance_m
+        )
         return cls(inside, seen_free)
 
 
 def space_of(
-    bodies: Iterable[Body], step: int, view: View, grid: VoxelGrid
+    actors: Iterable[SceneActor], step: int, view: FrontView, grid: VoxelGrid
 ) -> Bool[np.ndarray, "X Y Z"]:
-    """Voxels in the boxes of moving actors as they stand now: what was free there no longer is."""
+    """Returns the voxels in the boxes of moving actors as they stand at a step."""
     moving = np.zeros(grid.shape, dtype=bool)
-    for body in bodies:
-        half_m = np.array(body.size_m) / 2 + grid.voxel_m / 2
+    for actor in actors:
+        half_m = np.array(actor.size_m) / 2 + grid.voxel_m / 2
         # An actor stands on its origin; its box is around its middle.
-        occ_from_box = view.occ_from_world @ body.world_from_actor[step]
-        occ_from_box[2, 3] += body.size_m[2] / 2
-        mark_box(moving, *_place(grid), occ_from_box, half_m)
+        occ_from_box = view.occ_from_world @ actor.world_from_actor[step]
+        occ_from_box[2, 3] += actor.size_m[2] / 2
+        kernels.mark_box(moving, *_place(grid), occ_from_box, half_m)
     return moving
 
 
@@ -161,57 +159,63 @@ def space_of(
 
 
 def vote_camera(
-    votes: Int[np.ndarray, "X Y Z 8"], view: View, grid: VoxelGrid
+    votes: Int[np.ndarray, "X Y Z 8"], view: FrontView, grid: VoxelGrid
 ) -> Bool[np.ndarray, "X Y Z"]:
     """Adds every pixel's point to the votes; returns the voxels that hold one."""
     seen = np.zeros(grid.shape, dtype=bool)
-    occ_from_pix = inverse(view.camera_from_occ)[:3]
+    occ_from_pix = geometry.inverse(view.camera_from_occ)[:3]
     occ_from_pix[:, :3] = occ_from_pix[:, :3] @ torch.linalg.inv(view.pix_from_camera)
     place = _place(grid)
-    count_pixel_votes(votes, seen, *place, occ_from_pix.numpy(), view.depth_m, view.class_id)
+    kernels.count_pixel_votes(
+        votes, seen, *place, occ_from_pix.numpy(), view.depth_m, view.class_id
+    )
     return seen
 
 
-def is_supported(body: Body, view: View, lidar_returns: Mapping[int, int]) -> bool:
-    """Whether the camera or the LiDARs see enough of an actor now to place it."""
-    pixels = view.visible_pixels.get(body.actor_id, 0)
-    returns = lidar_returns.get(body.actor_id, 0)
+def is_supported(actor: SceneActor, view: FrontView, lidar_returns: Mapping[int, int]) -> bool:
+    """Returns whether the camera or the LiDARs see enough of an actor now to place it."""
+    pixels = view.visible_pixels.get(actor.actor_id, 0)
+    returns = lidar_returns.get(actor.actor_id, 0)
     return pixels >= MIN_VISIBLE_PIXELS or returns >= MIN_LIDAR_RETURNS
 
 
 def vote_actors(
     votes: Int[np.ndarray, "X Y Z 8"],
-    view: View,
+    view: FrontView,
     grid: VoxelGrid,
-    actors: ActorMap,
-    bodies: Iterable[Body],
+    actor_map: ActorMap,
+    actors: Iterable[SceneActor],
     step: int,
 ) -> None:
     """Adds the actors' fused points, placed where each is now, but for those looked through."""
-    placed = [(actors.placed(body, step), body.class_id) for body in bodies]
-    points_m = np.concatenate([np.zeros((0, 3)), *(points for points, _ in placed)])
-    class_id = np.repeat(
-        np.array([class_id for _, class_id in placed], dtype=np.uint8),
-        [len(points) for points, _ in placed],
-    )
+    points_m, class_id = np.zeros((0, 3)), np.zeros(0, dtype=np.uint8)
+    for actor in actors:
+        placed_m = actor_map.placed(actor, step)
+        points_m = np.concatenate([points_m, placed_m])
+        class_id = np.append(class_id, np.full(len(placed_m), actor.class_id, np.uint8))
+
     kept = ~sees_through(view, points_m, grid.voxel_m / 2)
-    count_votes(votes, *_place(grid), view.occ_from_world, points_m[kept], class_id[kept])
+    kernels.count_votes(votes, *_place(grid), view.occ_from_world, points_m[kept], class_id[kept])
 
 
 def sees_through(
-    view: View, points_m: Float[np.ndarray, "n 3"], tolerance_m: float
+    view: FrontView, points_m: Float[np.ndarray, "n 3"], tolerance_m: float
 ) -> Bool[np.ndarray, "n"]:
-    """Depth consistency: world points at whose place the camera sees something farther behind.
+    """Finds world points at whose place the camera sees something farther behind (depth
+    consistency).
 
-    A surface there would hide what is behind it, so it cannot be there now. All pixels around the
-    point's own must agree, because a silhouette falls between pixels.
+    A surface there would hide what is behind it, so it cannot be there now.
     """
-    points_occ = transform(torch.from_numpy(view.occ_from_world), torch.from_numpy(points_m))
-    pix, depth_m = project(points_occ, view.camera_from_occ, view.pix_from_camera)
+    points_occ = geometry.transform(
+        torch.from_numpy(view.occ_from_world), torch.from_numpy(points_m)
+    )
+    pix, depth_m = geometry.project(points_occ, view.camera_from_occ, view.pix_from_camera)
     height, width = view.depth_m.shape
-    inside = in_image(pix, depth_m, width, height).numpy()
+    inside = geometry.in_image(pix, depth_m, width, height).numpy()
+
+    # All pixels around the point's own must agree, because a silhouette falls between pixels.
     nearest_m = np.empty_like(view.depth_m)
-    least_of_neighbours(nearest_m, view.depth_m)
+    kernels.least_of_neighbours(nearest_m, view.depth_m)
     column, row = pix[inside].long().numpy().T
     through = np.zeros(len(points_m), dtype=bool)
     through[inside] = depth_m.numpy()[inside] < nearest_m[row, column] - tolerance_m
@@ -221,11 +225,12 @@ def sees_through(
 def elect(
     votes: Int[np.ndarray, "X Y Z 8"], free: Bool[np.ndarray, "X Y Z"]
 ) -> UInt8[np.ndarray, "X Y Z"]:
-    """The class with most points; a tie goes to the rarer class; occupied wins over free."""
+    """Elects the class with most points; a tie goes to the rarer class, and occupied beats free."""
     semantics = np.empty(free.shape, dtype=np.uint8)
-    elect_classes(semantics, votes, free)
+    kernels.elect_classes(semantics, votes, free)
     return semantics
 
 
 def _place(grid: VoxelGrid) -> tuple[Float[np.ndarray, "3"], float]:
+    """The lower corner and the side of the voxels, as the kernels take them."""
     return np.array(grid.lower_m, dtype=np.float64), grid.voxel_m

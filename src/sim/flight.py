@@ -4,21 +4,21 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 import torch
 from jaxtyping import Float
 
+from ..data.clip import CLIP_SECONDS
 from ..errors import UserError
 from ..geometry import quat_from_euler, rigid, rotation_from_quat
-from .attitude import body_rates, manoeuvre_tilt, ornstein_uhlenbeck, soft_limit
+from .attitude_dynamics import body_rates, manoeuvre_attitude, ornstein_uhlenbeck, soft_limit
 from .clearance import RayCast, obstacle_heights, stays_clear
 from .layout import HeightField, Town
 from .pilot import STEP_HZ, STEP_S, Command, FlightConfig, Pilot
 from .route import Route, chain, gaussian_window, slow_wave, smoothed
 
-__all__ = ["STEP_HZ", "STEP_S", "Flight", "FlightConfig", "fly"]
-
+# Distance between the samples of a route.
 SPACING_M = 0.5
-"""Between the samples of a route."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,27 @@ class Flight:
 
     @cached_property
     def world_from_body(self) -> Float[np.ndarray, "t 4 4"]:
-        """The pose at every step (float64)."""
+        """The transform at every step (float64)."""
         rotation = rotation_from_quat(torch.from_numpy(self.quat_xyzw))
         return rigid(rotation, torch.from_numpy(self.position_m)).numpy()
+
+    def table(self, capture_hz: float) -> pd.DataFrame:
+        """Returns the captured steps as the rows of ``frames.csv``."""
+        frame = np.arange(round(CLIP_SECONDS * capture_hz))
+        steps = np.round(frame * STEP_HZ / capture_hz).astype(int)
+        columns = {"frame": frame, "time_s": self.time_s[steps]}
+
+        vectors = {
+            ("x_m", "y_m", "z_m"): self.position_m,
+            ("qx", "qy", "qz", "qw"): self.quat_xyzw,
+            ("vx_mps", "vy_mps", "vz_mps"): self.velocity_mps,
+            ("wx_radps", "wy_radps", "wz_radps"): self.body_rates_radps,
+        }
+        for names, values in vectors.items():
+            columns |= dict(zip(names, values[steps].T))
+        for name in ("roll_rad", "pitch_rad", "yaw_rad", "altitude_m"):
+            columns[name] = getattr(self, name)[steps]
+        return pd.DataFrame(columns)
 
 
 def fly(
@@ -53,7 +71,7 @@ def fly(
     config: FlightConfig,
     duration_s: float = 12.0,
 ) -> Flight:
-    """A flight along the town's corridors that touches nothing.
+    """Returns a flight along the town's corridors that touches nothing.
 
     Routes are drawn until one can be flown. Raises `UserError` when ``config.tries`` were in vain.
     """
@@ -61,16 +79,18 @@ def fly(
         drawn = _draw_route(town, rng, config, duration_s)
         if drawn is None:
             continue
+
         route, start_m, cruise_mps = drawn
         obstacle_m = obstacle_heights(route, town.terrain, ray_cast, config.tube_m)
         pilot = Pilot(route, obstacle_m, rng, config, cruise_mps, duration_s)
-        command = pilot.fly_from(start_m)
-        flight = _flown(route, command, town.terrain, rng, config)
+        flight = _flown(route, pilot.fly_from(start_m), town.terrain, rng, config)
+
+        # The pilot is careful, but only the track that was truly flown tells that it is clear.
         speed_mps = np.linalg.norm(flight.velocity_mps, axis=1).mean()
-        if speed_mps >= config.slowest_mps and stays_clear(
-            flight.position_m, ray_cast, config.touch_m
-        ):
+        fast = speed_mps >= config.slowest_mps
+        if fast and stays_clear(flight.position_m, ray_cast, config.touch_m):
             return flight
+
     raise UserError(
         f"town {town.name}: none of {config.tries} routes could be flown; it needs corridors of "
         f"{config.cruise_mps[0] * duration_s:.0f} m and more that are free below "
@@ -84,12 +104,17 @@ def fly(
 def _draw_route(
     town: Town, rng: np.random.Generator, config: FlightConfig, duration_s: float
 ) -> tuple[Route, float, float] | None:
-    """A curve along some corridors, where on it to start, and the cruise speed."""
+    """Draws a curve along some corridors, where on it to start, and the cruise speed.
+
+    Returns None where the curve is too short for the flight.
+    """
     cruise_mps = rng.uniform(*config.cruise_mps)
     lengths_m = np.array([path.length_m for path in town.corridors])
     first = int(rng.choice(len(lengths_m), p=lengths_m / lengths_m.sum()))
     start_m = rng.uniform(0, lengths_m[first])
     needed_m = 1.1 * cruise_mps * (duration_s + 2) + config.standoff_m
+
+    # The UAV sways within its corridor, and never leaves it by more than the tube allows.
     indices = chain(town.corridors, rng, first, start_m + needed_m)
     middle = Route.through(town.corridors, indices, config.corner_m, SPACING_M)
     room_m = np.maximum(middle.half_width_m - config.tube_m, 0)
@@ -108,28 +133,24 @@ def _flown(
     rng: np.random.Generator,
     config: FlightConfig,
 ) -> Flight:
-    """The command as an airframe follows it: smooth, so that it has an attitude at every step.
+    """Returns the flight of an airframe that follows a command smoothly.
 
-    A weighted mean over time keeps every bound on speed, climb and descent.
+    It is smooth, so that it has an attitude at every step. A weighted mean over time keeps every
+    bound on speed, climb and descent.
     """
     points_m, heading_rad = route.at(command.arc_m)
     window = gaussian_window(config.response_s / STEP_S)
     track = smoothed(np.c_[points_m, command.altitude_m, heading_rad], window)
     position_m = track[:, :3].copy()
     position_m[:, 2] += terrain(track[:, 0], track[:, 1])
+
     velocity_mps = (position_m[2:] - position_m[:-2]) / (2 * STEP_S)
     acceleration_mps2 = (position_m[2:] - 2 * position_m[1:-1] + position_m[:-2]) / STEP_S**2
     yaw_rad = track[1:-1, 3]
-    tilt = manoeuvre_tilt(velocity_mps, acceleration_mps2, yaw_rad, config.drag_per_s)
-    # One attitude more than there are steps, for the last body rate.
-    roll_rad, pitch_rad = (
-        soft_limit(
-            np.append(angle, angle[-1]) + _gust(rng, len(angle) + 1, config), config.tilt_limit_rad
-        )
-        for angle in tilt
-    )
+    roll_rad, pitch_rad = _attitude(velocity_mps, acceleration_mps2, yaw_rad, rng, config)
     angles = (roll_rad, pitch_rad, np.append(yaw_rad, 2 * yaw_rad[-1] - yaw_rad[-2]))
     quat_xyzw = quat_from_euler(*(torch.from_numpy(angle) for angle in angles)).numpy()
+
     return Flight(
         time_s=np.arange(len(yaw_rad)) * STEP_S,
         position_m=position_m[1:-1],
@@ -143,8 +164,25 @@ def _flown(
     )
 
 
+def _attitude(
+    velocity_mps: Float[np.ndarray, "t 3"],
+    acceleration_mps2: Float[np.ndarray, "t 3"],
+    yaw_rad: Float[np.ndarray, "t"],
+    rng: np.random.Generator,
+    config: FlightConfig,
+) -> list[Float[np.ndarray, "t+1"]]:
+    """Returns roll and pitch: those of the motion and of gusts, below the limit.
+
+    They are one more than there are steps, for the last body rate.
+    """
+    motion = manoeuvre_attitude(velocity_mps, acceleration_mps2, yaw_rad, config.drag_per_s)
+    longer = [np.append(angle_rad, angle_rad[-1]) for angle_rad in motion]
+    gusty = [angle_rad + _gust(rng, len(angle_rad), config) for angle_rad in longer]
+    return [soft_limit(angle_rad, config.tilt_limit_rad) for angle_rad in gusty]
+
+
 def _gust(rng: np.random.Generator, steps: int, config: FlightConfig) -> Float[np.ndarray, "t"]:
-    """The paper's Ornstein-Uhlenbeck tilt, with which the UAV holds its track against gusts."""
+    """Draws the paper's Ornstein-Uhlenbeck angle, with which the UAV holds its track in gusts."""
     window = gaussian_window(config.gust_response_s / STEP_S)
     eta_rad = ornstein_uhlenbeck(
         rng, steps + len(window) - 1, STEP_S, config.gust_kappa_per_s, config.gust_sigma_rad

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..geometry import VoxelGrid
 from .point_set import PointSet
-from .scene import Body
+from .scene import SceneActor as Body
 from .sensors import Scan
 from .voxel_kernels import carve, count_votes, look_up
 

@@ -1,4 +1,4 @@
-"""Makes a data set: clip by clip in parallel, resumable, the same bytes for any workers."""
+"""Makes a dataset: clip by clip in parallel, resumable, the same bytes for any workers."""
 
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -8,14 +8,7 @@ from contextlib import ExitStack, contextmanager
 from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich import progress
 
 from ..data.clip import unfinished
 from ..data.manifest import missing_clips
@@ -29,12 +22,14 @@ from .plan import plan_clips
 from .renderer import require_renderer
 
 LOCK = ".lock"
+
+# Bullet never frees a mesh that it was given, so a worker grows by some 50 MB a clip, and a fresh
+# one takes over after these.
 CLIPS_A_PROCESS = 10
-"""Bullet never frees a mesh that it was given, so a worker grows by some 50 MB a clip."""
 
 
 def generate(sim: Mapping, root: Path) -> int:
-    """Makes the clips of this shard that are not there yet and returns how many that were.
+    """Makes the clips of this shard that do not exist yet and returns their number.
 
     Of several processes that want the same clips, one makes them and the others wait. Raises
     `UserError` if a worker process dies (out of memory, most often).
@@ -43,22 +38,25 @@ def generate(sim: Mapping, root: Path) -> int:
     plans = {plan.clip_id: plan for plan in share_of(plan_clips(sim), shard, shards)}
     if not missing_clips(root, list(plans)):
         return 0
+
+    # A machine that cannot draw is refused before anything is written.
     require_renderer(sim["renderer"])
     root.mkdir(parents=True, exist_ok=True)
     with _alone_in(root, shard, shards):
-        todo = [plans[clip] for clip in missing_clips(root, list(plans))]
+        # While this process waited, another one may have made some of them.
+        missing = [plans[clip] for clip in missing_clips(root, list(plans))]
         _remove_leftovers(root, plans.values())
         try:
-            _make_all(todo, sim, root)
+            _make_all(missing, sim, root)
         finally:
             _remove_leftovers(root, plans.values())
-    return len(todo)
+    return len(missing)
 
 
 @contextmanager
 def _alone_in(root: Path, shard: int, shards: int) -> Iterator[None]:
-    """Waits for its turn. Shards share the folder among them, but with nobody else."""
-    on_wait = telling(f"{root}: another process is making this data set")
+    """Holds the folder for this process, or for this shard beside the others; waits if it must."""
+    on_wait = telling(f"{root}: another process is making this dataset")
     with ExitStack() as held:
         held.enter_context(locked(root / LOCK, on_wait, shared=shards > 1))
         if shards > 1:
@@ -67,32 +65,41 @@ def _alone_in(root: Path, shard: int, shards: int) -> Iterator[None]:
 
 
 def _remove_leftovers(root: Path, plans: Iterable[ClipPlan]) -> None:
-    """Clips that a process left unfinished when it was killed."""
+    """Removes the clips that a process left unfinished when it was killed."""
     for plan in plans:
         shutil.rmtree(unfinished(root / plan.clip_id), ignore_errors=True)
 
 
-def _make_all(todo: Sequence[ClipPlan], sim: Mapping, root: Path) -> None:
-    if not todo:
+def _make_all(plans: Sequence[ClipPlan], sim: Mapping, root: Path) -> None:
+    """Makes clips in worker processes, with a progress bar over all their frames."""
+    if not plans:
         return
     # Shards are taken to share this machine, as they do under the joblib launcher.
-    workers = min(len(todo), sim["workers"] or max(1, default_workers() // sim["shards"]))
-    done = SPAWN.Value("q", 0)
-    frames = frames_per_clip(sim["capture_hz"]) * len(todo)
-    with _progress() as progress:
-        bar = progress.add_task(f"generating {root.name}", total=frames)
-        for first in range(0, len(todo), workers * CLIPS_A_PROCESS):
-            batch = todo[first : first + workers * CLIPS_A_PROCESS]
-            with worker_pool(workers, _start_maker, (sim, root, done)) as pool:
+    workers = min(len(plans), sim["workers"] or max(1, default_workers() // sim["shards"]))
+    frames_done = SPAWN.Value("q", 0)
+    frames = frames_per_clip(sim["capture_hz"]) * len(plans)
+
+    with progress.Progress(*_columns()) as bars:
+        bar = bars.add_task(f"generating {root.name}", total=frames)
+        for first in range(0, len(plans), workers * CLIPS_A_PROCESS):
+            batch = plans[first : first + workers * CLIPS_A_PROCESS]
+            with worker_pool(workers, _start_maker, (sim, root, frames_done)) as pool:
                 pending = {pool.submit(_make_clip, plan): plan for plan in batch}
                 while pending:
                     finished, _ = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-                    progress.update(bar, completed=done.value)
+                    bars.update(bar, completed=frames_done.value)
                     for future in finished:
                         _finish(future, pending.pop(future))
 
 
+def _columns() -> list[str | progress.ProgressColumn]:
+    times = [progress.TimeElapsedColumn(), "left", progress.TimeRemainingColumn()]
+    counts = [progress.BarColumn(), progress.MofNCompleteColumn(), "frames"]
+    return ["{task.description}", *counts, *times]
+
+
 def _finish(future: Future, plan: ClipPlan) -> None:
+    """Raises the error of a clip that failed."""
     try:
         future.result()
     except BrokenProcessPool as error:
@@ -102,32 +109,20 @@ def _finish(future: Future, plan: ClipPlan) -> None:
         ) from error
 
 
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("frames"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-
-
 # --------------------------------------------------------------------------- in the worker process
 
 _maker: ClipMaker
-_done: Synchronized
+_frames_done: Synchronized
 
 
-def _start_maker(sim: Mapping, root: Path, done: Synchronized) -> None:
-    global _maker, _done
-    _maker, _done = ClipMaker(sim, root), done
+def _start_maker(sim: Mapping, root: Path, frames_done: Synchronized) -> None:
+    global _maker, _frames_done
+    _maker, _frames_done = ClipMaker(sim, root), frames_done
 
 
 def _make_clip(plan: ClipPlan) -> None:
     def on_frame() -> None:
-        with _done.get_lock():
-            _done.value += 1
+        with _frames_done.get_lock():
+            _frames_done.value += 1
 
     _maker.make(plan, on_frame)

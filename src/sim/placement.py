@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .actor import HABITS, Actor
 from .footprint import boxes_overlap
 from .junction import STOP_SHORT_M, passages_of
 from .layout import Path, Town
@@ -13,8 +14,6 @@ from .pilot import STEP_S
 from .route import Route, chain
 from .solid import Rng
 from .towns.polyline import arc_m, point_at
-from .traveller import HABITS
-from .traveller import Traveller as Actor
 
 Points = Float[np.ndarray, "*s 2"]
 Values = Float[np.ndarray, "*s"]

@@ -1,4 +1,4 @@
-"""Which renderers there are, and whether this machine has what they need."""
+"""The two renderers, and whether this machine can run them."""
 
 import ctypes
 import importlib.util
@@ -12,13 +12,14 @@ from typing import Final
 
 from ..errors import UserError
 
+# TinyRenderer runs anywhere, on one core; EGL is faster on large images and needs the system's
+# OpenGL. They give different pixels, so a dataset has one of them for all its clips.
 RENDERERS: Final = ("tiny", "egl")
-"""TinyRenderer runs anywhere, on one core; EGL is faster on large images and needs the system's
-OpenGL. They give other pixels, so a data set has one of them for all its clips."""
 
 EGL_LIBRARY: Final = "libEGL.so.1"
 EGL_PLUGIN: Final = "eglRenderer"
 
+# It runs in a process of its own, because a failed load ends the process.
 _DRAW_ONE_TRIANGLE = """
 import sys, pathlib, tempfile, pybullet as bullet
 bullet.connect(bullet.DIRECT)
@@ -33,61 +34,67 @@ view = [float(i % 5 == 0) for i in range(16)]
 flag = bullet.ER_BULLET_HARDWARE_OPENGL
 assert bullet.getCameraImage(8, 8, view, frustum, renderer=flag)[3][4][4] < 1
 """
-"""Run in a process of its own, because a failed load ends the process."""
 
 
 def require_renderer(name: str) -> None:
-    """Raises `UserError` for a renderer that there is not, or that this machine cannot run.
+    """Raises `UserError` for a renderer that does not exist, or that this machine cannot run.
 
     EGL is tried once, in a process of its own, which takes a second.
     """
     import_bullet()
+    require_known(name)
+    fault = _egl_fault() if name == "egl" else None
+    if fault is not None:
+        raise UserError(f"sim.renderer: egl {fault} or use sim.renderer=tiny")
+
+
+def require_known(name: str) -> None:
+    """Raises `UserError` for a renderer that does not exist."""
     if name not in RENDERERS:
         raise UserError(f"sim.renderer: there is no {name!r}; there are {', '.join(RENDERERS)}")
-    if name == "egl":
-        _require_egl()
 
 
 @cache
-def _require_egl() -> None:
-    way_out = "or use sim.renderer=tiny"
+def _egl_fault() -> str | None:
+    """Returns why EGL does not draw on this machine and how to change that; None where it does."""
     try:
         ctypes.CDLL(EGL_LIBRARY)
-    except OSError as error:
-        raise UserError(
-            f"sim.renderer: egl needs the system's EGL library ({EGL_LIBRARY}, e.g. the package "
-            f"libegl1); install it {way_out}"
-        ) from error
+    except OSError:
+        package = f"{EGL_LIBRARY}, e.g. the package libegl1"
+        return f"needs the system's EGL library ({package}); install it"
+
     plugin = egl_plugin()
     if plugin is None:
-        raise UserError(
-            f"sim.renderer: egl needs pybullet's plugin {EGL_PLUGIN}, which this build lacks; "
-            f"reinstall pybullet from its wheel {way_out}"
-        )
+        fault = f"needs pybullet's plugin {EGL_PLUGIN}, which this build lacks"
+        return f"{fault}; reinstall pybullet from its wheel"
+
     command = [sys.executable, "-c", _DRAW_ONE_TRIANGLE, plugin]
     if subprocess.run(command, capture_output=True, check=False).returncode != 0:
-        raise UserError(
-            f"sim.renderer: egl draws nothing on this machine, though {EGL_LIBRARY} is there; "
-            f"install an OpenGL driver (Mesa's will do, e.g. the package libgl1-mesa-dri) {way_out}"
-        )
+        way_out = "install an OpenGL driver (Mesa's will do, e.g. the package libgl1-mesa-dri)"
+        return f"draws nothing on this machine, though {EGL_LIBRARY} is there; {way_out}"
+    return None
 
 
 def egl_plugin() -> str | None:
-    """Path of pybullet's EGL plugin, if this build has one."""
+    """Returns the path of pybullet's EGL plugin, if this build has one."""
     spec = importlib.util.find_spec(EGL_PLUGIN)
     return None if spec is None else spec.origin
 
 
 def import_bullet():
-    """The pybullet module; its wheels stop at Python 3.11, and training does not need it."""
+    """Imports and returns pybullet, whose wheels stop at Python 3.11. Training does not need it.
+
+    Raises `UserError` where it is missing, or was built without numpy.
+    """
     try:
         with silent():
             import pybullet
     except ImportError as error:
         raise UserError(
             "pybullet is not installed, and generating data needs it: use Python 3.10 or 3.11 and "
-            "`pip install pybullet`, or point paths.dataset at a finished data set"
+            "`pip install pybullet`, or point paths.dataset at a finished dataset"
         ) from error
+
     if not pybullet.isNumpyEnabled():
         raise UserError("pybullet was built without numpy: reinstall it with numpy present")
     return pybullet
@@ -95,7 +102,10 @@ def import_bullet():
 
 @contextmanager
 def silent() -> Iterator[None]:
-    """Bullet's C code prints what it found and did; a user wants to read what went wrong."""
+    """Hides all that is printed meanwhile, also by C code.
+
+    Bullet prints its findings and doings; a user wants to read what went wrong.
+    """
     _flush()
     kept = [os.dup(1), os.dup(2)]
     try:
@@ -103,8 +113,9 @@ def silent() -> Iterator[None]:
             os.dup2(nowhere.fileno(), 1)
             os.dup2(nowhere.fileno(), 2)
         yield
+
     finally:
-        # What C still holds back would otherwise be printed later, after all.
+        # The output that C still holds back would otherwise be printed later, after all.
         _flush()
         for stream, copy in enumerate(kept, start=1):
             os.dup2(copy, stream)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .scene import Hits, Scene
+from .scene import ScanHits, Scene
 
 GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
+# Multiples of the two numbers of the R2 sequence, taken modulo 1, fill the unit square evenly.
 SHIFT_PER_SCAN, TURN_PER_SCAN = 0.7548776662466927, 0.5698402909980532
-"""Of the R2 sequence: multiples of the two, taken modulo 1, fill the unit square evenly."""
 
 
 @dataclass(frozen=True)
@@ -26,21 +26,23 @@ class Lidar:
     sin_elevation: tuple[float, float]
 
     def directions(self, rays: int, scan: int) -> Float[np.ndarray, "n 3"]:
-        """Unit vectors in the body frame: a Fibonacci lattice, turned and shifted per scan."""
+        """Returns unit vectors in the body frame: a Fibonacci lattice, turned for each scan."""
+        # Equal steps in the sine of elevation cover equal areas of the sphere.
         shift = scan * SHIFT_PER_SCAN % 1
         low, high = self.sin_elevation
         z = low + (high - low) * (np.arange(rays) + shift) / rays
+
         turn_rad = 2 * math.pi * (scan * TURN_PER_SCAN % 1)
-        angle = GOLDEN_ANGLE_RAD * np.arange(rays) + turn_rad
+        azimuth_rad = GOLDEN_ANGLE_RAD * np.arange(rays) + turn_rad
         across = np.sqrt(np.maximum(0.0, 1 - z**2))
-        return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
+        return np.stack([across * np.cos(azimuth_rad), across * np.sin(azimuth_rad), z], axis=1)
 
 
+# Either is blind where the body hides the other's side; together they see every direction.
 LIDARS = (
-    Lidar("lidar_top", (0.0, 0.0, 0.15), (-0.6, 1.0)),
-    Lidar("lidar_bottom", (0.0, 0.0, -0.15), (-1.0, 0.6)),
+    Lidar("lidar_top", position_m=(0.0, 0.0, 0.15), sin_elevation=(-0.6, 1.0)),
+    Lidar("lidar_bottom", position_m=(0.0, 0.0, -0.15), sin_elevation=(-1.0, 0.6)),
 )
-"""Either is blind where the body hides the other's side; together they see every direction."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,10 @@ class Scan:
 
     origin_m: Float[np.ndarray, "3"]
     directions: Float[np.ndarray, "n 3"]
-    hits: Hits
+    hits: ScanHits
 
     def points_m(self, hit: Bool[np.ndarray, "n"]) -> Float[np.ndarray, "k 3"]:
-        """Where these of its rays ended; they must have met something."""
+        """Returns the places where these rays ended; they must have met something."""
         return self.origin_m + self.directions[hit] * self.hits.distance_m[hit, None]
 
 
@@ -64,14 +66,16 @@ def scan(
     index: int,
     range_m: float,
 ) -> list[Scan]:
-    """One scan of each LiDAR of the scene as it is at a step.
+    """Takes one scan with each LiDAR of the scene as it is at a step.
 
-    ``rays`` is each one's number of rays; returns beyond the range count as none. Both are cast
-    together, so that the moving actors are put into place once.
+    ``rays`` is each one's number of rays, ``index`` the number of the scan in its clip. Returns
+    beyond the range count as none.
     """
-    rotation, place_m = world_from_body[:3, :3], world_from_body[:3, 3]
+    rotation, position_m = world_from_body[:3, :3], world_from_body[:3, 3]
     directions = [lidar.directions(rays, index) @ rotation.T for lidar in LIDARS]
-    origins_m = [rotation @ np.array(lidar.position_m) + place_m for lidar in LIDARS]
+    origins_m = [rotation @ np.array(lidar.position_m) + position_m for lidar in LIDARS]
+
+    # Both are cast together, so that the moving actors are put into place once.
     hits = scene.cast(step, np.repeat(origins_m, rays, axis=0), np.concatenate(directions))
     hits = hits.within(range_m)
     return [

@@ -1,4 +1,4 @@
-"""A scene as the front camera sees it: colour, depth, classes and instances of every pixel."""
+"""A scene as the front camera sees it: color, depth, class and instance of every pixel."""
 
 from collections import defaultdict
 from collections.abc import Iterable
@@ -13,16 +13,8 @@ from torch import Tensor
 
 from ..geometry import inverse, pixel_centres, unproject
 from ..ontology import SKY
-from .camera import (
-    FAR_M,
-    NEAR_M,
-    SAMPLE_OFFSET_PIX,
-    depth_from_buffer,
-    frustum_planes,
-    in_view,
-    projection_matrix,
-    view_matrix,
-)
+from . import camera
+from .camera import FAR_M, NEAR_M, SAMPLE_OFFSET_PIX
 from .drawing import Drawing, texture_coordinates
 from .lighting import cast_shadows, illuminate
 from .mesh import Mesh, merge, split
@@ -30,16 +22,17 @@ from .renderer import require_renderer
 from .scene import Part, Scene
 from .weather import Weather
 
+# The static scene is drawn as cells of this side, so that what is out of sight can be hidden.
 CELL_M = 25.0
-"""The static scene is drawn as cells of this side, so that what is out of sight can be hidden."""
 
+# Stands for an actor's index where a mesh belongs to no actor. It leads to the last row of tables
+# that hold the actors first and the static scene at their end.
 STATIC = -1
-"""In place of an actor's index: what never moves."""
 
 
 @dataclass(frozen=True)
 class Rendering:
-    """One frame of the front camera, sampled at pixel centres. Depth is z-depth, inf at the sky.
+    """One frame of the front camera, sampled at pixel centers. Depth is z-depth, inf at the sky.
 
     The sky is white. ``class_id`` is 255 there; ``actor_id`` is 0 on static things and -1 at the
     sky.
@@ -50,13 +43,32 @@ class Rendering:
     class_id: UInt8[np.ndarray, "h w"]
     actor_id: Int[np.ndarray, "h w"]
 
+    def with_sky(self, sky: Bool[np.ndarray, "h w"]) -> "Rendering":
+        """Returns the rendering, in its own dtypes, with these pixels as sky."""
+        return Rendering(
+            rgb=np.where(sky[..., None], np.uint8(255), self.rgb),
+            depth_m=np.where(sky, np.inf, self.depth_m).astype(np.float32),
+            class_id=np.where(sky, SKY, self.class_id).astype(np.uint8),
+            actor_id=np.where(sky, -1, self.actor_id).astype(np.int32),
+        )
+
+
+@dataclass(frozen=True)
+class _DrawnMesh:
+    """A mesh of the drawing: its class, the index of its actor, and a sphere around it."""
+
+    class_id: int
+    actor: int
+    middle_m: Float[np.ndarray, "3"]
+    reach_m: float
+
 
 class World:
     """Shows one scene through one camera. Use it as a context manager.
 
-    TinyRenderer ("tiny") gives lit colour, depth and instances. EGL ("egl") gives the bare colour
+    TinyRenderer ("tiny") gives lit color, depth and instances. EGL ("egl") gives the bare color
     alone: its depth may have 16 bits only, so that depth and instances are of rays through the
-    pixels' centres, and it cannot be told a weather's light. Shadows are of rays with both.
+    pixels' centers, and it cannot be given a weather's light. Shadows are of rays with both.
 
     Nothing nearer or farther than ``depth_range_m`` is shown. Raises `UserError` where this machine
     cannot run the renderer.
@@ -72,19 +84,18 @@ class World:
         depth_range_m: tuple[float, float] = (NEAR_M, FAR_M),
     ) -> None:
         require_renderer(renderer)
-        self._scene = scene
+        self._scene, self._renderer, self._size = scene, renderer, (width, height)
         self._near_m, self._far_m = depth_range_m
-        self._size = (width, height)
-        self._renderer = renderer
-        self._projection = projection_matrix(
+        self._projection = camera.projection_matrix(
             pix_from_camera, width, height, *depth_range_m, SAMPLE_OFFSET_PIX[renderer]
         )
-        self._planes = frustum_planes(pix_from_camera, width, height)
+        self._planes = camera.frustum_planes(pix_from_camera, width, height)
+
+        # Where, in the camera's frame, every pixel looks at a depth of 1 m.
         pix = pixel_centres(width, height).reshape(-1, 2)
         one_m = torch.ones(len(pix), dtype=pix.dtype)
         through = unproject(pix, one_m, pix_from_camera).numpy().astype(np.float32)
         self._through = through.reshape(height, width, 3)
-        """Of every pixel, the place in the camera's frame that it shows at a depth of 1 m."""
 
     def __enter__(self) -> "World":
         self._drawing = Drawing(self._renderer)
@@ -100,130 +111,105 @@ class World:
     def render(
         self, step: int, world_from_camera: Float[Tensor, "4 4"], weather: Weather
     ) -> Rendering:
-        """The scene as it is at a step, lit by the weather; what the air does comes later."""
+        """Returns the scene as it is at a step, lit by the weather; `air` adds fog and rain."""
         camera_from_world = inverse(world_from_camera)
         self._place(step, camera_from_world.numpy())
-        rgb, buffer, body = self._drawing.picture(
-            *self._size,
-            view_matrix(camera_from_world),
-            self._projection,
-            {**weather.light(), "shadow": 0},
-        )
+        matrices = camera.view_matrix(camera_from_world), self._projection
+        light = {**weather.light(), "shadow": 0}
+        rgb, buffer, bullet_id = self._drawing.picture(*self._size, *matrices, light)
+
         if self._renderer == "tiny":
-            rendering = self._sensed(rgb, buffer, body)
+            relight = cast_shadows
+            rendering = self._from_buffers(rgb, buffer, bullet_id)
             if not weather.shadow:
                 return rendering
-            relight = cast_shadows
         else:
-            rendering = self._cast(rgb, step, world_from_camera.numpy())
             relight = illuminate
+            rendering = self._from_rays(rgb, step, world_from_camera.numpy())
+
         points_m = self._points_m(rendering.depth_m, world_from_camera.numpy())
         blocked = partial(self._scene.blocked, step)
         lit = relight(rendering.rgb, points_m, rendering.depth_m, weather, blocked)
         return replace(rendering, rgb=lit)
 
     def _fill(self) -> None:
-        """Draws the scene, and keeps what is to be known of each of the drawing's bodies."""
-        self._bodies: list[_Body] = []
-        # EGL hides on its own what is out of sight, and pays for every body.
-        cell_m = CELL_M if self._renderer == "tiny" else np.inf
-        self._add(self._scene.static, STATIC, cell_m)
-        for index, actor in enumerate(self._scene.bodies):
+        """Draws the scene, and keeps one row a mesh of the drawing, in the order of bullet ids."""
+        self._drawn: list[_DrawnMesh] = []
+        # EGL hides on its own what is out of sight, and pays for every mesh.
+        self._add(self._scene.static, STATIC, CELL_M if self._renderer == "tiny" else np.inf)
+        for index, actor in enumerate(self._scene.actors):
             self._add(actor.parts, index, np.inf)
-        actor_ids = np.array([*(actor.actor_id for actor in self._scene.bodies), 0])
-        self._actor = np.array([body.actor for body in self._bodies], dtype=int)
+
+        actor_ids = np.array([*(actor.actor_id for actor in self._scene.actors), 0])
+        self._actor = np.array([mesh.actor for mesh in self._drawn], dtype=int)
         self._actor_id = actor_ids[self._actor]
-        self._class_id = np.array([body.class_id for body in self._bodies])
-        self._middle_m = np.array([body.middle_m for body in self._bodies]).reshape(-1, 3)
-        self._reach_m = np.array([body.reach_m for body in self._bodies])
-        self._shown = np.ones(len(self._bodies), dtype=bool)
-
-    def _sensed(
-        self,
-        rgb: UInt8[np.ndarray, "h w 3"],
-        buffer: Float[np.ndarray, "h w"],
-        body: Int[np.ndarray, "h w"],
-    ) -> Rendering:
-        """What the renderer itself says of every pixel."""
-        depth_m = depth_from_buffer(buffer, self._near_m, self._far_m)
-        # A body that the far plane cuts off leaves its number in the mask, but no depth.
-        sky = (body < 0) | np.isinf(depth_m)
-        return _rendering(rgb, depth_m, self._class_id[body], self._actor_id[body], sky)
-
-    def _cast(
-        self,
-        rgb: UInt8[np.ndarray, "h w 3"],
-        step: int,
-        world_from_camera: Float[np.ndarray, "4 4"],
-    ) -> Rendering:
-        """The same from rays."""
-        shape = rgb.shape[:2]
-        length = np.linalg.norm(self._through, axis=-1)
-        directions = (self._through / length[..., None]) @ world_from_camera[:3, :3].T
-        origins_m = np.broadcast_to(world_from_camera[:3, 3], directions.shape)
-        hits = self._scene.cast(step, origins_m.reshape(-1, 3), directions.reshape(-1, 3))
-        depth_m = hits.distance_m.reshape(shape) / length
-        sky = ~(depth_m < self._far_m)
-        return _rendering(
-            rgb, depth_m, hits.class_id.reshape(shape), hits.actor_id.reshape(shape), sky
-        )
-
-    def _points_m(
-        self, depth_m: Float[np.ndarray, "h w"], world_from_camera: Float[np.ndarray, "4 4"]
-    ) -> Float[np.ndarray, "h w 3"]:
-        """Where in the world each pixel looks; at the sky, the camera's own place."""
-        world_from_camera = world_from_camera.astype(np.float32)
-        finite_m = np.where(np.isfinite(depth_m), depth_m, 0)
-        points_m = (finite_m[..., None] * self._through) @ world_from_camera[:3, :3].T
-        return points_m + world_from_camera[:3, 3]
-
-    def _place(self, step: int, camera_from_world: Float[np.ndarray, "4 4"]) -> None:
-        """Shows what can be seen, where it is at the step, and hides the rest."""
-        moved = [actor.world_from_actor[step] for actor in self._scene.bodies]
-        world_from_actor = np.stack([*moved, np.eye(4)])[self._actor]
-        middle_m = np.einsum("nij,nj->ni", world_from_actor[:, :3, :3], self._middle_m)
-        middle_m += world_from_actor[:, :3, 3]
-        sphere_m = middle_m, self._reach_m
-        seen = in_view(self._planes, camera_from_world, *sphere_m, self._far_m)
-        for body in np.flatnonzero(seen != self._shown).tolist():
-            self._drawing.show(body, bool(seen[body]))
-        self._shown = seen
-        for body in np.flatnonzero(seen & (self._actor != STATIC)).tolist():
-            self._drawing.place(body, world_from_actor[body])
+        self._class_id = np.array([mesh.class_id for mesh in self._drawn])
+        self._middle_m = np.array([mesh.middle_m for mesh in self._drawn]).reshape(-1, 3)
+        self._reach_m = np.array([mesh.reach_m for mesh in self._drawn])
+        self._visible = np.ones(len(self._drawn), dtype=bool)
 
     def _add(self, parts: Iterable[Part], actor: int, cell_m: float) -> None:
-        """One body of the drawing for each class, texture and cell."""
+        """Draws one mesh for each class, texture and cell."""
         grouped: dict[tuple, list[tuple[Mesh, np.ndarray]]] = defaultdict(list)
         for part in parts:
             for cell, mesh in split(part.mesh, cell_m).items():
                 texture, uvs = texture_coordinates(replace(part, mesh=mesh))
                 grouped[part.class_id, texture, cell].append((mesh, uvs))
+
         for (class_id, texture, _), members in grouped.items():
             mesh = merge([mesh for mesh, _ in members])
             self._drawing.add(mesh, np.concatenate([uvs for _, uvs in members]), texture)
-            self._bodies.append(_Body(class_id, actor, *mesh.bounding_sphere()))
+            self._drawn.append(_DrawnMesh(class_id, actor, *mesh.bounding_sphere()))
 
+    def _place(self, step: int, camera_from_world: Float[np.ndarray, "4 4"]) -> None:
+        """Shows every mesh that can be seen, where it is at the step, and hides the rest."""
+        moved = [actor.world_from_actor[step] for actor in self._scene.actors]
+        world_from_mesh = np.stack([*moved, np.eye(4)])[self._actor]
+        middle_m = np.einsum("nij,nj->ni", world_from_mesh[:, :3, :3], self._middle_m)
+        middle_m += world_from_mesh[:, :3, 3]
 
-@dataclass(frozen=True)
-class _Body:
-    """What the drawing's body of the same number is: its class, whose it is, a sphere around it."""
+        seen = camera.in_view(self._planes, camera_from_world, middle_m, self._reach_m, self._far_m)
+        for bullet_id in np.flatnonzero(seen != self._visible).tolist():
+            self._drawing.show(bullet_id, bool(seen[bullet_id]))
+        self._visible = seen
+        for bullet_id in np.flatnonzero(seen & (self._actor != STATIC)).tolist():
+            self._drawing.place(bullet_id, world_from_mesh[bullet_id])
 
-    class_id: int
-    actor: int
-    middle_m: Float[np.ndarray, "3"]
-    reach_m: float
+    def _from_buffers(
+        self,
+        rgb: UInt8[np.ndarray, "h w 3"],
+        buffer: Float[np.ndarray, "h w"],
+        bullet_id: Int[np.ndarray, "h w"],
+    ) -> Rendering:
+        """Reads depth, class and actor of every pixel from the renderer's own buffers."""
+        depth_m = camera.depth_from_buffer(buffer, self._near_m, self._far_m)
+        # A mesh that the far plane cuts off leaves its number in the mask, but no depth.
+        sky = (bullet_id < 0) | np.isinf(depth_m)
+        class_id, actor_id = self._class_id[bullet_id], self._actor_id[bullet_id]
+        return Rendering(rgb, depth_m, class_id, actor_id).with_sky(sky)
 
+    def _from_rays(
+        self,
+        rgb: UInt8[np.ndarray, "h w 3"],
+        step: int,
+        world_from_camera: Float[np.ndarray, "4 4"],
+    ) -> Rendering:
+        """Finds depth, class and actor of every pixel by a ray through its center."""
+        shape = rgb.shape[:2]
+        length = np.linalg.norm(self._through, axis=-1)
+        directions = (self._through / length[..., None]) @ world_from_camera[:3, :3].T
+        origins_m = np.broadcast_to(world_from_camera[:3, 3], directions.shape)
+        hits = self._scene.cast(step, origins_m.reshape(-1, 3), directions.reshape(-1, 3))
 
-def _rendering(
-    rgb: UInt8[np.ndarray, "h w 3"],
-    depth_m: Float[np.ndarray, "h w"],
-    class_id: Int[np.ndarray, "h w"],
-    actor_id: Int[np.ndarray, "h w"],
-    sky: Bool[np.ndarray, "h w"],
-) -> Rendering:
-    return Rendering(
-        np.where(sky[..., None], np.uint8(255), rgb),
-        np.where(sky, np.inf, depth_m).astype(np.float32),
-        np.where(sky, SKY, class_id).astype(np.uint8),
-        np.where(sky, -1, actor_id).astype(np.int32),
-    )
+        depth_m = hits.distance_m.reshape(shape) / length
+        class_id, actor_id = hits.class_id.reshape(shape), hits.actor_id.reshape(shape)
+        return Rendering(rgb, depth_m, class_id, actor_id).with_sky(~(depth_m < self._far_m))
+
+    def _points_m(
+        self, depth_m: Float[np.ndarray, "h w"], world_from_camera: Float[np.ndarray, "4 4"]
+    ) -> Float[np.ndarray, "h w 3"]:
+        """Returns where in the world each pixel looks; at the sky, the camera's own position."""
+        world_from_camera = world_from_camera.astype(np.float32)
+        finite_m = np.where(np.isfinite(depth_m), depth_m, 0)
+        points_m = (finite_m[..., None] * self._through) @ world_from_camera[:3, :3].T
+        return points_m + world_from_camera[:3, 3]

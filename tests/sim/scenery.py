@@ -5,9 +5,9 @@ import torch
 
 from src.geometry import front_mount, pinhole, pixel_centres, rigid, rotation_from_euler, unproject
 from src.ontology import CAR, GROUND
-from src.sim.annotation import View, label_frame
+from src.sim.annotation import FrontView, label_frame
 from src.sim.fusion import ActorMap, StaticMap
-from src.sim.scene import Body, Scene, parts_of
+from src.sim.scene import Scene, SceneActor, parts_of
 from src.sim.sensors import scan
 from src.sim.solid import Solid
 from src.sim.weather import WEATHERS
@@ -19,11 +19,15 @@ BODY_FROM_CAMERA = front_mount((0.1, 0.0, -0.05))
 RANGE_M = 60.0
 
 
-def solid(class_id, size_m, centre_m, shape="box", yaw_rad=0.0, material="asphalt"):
-    place = np.eye(4)
-    place[:2, :2] = [[np.cos(yaw_rad), -np.sin(yaw_rad)], [np.sin(yaw_rad), np.cos(yaw_rad)]]
-    place[:3, 3] = centre_m
-    return Solid(shape, class_id, tuple(map(float, size_m)), place, material)
+def solid(class_id, size_m, center_m, shape="box", yaw_rad=0.0, material="asphalt"):
+    scene_from_solid = np.eye(4)
+    scene_from_solid[:2, :2] = turned(yaw_rad)
+    scene_from_solid[:3, 3] = center_m
+    return Solid(shape, class_id, tuple(map(float, size_m)), scene_from_solid, material)
+
+
+def turned(yaw_rad):
+    return [[np.cos(yaw_rad), -np.sin(yaw_rad)], [np.sin(yaw_rad), np.cos(yaw_rad)]]
 
 
 def ground(top_m=0.0, size_m=160.0):
@@ -33,18 +37,20 @@ def ground(top_m=0.0, size_m=160.0):
 def actor(places_m, size_m=(4.0, 2.0, 1.6), class_id=CAR, actor_id=1, yaw_rad=0.0):
     """A box that stands at one place after the other."""
     world_from_actor = np.tile(np.eye(4), (len(places_m), 1, 1))
-    world_from_actor[:, 0, :2] = np.cos(yaw_rad), -np.sin(yaw_rad)
-    world_from_actor[:, 1, :2] = np.sin(yaw_rad), np.cos(yaw_rad)
+    world_from_actor[:, :2, :2] = turned(yaw_rad)
     world_from_actor[:, :3, 3] = places_m
     parts = parts_of([solid(class_id, size_m, (0, 0, size_m[2] / 2))])
     velocity_mps = np.zeros((len(places_m), 3))
-    return Body(actor_id, "car", class_id, size_m, parts, world_from_actor, velocity_mps)
+    return SceneActor(actor_id, "car", class_id, size_m, parts, world_from_actor, velocity_mps)
 
 
-def pose(position_m, roll=0.0, pitch=0.0, yaw=0.0):
-    """world_from_body."""
+def body_at(position_m, roll=0.0, pitch=0.0, yaw=0.0):
+    """The transform world_from_body of a UAV at a place with an attitude."""
     angles = torch.tensor([roll, pitch, yaw], dtype=torch.float64)
     return rigid(rotation_from_euler(*angles), torch.tensor(position_m, dtype=torch.float64))
+
+
+pose = body_at
 
 
 def camera_rays(world_from_body):
@@ -59,11 +65,11 @@ def camera_rays(world_from_body):
 
 
 def view_of(scene, step, world_from_body):
-    """What a perfect renderer would say: every pixel is a ray cast."""
+    """The images of a perfect renderer: every pixel is a ray cast."""
     origins_m, directions, depth_per_m = camera_rays(world_from_body)
     hits = scene.cast(step, origins_m, directions)
     shape = (HEIGHT, WIDTH)
-    return View(
+    return FrontView(
         world_from_body,
         BODY_FROM_CAMERA,
         PIX_FROM_CAMERA,
@@ -95,7 +101,7 @@ class Stage:
         returns = {}
         for each in scan(self.scene, step, world_from_body.numpy(), rays, step, RANGE_M):
             self.static.add(each, RANGE_M)
-            self.actors.add(each, self.scene.bodies, step)
+            self.actors.add(each, self.scene.actors, step)
             for actor_id in each.hits.actor_id[each.hits.actor_id > 0].tolist():
                 returns[actor_id] = returns.get(actor_id, 0) + 1
         return returns
@@ -107,5 +113,5 @@ class Stage:
     def label(self, step, world_from_body, returns, view=None):
         view = view or view_of(self.scene, step, world_from_body)
         return label_frame(
-            view, self.grid, self.static, self.actors, self.scene.bodies, step, returns
+            view, self.grid, self.static, self.actors, self.scene.actors, step, returns
         )

@@ -1,4 +1,4 @@
-"""What pybullet renders against what `geometry.project` says, at rolled and pitched poses."""
+"""The images of pybullet beside what `geometry.project` gives, at rolled and pitched attitudes."""
 
 import cv2
 import numpy as np
@@ -7,18 +7,10 @@ import pytest
 import torch
 
 from src import geometry as g
-from src.sim.camera import (
-    FAR_M,
-    NEAR_M,
-    SAMPLE_OFFSET_PIX,
-    depth_from_buffer,
-    frustum_planes,
-    in_view,
-    projection_matrix,
-    view_matrix,
-)
+from src.sim import camera
+from src.sim.camera import FAR_M, NEAR_M, SAMPLE_OFFSET_PIX
 from src.sim.renderer import egl_plugin
-from tests.sim.scenery import pose
+from tests.sim.scenery import body_at
 
 WIDTH, HEIGHT = 224, 128
 PIX_FROM_CAMERA = g.pinhole(WIDTH, HEIGHT, np.deg2rad(90.0))
@@ -48,9 +40,10 @@ def egl(needs_egl, tiny):
 
 
 def add_box(client, size_m, world_from_box):
+    half_m = [side_m / 2 for side_m in size_m]
     roll_pitch_yaw = [float(angle) for angle in g.euler_from_rotation(world_from_box[:3, :3])]
     shape = pybullet.createVisualShape(
-        pybullet.GEOM_BOX, halfExtents=[side / 2 for side in size_m], physicsClientId=client
+        pybullet.GEOM_BOX, halfExtents=half_m, physicsClientId=client
     )
     pybullet.createMultiBody(
         baseVisualShapeIndex=shape,
@@ -62,28 +55,29 @@ def add_box(client, size_m, world_from_box):
 
 def add_ground(client):
     """A slab whose top is world z = 0."""
-    add_box(client, (2 * PLANE_HALF_M, 2 * PLANE_HALF_M, 1.0), pose((0.0, 0.0, -0.5)))
+    add_box(client, (2 * PLANE_HALF_M, 2 * PLANE_HALF_M, 1.0), body_at((0.0, 0.0, -0.5)))
 
 
-def render(client, world_from_body, renderer="tiny", sample_offset_pix=None):
-    """Depth in metres and body ids (-1 where nothing is hit), both (height, width)."""
-    offset = SAMPLE_OFFSET_PIX[renderer] if sample_offset_pix is None else sample_offset_pix
+def render(client, world_from_body, renderer="tiny", offset_pix=None):
+    """Depth in metres and bullet ids (-1 where nothing is hit), both (height, width)."""
+    offset_pix = offset_pix or SAMPLE_OFFSET_PIX[renderer]
+    lens = PIX_FROM_CAMERA, WIDTH, HEIGHT, NEAR_M, FAR_M
     camera_from_world = g.inverse(world_from_body @ BODY_FROM_CAMERA)
-    _, _, _, buffer, bodies = pybullet.getCameraImage(
+    _, _, _, buffer, bullet_id = pybullet.getCameraImage(
         WIDTH,
         HEIGHT,
-        viewMatrix=view_matrix(camera_from_world),
-        projectionMatrix=projection_matrix(PIX_FROM_CAMERA, WIDTH, HEIGHT, NEAR_M, FAR_M, offset),
+        viewMatrix=camera.view_matrix(camera_from_world),
+        projectionMatrix=camera.projection_matrix(*lens, offset_pix),
         renderer=FLAGS[renderer],
         shadow=0,
         physicsClientId=client,
     )
-    depth_m = depth_from_buffer(np.reshape(buffer, (HEIGHT, WIDTH)), NEAR_M, FAR_M)
-    return depth_m, np.reshape(bodies, (HEIGHT, WIDTH))
+    depth_m = camera.depth_from_buffer(np.reshape(buffer, (HEIGHT, WIDTH)), NEAR_M, FAR_M)
+    return depth_m, np.reshape(bullet_id, (HEIGHT, WIDTH))
 
 
 def ground_depth(world_from_body):
-    """Analytic z-depth of z = 0 at the pixels' centres, and how far from the slab's middle it is.
+    """Analytic z-depth of z = 0 at the pixels' centers, and how far from the slab's middle it is.
 
     The depth is negative above the horizon.
     """
@@ -97,12 +91,13 @@ def ground_depth(world_from_body):
     return depth_m.numpy(), hits_world[..., :2].abs().amax(dim=-1).numpy()
 
 
-def ground_error(client, attitude_rad, renderer="tiny", sample_offset_pix=None):
+def ground_error(client, attitude_rad, renderer="tiny", offset_pix=None):
     """By how much the ground is rendered too far, and its true depth, where that is within 50 m."""
     add_ground(client)
-    world_from_body = pose((1.0, 2.0, HEIGHT_M), *attitude_rad)
-    depth_m, _ = render(client, world_from_body, renderer, sample_offset_pix)
+    world_from_body = body_at((1.0, 2.0, HEIGHT_M), *attitude_rad)
+    depth_m, _ = render(client, world_from_body, renderer, offset_pix)
     expected_m, radius_m = ground_depth(world_from_body)
+
     # One pixel spans metres of ground near the horizon, so the slab's border needs a margin.
     checked = (expected_m > 0) & (expected_m < 50) & (radius_m < PLANE_HALF_M - 10)
     assert checked.sum() > 5000
@@ -117,19 +112,19 @@ def test_tiny_renderer_sees_the_ground_where_the_chain_puts_it(tiny, attitude_ra
 
 @pytest.mark.parametrize("offset", [UNCORRECTED, (0.5, -0.5), (-0.5, -0.5), (0.5, 0.5)])
 def test_every_other_sample_offset_misses_the_ground(tiny, offset):
-    error_m, _ = ground_error(tiny, TILTED, sample_offset_pix=offset)
+    error_m, _ = ground_error(tiny, TILTED, offset_pix=offset)
     assert np.abs(error_m).max() > 0.1
 
 
 def test_without_the_correction_ground_at_29_m_is_15_cm_too_high(tiny):
-    error_m, depth_m = ground_error(tiny, LEVEL, sample_offset_pix=UNCORRECTED)
+    error_m, depth_m = ground_error(tiny, LEVEL, offset_pix=UNCORRECTED)
     camera_height_m = HEIGHT_M + float(BODY_FROM_CAMERA[2, 3])
     too_high_m = -error_m / depth_m * camera_height_m
     assert 0.1 < too_high_m[np.abs(depth_m - 29.0).argmin()] < 0.2
 
 
 @pytest.mark.parametrize("attitude_rad", [LEVEL, TILTED])
-def test_egl_samples_at_pixel_centres(egl, attitude_rad):
+def test_egl_samples_at_pixel_centers(egl, attitude_rad):
     error_m, depth_m = ground_error(egl, attitude_rad, "egl")
     # Its depth buffer may have 16 bits only; a step of that is z^2 / near / 2^16.
     assert (np.abs(error_m) < depth_m**2 / NEAR_M / 2**16 + 0.01).all()
@@ -143,28 +138,30 @@ def test_egl_with_tiny_renderers_correction_misses_the_ground(egl):
 
 def test_depth_is_infinite_where_nothing_is_hit(tiny):
     add_ground(tiny)
-    depth_m, bodies = render(tiny, pose((-60.0, 0.0, HEIGHT_M), roll=0.3))
-    assert (bodies < 0).any()
-    np.testing.assert_array_equal(np.isinf(depth_m), bodies < 0)
+    depth_m, bullet_id = render(tiny, body_at((-60.0, 0.0, HEIGHT_M), roll=0.3))
+    assert (bullet_id < 0).any()
+    np.testing.assert_array_equal(np.isinf(depth_m), bullet_id < 0)
 
 
 def test_depth_from_buffer_inverts_the_projection_matrix():
-    columns = projection_matrix(PIX_FROM_CAMERA, WIDTH, HEIGHT, NEAR_M, FAR_M, UNCORRECTED)
+    # Points straight ahead: OpenGL looks along -z.
+    columns = camera.projection_matrix(PIX_FROM_CAMERA, WIDTH, HEIGHT, NEAR_M, FAR_M, UNCORRECTED)
     depth_m = np.array([NEAR_M, 1.0, 7.5, 60.0, 119.0])
     clip = np.c_[np.zeros((5, 2)), -depth_m, np.ones(5)] @ np.reshape(columns, (4, 4))
     buffer = (clip[:, 2] / clip[:, 3] + 1) / 2
     assert buffer[0] == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_allclose(depth_from_buffer(buffer, NEAR_M, FAR_M), depth_m, rtol=1e-9)
+    np.testing.assert_allclose(camera.depth_from_buffer(buffer, NEAR_M, FAR_M), depth_m, rtol=1e-9)
 
 
 def test_a_sphere_is_in_view_if_any_of_its_points_is():
     generator = np.random.default_rng(0)
-    camera_from_world = g.inverse(pose((5.0, -3.0, 8.0), 0.4, -0.2, 2.0) @ BODY_FROM_CAMERA)
-    planes = frustum_planes(PIX_FROM_CAMERA, WIDTH, HEIGHT)
+    camera_from_world = g.inverse(body_at((5.0, -3.0, 8.0), 0.4, -0.2, 2.0) @ BODY_FROM_CAMERA)
+    planes = camera.frustum_planes(PIX_FROM_CAMERA, WIDTH, HEIGHT)
     middle_m = generator.uniform(-150, 150, (4000, 3))
     reach_m = generator.uniform(0.5, 20, 4000)
-    seen = in_view(planes, camera_from_world.numpy(), middle_m, reach_m)
+    seen = camera.in_view(planes, camera_from_world.numpy(), middle_m, reach_m)
 
+    # The points of each sphere are probed in many directions.
     towards = generator.normal(size=(4000, 300, 3))
     towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
     points_m = torch.from_numpy(middle_m[:, None] + reach_m[:, None, None] * towards)
@@ -179,32 +176,29 @@ def test_a_sphere_is_in_view_if_any_of_its_points_is():
 # -------------------------------------------------------------------------------------- a box
 
 
-def box_scene(client, attitude_rad):
-    """world_from_body, and camera_from_box by the chain, of a turned box before the camera."""
-    world_from_body = pose((20.0, -7.0, 9.0), *attitude_rad)
+def misjudged_pix(client, attitude_rad, offset_pix=None):
+    """The largest distance, from the outline of a box's projected corners, of the center of a
+    pixel that is on the wrong side of it."""
+    world_from_body = body_at((20.0, -7.0, 9.0), *attitude_rad)
     before_camera = torch.tensor([[0.4, -0.3, 12.0]], dtype=torch.float64)
     middle_m = g.transform(world_from_body @ BODY_FROM_CAMERA, before_camera)[0]
-    world_from_box = pose(middle_m.tolist(), 0.4, -0.2, 1.1)
+    world_from_box = body_at(middle_m.tolist(), 0.4, -0.2, 1.1)
     add_box(client, BOX_SIZE_M, world_from_box)
+    _, bullet_id = render(client, world_from_body, offset_pix=offset_pix)
+
+    # The corners take the chain through the occ frame, as the annotation does.
     occ_from_box = g.inverse(g.world_from_occ(world_from_body)) @ world_from_box
-    return world_from_body, g.camera_from_occ(world_from_body, BODY_FROM_CAMERA) @ occ_from_box
-
-
-def misjudged_pix(client, attitude_rad, sample_offset_pix=None):
-    """How far from the outline of the box's projected corners the worst pixel's centre lies that
-    is on the wrong side of it."""
-    world_from_body, camera_from_box = box_scene(client, attitude_rad)
-    _, bodies = render(client, world_from_body, sample_offset_pix=sample_offset_pix)
-
+    camera_from_box = g.camera_from_occ(world_from_body, BODY_FROM_CAMERA) @ occ_from_box
     signs = torch.cartesian_prod(*[torch.tensor([-0.5, 0.5], dtype=torch.float64)] * 3)
     corners_box = signs * torch.tensor(BOX_SIZE_M, dtype=torch.float64)
     corners_pix, _ = g.project(corners_box, camera_from_box, PIX_FROM_CAMERA)
+
     outline = cv2.convexHull(corners_pix.numpy().astype(np.float32))
-    centres = g.pixel_centres(WIDTH, HEIGHT).reshape(-1, 2).tolist()
-    inside = [cv2.pointPolygonTest(outline, centre, measureDist=True) for centre in centres]
+    centers = g.pixel_centres(WIDTH, HEIGHT).reshape(-1, 2).tolist()
+    inside = [cv2.pointPolygonTest(outline, center, measureDist=True) for center in centers]
     inside = np.reshape(inside, (HEIGHT, WIDTH))
     assert (inside > 0).sum() > 300
-    wrong = (bodies >= 0) != (inside > 0)
+    wrong = (bullet_id >= 0) != (inside > 0)
     return np.abs(inside[wrong]).max(initial=0.0)
 
 
@@ -215,27 +209,3 @@ def test_a_boxs_silhouette_is_the_outline_of_its_projected_corners(tiny, attitud
 
 def test_without_the_correction_the_silhouette_is_off(tiny):
     assert misjudged_pix(tiny, TILTED, UNCORRECTED) > 0.3
-
-
-@ATTITUDES
-def test_the_faces_of_a_box_have_their_depth(tiny, attitude_rad):
-    world_from_body, camera_from_box = box_scene(tiny, attitude_rad)
-    rendered_m, _ = render(tiny, world_from_body)
-    normals_box = torch.cat([torch.eye(3), -torch.eye(3)]).to(torch.float64)
-    faces_box = normals_box * torch.tensor(BOX_SIZE_M, dtype=torch.float64) / 2
-    faces_camera = g.transform(camera_from_box, faces_box)
-    normals_camera = normals_box @ camera_from_box[:3, :3].T
-    facing = -torch.cosine_similarity(faces_camera, normals_camera)
-    seen = facing > 0.2  # A face seen from its edge is narrower than a pixel.
-    pix, depth_m = g.project(faces_box[seen], camera_from_box, PIX_FROM_CAMERA)
-    assert len(pix) >= 2
-    for (u, v), expected_m in zip(pix.tolist(), depth_m.tolist()):
-        assert depth_at(rendered_m, u, v) == pytest.approx(expected_m, abs=0.01)
-
-
-def depth_at(depth_m, u, v):
-    """Depth at a location between pixel centres; 1 / depth is linear over the image of a plane."""
-    column, row = int(np.floor(u - 0.5)), int(np.floor(v - 0.5))
-    right, down = u - 0.5 - column, v - 0.5 - row
-    inverse_depth = 1 / depth_m[row : row + 2, column : column + 2]
-    return 1 / (np.array([1 - down, down]) @ inverse_depth @ np.array([1 - right, right]))

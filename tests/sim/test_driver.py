@@ -1,25 +1,25 @@
-"""Who drives on a hand-made lane: keeps its distance, stops in time, slows down for turns."""
+"""Actors on hand-made lanes: they keep their distance, stop in time and slow down for turns."""
 
 import numpy as np
 import pytest
 
+from src.sim.actor import HABITS, Actor
 from src.sim.driver import DECISION_S, EMERGENCY_MPS2, drive
 from src.sim.pilot import STEP_S
 from src.sim.route import Route
-from src.sim.traveller import HABITS, Traveller
 from tests.sim.roads import SIZES_M, way
 
 LANE = way((-50, -2), (100, -2))
 
 
-def traveller(name, path, start_m, speed_mps, left_m=0.0):
+def actor(name, path, start_m, speed_mps, left_m=0.0):
     route = Route.through((path,), (0,), HABITS[name].corner_m)
     route = route.shifted(np.full(len(route.points_m), left_m))
-    return Traveller(name, SIZES_M[name], route, start_m, speed_mps)
+    return Actor(name, SIZES_M[name], route, start_m, speed_mps)
 
 
 def line_up(*cars):
-    return [traveller("car", LANE, start_m, speed_mps) for start_m, speed_mps in cars]
+    return [actor("car", LANE, start_m, speed_mps) for start_m, speed_mps in cars]
 
 
 def test_a_fast_car_settles_behind_a_slow_one():
@@ -40,12 +40,12 @@ def test_cars_stop_at_the_end_of_their_way():
 
 def test_who_crosses_is_waited_for():
     crossing = way((50, -30), (50, 30), speed_mps=1.4)
-    walker = traveller("pedestrian", crossing, 28.0, 0.05)
+    walker = actor("pedestrian", crossing, 28.0, 0.05)
     motion = drive([*line_up((70, 9.0)), walker], 8.0)
     assert motion.speed_mps[-1, 0] < 0.3
     assert motion.arc_m[-1, 0] + SIZES_M["car"][0] / 2 < 99.5
     # It does not brake for someone who is still on the pavement.
-    aside = traveller("pedestrian", crossing, 20.0, 0.05)
+    aside = actor("pedestrian", crossing, 20.0, 0.05)
     passed = drive([*line_up((70, 9.0)), aside], 5.0)
     assert passed.arc_m[-1, 0] > 105
 
@@ -63,9 +63,9 @@ def test_motion_is_sampled_at_every_decision_and_continuous_between_them():
 @pytest.mark.parametrize("name", SIZES_M)
 def test_everyone_slows_down_for_a_turn_in_time(name):
     bend = way((0, 0), (60, 0), (60, 60), speed_mps=12.0)
-    it = traveller(name, bend, 15.0, 12.0)
-    motion = drive([it], 12.0)
-    sharpness = np.interp(motion.arc_m[:, 0], it.route.arc_m, it.route.sharpness())
+    one = actor(name, bend, 15.0, 12.0)
+    motion = drive([one], 12.0)
+    sharpness = np.interp(motion.arc_m[:, 0], one.route.arc_m, one.route.sharpness())
     speed_mps, habits = motion.speed_mps[:, 0], HABITS[name]
     assert (speed_mps * sharpness).max() < 1.1 * habits.turn_radps
     assert (speed_mps**2 * sharpness).max() < 1.1 * habits.turn_mps2
@@ -74,14 +74,13 @@ def test_everyone_slows_down_for_a_turn_in_time(name):
 
 
 def test_a_path_s_limit_is_kept():
-    motion = drive([traveller("car", way((0, 0), (150, 0), speed_mps=5.0), 10.0, 13.0)], 8.0)
+    motion = drive([actor("car", way((0, 0), (150, 0), speed_mps=5.0), 10.0, 13.0)], 8.0)
     assert motion.speed_mps.max() < 5.05
     assert motion.speed_mps[-1, 0] == pytest.approx(5.0, abs=0.1)
 
 
 def test_who_starts_close_behind_another_starts_calmly():
-    cars = line_up((20, 9.0), (28, 0.5))
-    motion = drive(cars, 10.0)
+    motion = drive(line_up((20, 9.0), (28, 0.5)), 10.0)
     assert motion.speed_mps[0, 0] < 6
     assert motion.acceleration_mps2.min() >= -HABITS["car"].brake_mps2 - 1e-9
     assert (motion.arc_m[:, 1] - motion.arc_m[:, 0]).min() > SIZES_M["car"][0] + 1
@@ -89,10 +88,11 @@ def test_who_starts_close_behind_another_starts_calmly():
 
 def test_people_who_meet_pass_each_other_but_no_one_walks_into_another():
     walk, back = way((0, 0), (40, 0)), way((40, 0), (0, 0))
-    meeting = [traveller("pedestrian", path, 15.0, 1.4, left_m=-0.35) for path in (walk, back)]
+    meeting = [actor("pedestrian", path, 15.0, 1.4, left_m=-0.35) for path in (walk, back)]
     passed = drive(meeting, 12.0)
     assert passed.arc_m[-1].min() > 30
-    head_on = [traveller("pedestrian", path, 15.0, 1.4) for path in (walk, back)]
+    # In the middle of the walk neither has room to pass.
+    head_on = [actor("pedestrian", path, 15.0, 1.4) for path in (walk, back)]
     stuck = drive(head_on, 12.0)
     assert 40 - stuck.arc_m[-1].sum() > SIZES_M["pedestrian"][0]
     assert stuck.speed_mps[-1].max() < 0.1
@@ -100,7 +100,7 @@ def test_people_who_meet_pass_each_other_but_no_one_walks_into_another():
 
 def test_who_is_suddenly_blocked_brakes_as_hard_as_one_can():
     """Somebody steps out of nowhere: a walker's way crosses the lane just before the car."""
-    walker = traveller("pedestrian", way((40, -20), (40, 20), speed_mps=3.0), 14.0, 3.0)
+    walker = actor("pedestrian", way((40, -20), (40, 20), speed_mps=3.0), 14.0, 3.0)
     motion = drive([*line_up((72, 9.0)), walker], 4.0)
     assert -EMERGENCY_MPS2 <= motion.acceleration_mps2[:, 0].min() < -HABITS["car"].brake_mps2
     assert motion.speed_mps.min() >= 0

@@ -1,17 +1,17 @@
-"""A hand-made junction of two roads: who goes over it when, with traffic lights and without."""
+"""The right of way over a hand-made junction of two roads, with traffic lights and without."""
 
 from itertools import product
 
 import numpy as np
 import pytest
 
+from src.sim.actor import HABITS, Actor
 from src.sim.driver import DECISION_S, drive
 from src.sim.junction import RightOfWay, passages_of
 from src.sim.layout import Gate
+from src.sim.lights import AMBER_S, GREEN_S, PHASE_S, LightPlan
 from src.sim.route import Route
-from src.sim.signals import AMBER_S, GREEN_S, PHASE_S, SignalPlan
 from src.sim.towns.polyline import turn
-from src.sim.traveller import HABITS, Traveller
 from tests.sim.roads import SIZES_M, overlapping, way
 
 EAST, NORTH, WEST, SOUTH = range(4)
@@ -26,62 +26,62 @@ def rotated(points_m, quarters):
     return np.array(points_m, dtype=float)
 
 
-def turns_of(come):
-    """Indices of the turns of who comes in on a lane: straight on, left and right."""
-    return 8 + 3 * come, 9 + 3 * come, 10 + 3 * come
+def turns_of(arm):
+    """Indices of the turns from the lane of an arm: straight on, left and right."""
+    return 8 + 3 * arm, 9 + 3 * arm, 10 + 3 * arm
 
 
-def junction(lights):
+def junction(has_lights):
     """The lanes into it by their direction, those out of it, then all turns; and a crossing.
 
     People cross the road from the west, both ways.
     """
-    phases = [(k % 2, 2) if lights else (None, 0) for k in range(4)]
+    phases = [(k % 2, 2) if has_lights else (None, 0) for k in range(4)]
     turns = []
-    for come, by in product(range(4), (STRAIGHT, LEFT, RIGHT)):
-        start_m, end_m = rotated([(-8, -2)], come)[0], rotated([(8, -2)], (come + by) % 4)[0]
+    for arm, by in product(range(4), (STRAIGHT, LEFT, RIGHT)):
+        start_m, end_m = rotated([(-8, -2)], arm)[0], rotated([(8, -2)], (arm + by) % 4)[0]
         corner_m = {STRAIGHT: (0, -2), LEFT: (2, -2), RIGHT: (-2, -2)}[by]
-        points_m = turn(start_m, rotated([corner_m], come)[0], end_m)
-        turns.append(way(*points_m, successors=(4 + (come + by) % 4,), speed_mps=6.0))
+        points_m = turn(start_m, rotated([corner_m], arm)[0], end_m)
+        turns.append(way(*points_m, successors=(4 + (arm + by) % 4,), speed_mps=6.0))
+
     lines = [Gate(0, LINE_M, CLEAR_M, False, *phases[k]) for k in range(4)]
-    come_in = [
+    into = [
         way(*rotated([(-60, -2), (-8, -2)], k), successors=turns_of(k), gate=lines[k])
         for k in range(4)
     ]
-    go_out = [way(*rotated([(8, -2), (180, -2)], k)) for k in range(4)]
+    out_of = [way(*rotated([(8, -2), (180, -2)], k)) for k in range(4)]
     kerb = Gate(0, KERB_M, -KERB_M, True, *phases[EAST])
     ends_m = (-10, -9), (-10, 9)
     walks = [way(*points_m, speed_mps=2.5, gate=kerb) for points_m in (ends_m, ends_m[::-1])]
-    return (*come_in, *go_out, *turns), tuple(walks)
+    return (*into, *out_of, *turns), tuple(walks)
 
 
-OPEN, LIT = junction(lights=False), junction(lights=True)
+OPEN, LIT = junction(has_lights=False), junction(has_lights=True)
 
 
-def wheels(come, by=STRAIGHT, start_m=10.0, speed_mps=9.0, name="car", paths=OPEN):
-    turn_on = turns_of(come)[(STRAIGHT, LEFT, RIGHT).index(by)]
-    indices = (come, turn_on, 4 + (come + by) % 4)
-    route = Route.through(paths[0], indices, HABITS[name].corner_m)
-    return Traveller(name, SIZES_M[name], route, start_m, speed_mps)
+def wheels(arm, by=STRAIGHT, start_m=10.0, speed_mps=9.0, name="car", paths=OPEN):
+    onward = turns_of(arm)[(STRAIGHT, LEFT, RIGHT).index(by)]
+    route = Route.through(paths[0], (arm, onward, 4 + (arm + by) % 4), HABITS[name].corner_m)
+    return Actor(name, SIZES_M[name], route, start_m, speed_mps)
 
 
 def walker(start_m=1.0, back=False, speed_mps=1.4, paths=OPEN):
     route = Route.through(paths[1], (int(back),), 0.5)
     # Everybody keeps to the right.
     route = route.shifted(np.full(len(route.points_m), -0.35))
-    return Traveller("pedestrian", SIZES_M["pedestrian"], route, start_m, speed_mps)
+    return Actor("pedestrian", SIZES_M["pedestrian"], route, start_m, speed_mps)
 
 
-def driven(travellers, duration_s, plans=None):
-    """How they move, without ever overlapping; and when the front of each one passes the line, and
+def driven(actors, duration_s, plans=None):
+    """The motion of actors that never overlap, and when the front of each one passes the line and
     its rear is over, in seconds (inf if never)."""
-    motion = drive(travellers, duration_s, plans)
+    motion = drive(actors, duration_s, plans)
     arcs_m = motion.arc_m
-    boxes = [(*one.route.at(arc_m), one.size_m[:2]) for one, arc_m in zip(travellers, arcs_m.T)]
+    boxes = [(*actor.route.at(arc_m), actor.size_m[:2]) for actor, arc_m in zip(actors, arcs_m.T)]
     assert not overlapping(boxes)
 
-    half_m = np.array([one.size_m[0] / 2 for one in travellers])
-    passages = [passage for one in travellers for passage in passages_of(one)]
+    half_m = np.array([actor.size_m[0] / 2 for actor in actors])
+    passages = [passage for actor in actors for passage in passages_of(actor)]
     entered = arcs_m + half_m > [passage.start_m for passage in passages]
     left = arcs_m - half_m > [passage.end_m for passage in passages]
     return motion, first_s(entered), first_s(left)
@@ -92,8 +92,8 @@ def first_s(holds):
     return np.where(holds.any(axis=0), holds.argmax(axis=0) * DECISION_S, np.inf)
 
 
-def arcs_alone_m(one, duration_s):
-    return drive([one], duration_s).arc_m[:, 0]
+def arcs_alone_m(actor, duration_s):
+    return drive([actor], duration_s).arc_m[:, 0]
 
 
 def test_a_passage_leads_from_the_line_over_the_turn_until_the_junction_is_clear():
@@ -102,20 +102,19 @@ def test_a_passage_leads_from_the_line_over_the_turn_until_the_junction_is_clear
     assert straight.approach is OPEN[0][EAST]
     (crossing,) = passages_of(walker())
     assert (crossing.start_m, crossing.end_m) == pytest.approx((KERB_M, WALK_M - KERB_M), abs=0.1)
-    lane = OPEN[0][4 + EAST]
-    away = Traveller("car", SIZES_M["car"], Route.through((lane,), (0,), 3.0), 5.0, 9.0)
-    assert passages_of(away) == []
+    lane_away = Route.through((OPEN[0][4 + EAST],), (0,), 3.0)
+    assert passages_of(Actor("car", SIZES_M["car"], lane_away, 5.0, 9.0)) == []
 
 
 @pytest.mark.parametrize("by", [STRAIGHT, LEFT, RIGHT])
 def test_a_passage_sweeps_wherever_the_ends_of_a_long_vehicle_come(by):
     bus = wheels(NORTH, by, name="bus")
     (passage,) = passages_of(bus)
-    arc_m = np.linspace(passage.start_m, passage.end_m, 50)
-    middle_m, heading_rad = bus.route.at(arc_m)
+    middle_m, heading_rad = bus.route.at(np.linspace(passage.start_m, passage.end_m, 50))
+    nose = np.stack([np.cos(heading_rad), np.sin(heading_rad)], axis=1)
     for share in (-0.5, 0, 0.5):
-        along_m = share * SIZES_M["bus"][0] * np.array([np.cos(heading_rad), np.sin(heading_rad)]).T
-        apart_m = np.linalg.norm((middle_m + along_m)[:, None] - passage.swept_m, axis=-1)
+        place_m = middle_m + share * SIZES_M["bus"][0] * nose
+        apart_m = np.linalg.norm(place_m[:, None] - passage.swept_m, axis=-1)
         assert apart_m.min(axis=1).max() < 0.5
 
 
@@ -123,7 +122,7 @@ def test_a_passage_sweeps_wherever_the_ends_of_a_long_vehicle_come(by):
 @pytest.mark.parametrize("by", [(STRAIGHT, STRAIGHT), (LEFT, STRAIGHT), (STRAIGHT, LEFT)])
 def test_who_comes_first_goes_first_and_the_other_waits_before_the_line(first, by):
     starts_m = (22.0, 12.0) if first == 0 else (12.0, 22.0)
-    cars = [wheels(come, by[k], starts_m[k]) for k, come in enumerate((EAST, NORTH))]
+    cars = [wheels(arm, by[k], starts_m[k]) for k, arm in enumerate((EAST, NORTH))]
     motion, entered_s, left_s = driven(cars, 25.0)
     assert entered_s[first] < left_s[first] <= entered_s[1 - first] < np.inf
     assert left_s.max() < 20
@@ -134,12 +133,10 @@ def test_who_comes_first_goes_first_and_the_other_waits_before_the_line(first, b
 
 
 def test_ways_that_do_not_meet_are_used_at_the_same_time():
-    for ways in (
-        ((EAST, STRAIGHT), (WEST, STRAIGHT)),
-        ((EAST, RIGHT), (NORTH, STRAIGHT)),
-        ((EAST, RIGHT), (NORTH, RIGHT), (WEST, RIGHT), (SOUTH, RIGHT)),
-    ):
-        cars = [wheels(come, by, start_m=20.0) for come, by in ways]
+    four_rights = [(arm, RIGHT) for arm in (EAST, NORTH, WEST, SOUTH)]
+    opposite, merging = [(EAST, STRAIGHT), (WEST, STRAIGHT)], [(EAST, RIGHT), (NORTH, STRAIGHT)]
+    for ways in (opposite, merging, four_rights):
+        cars = [wheels(arm, by, start_m=20.0) for arm, by in ways]
         motion, _, _ = driven(cars, 8.0)
         for k, car in enumerate(cars):
             assert motion.arc_m[:, k] == pytest.approx(arcs_alone_m(car, 8.0), abs=0.2)
@@ -147,8 +144,7 @@ def test_ways_that_do_not_meet_are_used_at_the_same_time():
 
 @pytest.mark.parametrize("by", [(0, 0, 0, 0), (1, 1, 1, 1), (1, 0, 1, 0), (0, 1, 3, 1)])
 def test_of_four_who_come_at_once_nobody_waits_for_ever(by):
-    cars = [wheels(come, by[come], 20.0) for come in range(4)]
-    _, _, left_s = driven(cars, 35.0)
+    _, _, left_s = driven([wheels(arm, by[arm], 20.0) for arm in range(4)], 35.0)
     assert left_s.max() < 30
 
 
@@ -157,10 +153,10 @@ def test_of_four_who_come_at_once_nobody_waits_for_ever(by):
 def test_all_get_over_a_busy_junction_and_nobody_overlaps(paths, seed):
     rng = np.random.default_rng(seed)
     crowd = [walker(2.0, back, paths=paths) for back in (False, True)]
-    for come, start_m in product(range(4), (40.0, 24.0, 8.0)):
+    for arm, start_m in product(range(4), (40.0, 24.0, 8.0)):
         by, name = rng.choice([STRAIGHT, LEFT, RIGHT]), rng.choice(["car", "bus", "motorcycle"])
-        crowd.append(wheels(come, by, start_m, rng.uniform(6, 10), name, paths))
-    _, entered_s, left_s = driven(crowd, 110.0, {0: SignalPlan(2, rng.uniform(0, 2 * PHASE_S))})
+        crowd.append(wheels(arm, by, start_m, rng.uniform(6, 10), name, paths))
+    _, entered_s, left_s = driven(crowd, 110.0, {0: LightPlan(2, rng.uniform(0, 2 * PHASE_S))})
     assert left_s.max() < 100
     # Nobody passes anybody on an approach.
     assert (np.diff(entered_s[2:].reshape(4, 3)) > 0).all()
@@ -171,11 +167,11 @@ def test_who_is_behind_waits_for_the_first_of_the_approach():
     third = wheels(NORTH, STRAIGHT, 55.0)
     first, behind = wheels(EAST, STRAIGHT, 45.0), wheels(EAST, RIGHT, 38.0)
 
-    def waiting(*travellers):
-        right_of_way = RightOfWay(travellers, {})
-        arc_m = np.array([one.start_m for one in travellers])
-        right_of_way.stops_m(0.0, arc_m, np.full(len(arc_m), 5.0))
-        return np.isfinite(right_of_way.stops_m(0.1, arc_m, np.full(len(arc_m), 5.0))).tolist()
+    def waiting(*actors):
+        right_of_way = RightOfWay(actors, {})
+        arc_m, speed_mps = np.array([actor.start_m for actor in actors]), np.full(len(actors), 5.0)
+        right_of_way.stops_m(0.0, arc_m, speed_mps)
+        return np.isfinite(right_of_way.stops_m(0.1, arc_m, speed_mps)).tolist()
 
     assert waiting(third, behind) == [False, False]
     assert waiting(third, first) == [False, True]
@@ -198,10 +194,9 @@ def test_people_and_cars_wait_for_each_other():
     # The car is before the line first.
     motion, entered_s, left_s = driven([wheels(EAST, start_m=40.0), walker(3.0)], 25.0)
     assert left_s[0] <= entered_s[1] < np.inf
-    arc_m = motion.arc_m[motion.speed_mps[:, 1] < 0.01, 1]
-    waiting = arc_m[arc_m < WALK_M / 2]
-    assert len(waiting) > 5
-    assert waiting.max() + SIZES_M["pedestrian"][0] / 2 < KERB_M
+    waits = (motion.speed_mps[:, 1] < 0.01) & (motion.arc_m[:, 1] < WALK_M / 2)
+    assert waits.sum() > 5
+    assert motion.arc_m[waits, 1].max() + SIZES_M["pedestrian"][0] / 2 < KERB_M
 
 
 def test_people_share_a_crossing():
@@ -212,20 +207,18 @@ def test_people_share_a_crossing():
 def test_nobody_enters_on_red_and_everybody_stops_before_the_line():
     """Two cars whose arms have green in turn, from many times of the cycle on."""
     waited = late = 0
-    cars = [
-        wheels(come, start_m=5.0, speed_mps=speed_mps, paths=LIT)
-        for come, speed_mps in ((EAST, 7.0), (NORTH, 9.0))
-    ]
-    for plan in (SignalPlan(2, offset_s) for offset_s in np.arange(0, 2 * PHASE_S, 1.6)):
+    cars = [wheels(EAST, STRAIGHT, 5.0, 7.0, paths=LIT), wheels(NORTH, STRAIGHT, 5.0, paths=LIT)]
+    for plan in (LightPlan(2, offset_s) for offset_s in np.arange(0, 2 * PHASE_S, 1.6)):
         motion, times_s, _ = driven(cars, 25.0, {0: plan})
         for k, entered_s in enumerate(times_s):
-            phase = passages_of(cars[k])[0].gate.phase
             assert entered_s < np.inf
+            phase = passages_of(cars[k])[0].gate.phase
             assert plan.red_for_s(phase, entered_s) == 0
+            front_m = motion.arc_m[:, k] + SIZES_M["car"][0] / 2
             stands = motion.speed_mps[:, k] < 0.01
-            front_m = motion.arc_m[stands, k] + SIZES_M["car"][0] / 2
-            assert (front_m < LINE_M - 0.3).all()
-            waited += bool(len(front_m))
+            assert (front_m[stands] < LINE_M - 0.3).all()
+            waited += stands.any()
+
             if not plan.is_green(phase, entered_s):
                 # It is amber, and when that began the car could not have stopped any more.
                 late += 1
@@ -233,8 +226,8 @@ def test_nobody_enters_on_red_and_everybody_stops_before_the_line():
                 amber_s = since_s + 2 * PHASE_S * np.round((entered_s - since_s) / (2 * PHASE_S))
                 assert 0 <= entered_s - amber_s < AMBER_S
                 at = max(int(amber_s / DECISION_S), 0)
-                left_m = LINE_M - SIZES_M["car"][0] / 2 - motion.arc_m[at, k]
-                assert left_m < motion.speed_mps[at, k] ** 2 / (2 * HABITS["car"].brake_mps2) + 1.5
+                braking_m = motion.speed_mps[at, k] ** 2 / (2 * HABITS["car"].brake_mps2)
+                assert LINE_M - front_m[at] < braking_m + 1.5
     assert waited > 15
     assert late >= 1
 
@@ -242,14 +235,15 @@ def test_nobody_enters_on_red_and_everybody_stops_before_the_line():
 @pytest.mark.parametrize(("ahead_m", "goes"), [(8.0, True), (14.0, True), (20.0, False)])
 def test_at_amber_those_go_on_who_cannot_stop_any_more(ahead_m, goes):
     """At 9 m/s a car needs 16 m, and half a metre more to stand before the line."""
-    plan = SignalPlan(2, GREEN_S - 1.0)
+    plan = LightPlan(2, GREEN_S - 1.0)
     car = wheels(EAST, start_m=LINE_M - SIZES_M["car"][0] / 2 - ahead_m - 9.0, paths=LIT)
     motion, (entered_s,), _ = driven([car], 10.0, {0: plan})
-    assert (1 < entered_s < 1 + AMBER_S) if goes else entered_s == np.inf
-    always_green = drive([car], 10.0, {0: SignalPlan(2, 0.0)})
     if goes:
+        assert 1 < entered_s < 1 + AMBER_S
+        always_green = drive([car], 10.0, {0: LightPlan(2, 0.0)})
         assert motion.arc_m == pytest.approx(always_green.arc_m)
     else:
+        assert entered_s == np.inf
         assert motion.acceleration_mps2.min() > -1.2 * HABITS["car"].brake_mps2
         assert motion.speed_mps[-1, 0] < 0.1
 
@@ -260,16 +254,15 @@ def test_people_set_out_only_if_they_will_be_over_before_green(spare_s, goes):
     (passage,) = passages_of(one)
     needed_s = (passage.end_m - passage.start_m) / one.speed_mps
     # Their arm's next green begins after that time and the spare one.
-    plan = SignalPlan(2, 2 * PHASE_S - needed_s - spare_s)
-    arc_m, speed_mps = np.array([one.start_m]), np.array([1.4])
-    stops_m = RightOfWay([one], {0: plan}).stops_m(0.0, arc_m, speed_mps)
+    plan = LightPlan(2, 2 * PHASE_S - needed_s - spare_s)
+    stops_m = RightOfWay([one], {0: plan}).stops_m(0.0, np.array([one.start_m]), np.array([1.4]))
     assert np.isinf(stops_m[0]) == goes
 
 
 def test_people_cross_on_red_for_the_cars_and_are_off_the_road_before_green():
     waited = 0
     for offset_s in np.arange(0, 2 * PHASE_S, 2.5):
-        plan, one = SignalPlan(2, offset_s), walker(3.0, paths=LIT)
+        plan, one = LightPlan(2, offset_s), walker(3.0, paths=LIT)
         motion, (entered_s,), _ = driven([one], 2 * PHASE_S + 15, {0: plan})
         assert plan.red_for_s(0, entered_s) > 0
         waited += entered_s > 5

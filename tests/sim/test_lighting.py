@@ -79,7 +79,7 @@ def test_an_actors_shadow_moves_with_it():
             lit, shaded = (render(world, HERE, step, weather) for weather in (NO_SHADOW, CLEAR))
             dark = (shaded.rgb < lit.rgb).any(axis=-1) & (lit.actor_id == 0)
             middle_m = places_of(lit)[dark].mean(axis=0)
-            beside_m = middle_m - scene.bodies[0].world_from_actor[step, :3, 3]
+            beside_m = middle_m - scene.actors[0].world_from_actor[step, :3, 3]
             assert dark.sum() > 10
             # From the actor, the shadow lies where the sun is not.
             assert beside_m[:2] @ TOWARDS[:2] < -0.3

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from src.sim.actor import Actor
 from src.sim.footprint import boxes_overlap
 from src.sim.layout import Gate, Town
 from src.sim.pilot import STEP_S
 from src.sim.placement import SHOULDER_M, SPOT_M, START_GAP_M, Gaze, Placer, Spots
 from src.sim.route import Route
-from src.sim.traveller import Traveller as Actor
 from tests.sim.roads import SIZES_M, way
 
 CAR_M, BUS_M, PERSON_M = (SIZES_M[name] for name in ("car", "bus", "pedestrian"))

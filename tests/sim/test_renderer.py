@@ -1,4 +1,4 @@
-"""What is said where a renderer cannot run, and that Bullet says nothing itself."""
+"""The refusals where a renderer cannot run, and the silence of Bullet itself."""
 
 import os
 import subprocess
@@ -13,9 +13,16 @@ from src.sim.renderer import import_bullet, require_renderer, silent
 
 @pytest.fixture
 def unprobed():
-    renderer._require_egl.cache_clear()
+    renderer._egl_fault.cache_clear()
     yield
-    renderer._require_egl.cache_clear()
+    renderer._egl_fault.cache_clear()
+
+
+@pytest.fixture
+def loadable(monkeypatch, unprobed):
+    """Any library can be loaded, whether this machine has it or not."""
+    load = renderer.ctypes.CDLL
+    monkeypatch.setattr(renderer.ctypes, "CDLL", lambda name: load(None))
 
 
 def refusal(name):
@@ -28,44 +35,40 @@ def refusal(name):
 
 
 def test_an_unknown_renderer_is_refused_with_those_that_there_are():
-    assert refusal("blender") == "sim.renderer: there is no 'blender'; there are tiny, egl"
+    message = refusal("blender")
+    assert "'blender'" in message
+    assert "tiny, egl" in message
 
 
 def test_without_the_library_the_package_is_named(monkeypatch, unprobed):
     monkeypatch.setattr(renderer, "EGL_LIBRARY", "libEGL-that-nobody-has.so.1")
     message = refusal("egl")
-    for word in ("libEGL-that-nobody-has.so.1", "libegl1", "sim.renderer=tiny"):
-        assert word in message
+    for name in ("libEGL-that-nobody-has.so.1", "libegl1", "sim.renderer=tiny"):
+        assert name in message
 
 
-def test_without_the_plugin_the_wheel_is_named(monkeypatch, unprobed):
-    monkeypatch.setattr(renderer.ctypes, "CDLL", _opens_everything(renderer.ctypes.CDLL))
+def test_without_the_plugin_its_name_is_given(loadable, monkeypatch):
     monkeypatch.setattr(renderer, "EGL_PLUGIN", "a_plugin_that_nobody_has")
     assert "a_plugin_that_nobody_has" in refusal("egl")
 
 
 @pytest.mark.parametrize("death", ["import os; os.abort()", "raise SystemExit(1)"])
-def test_a_probe_that_dies_is_a_refusal_and_not_a_crash(monkeypatch, unprobed, death):
-    monkeypatch.setattr(renderer.ctypes, "CDLL", _opens_everything(renderer.ctypes.CDLL))
+def test_a_probe_that_dies_is_a_refusal_and_not_a_crash(loadable, monkeypatch, death):
     monkeypatch.setattr(renderer, "_DRAW_ONE_TRIANGLE", death)
-    assert "draws nothing" in refusal("egl")
-
-
-def _opens_everything(opened):
-    return lambda name: opened(None)
+    assert "libgl1-mesa-dri" in refusal("egl")
 
 
 def test_without_pybullet_the_way_out_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     for needs_it in (import_bullet, lambda: require_renderer("tiny")):
-        with pytest.raises(UserError, match=r"pybullet is not installed.*3\.11") as error:
+        with pytest.raises(UserError, match=r"pybullet.*3\.11") as error:
             needs_it()
         assert "\n" not in str(error.value)
 
 
 def test_importing_bullet_says_nothing():
-    words = [sys.executable, "-c", "from src.sim.renderer import import_bullet; import_bullet()"]
-    done = subprocess.run(words, capture_output=True, check=True)
+    code = "from src.sim.renderer import import_bullet; import_bullet()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     assert done.stdout == done.stderr == b""
 
 
@@ -84,5 +87,4 @@ def test_silence_ends(capfd):
         os.write(1, b"during\n")
         os.write(2, b"during\n")
     os.write(1, b"after\n")
-    said = capfd.readouterr()
-    assert (said.out, said.err) == ("before\nafter\n", "")
+    assert capfd.readouterr() == ("before\nafter\n", "")

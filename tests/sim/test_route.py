@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from src.sim.route import Route, braked, chain, gaussian_window, slow_wave, smoothed
+from src.sim.route import Route, braked, chain, slow_wave
 from tests.sim.roads import way
 
 path = partial(way, half_width_m=3.0)
@@ -41,6 +41,7 @@ def test_left_is_left_and_the_arc_is_the_true_length():
     straight = Route.through(CROSS, (0, 1), 1.0)
     assert straight.shifted(np.full(len(straight.points_m), 2.0)).points_m[:, 1] == pytest.approx(2)
     turn = Route.through(CROSS, (0, 2), 4.0)
+    # On the outside of the turn the arc is longer, and is sampled anew.
     outside = turn.shifted(np.full(len(turn.points_m), -2.0))
     steps_m = np.linalg.norm(np.diff(outside.points_m, axis=0), axis=1)
     assert steps_m == pytest.approx(outside.spacing_m, rel=0.02)
@@ -51,17 +52,9 @@ def test_braking_reaches_every_limit_in_time():
     limits_mps[120] = 2.0
     lowered = braked(limits_mps, 0.5, 2.5)
     assert (np.diff(lowered**2) >= -2 * 2.5 * 0.5 - 1e-9).all()
-    assert lowered[120] == 2.0
-    assert lowered[0] == 10.0
+    # The slow place itself and all far from it keep their limits.
+    assert lowered[[0, 120]].tolist() == [10.0, 2.0]
     assert (lowered <= limits_mps).all()
-
-
-def test_a_smoothing_window_keeps_bounds_on_slopes():
-    rng = np.random.default_rng(0)
-    zigzag = np.cumsum(rng.choice([-2.0, 3.0], size=500))[:, None]
-    slopes = np.diff(smoothed(zigzag, gaussian_window(5.0)), axis=0)
-    assert slopes.max() <= 3
-    assert slopes.min() >= -2
 
 
 def test_a_slow_wave_stays_within_one_and_varies():
@@ -74,19 +67,18 @@ def test_a_slow_wave_stays_within_one_and_varies():
 def test_the_rise_is_the_path_s_and_passes_over_smoothly():
     low, high = (replace(CROSS[k], rise_m=rise_m) for k, rise_m in ((0, 0.04), (1, 0.16)))
     route = Route.through((low, high), (0, 1), corner_m=1.0)
-    for it in (route, route.shifted(np.full(len(route.points_m), -1.5))):
-        x_m = it.points_m[:, 0]
-        assert it.rise_m[x_m < 46] == pytest.approx(0.04, abs=1e-4)
-        assert it.rise_m[x_m > 54] == pytest.approx(0.16, abs=1e-4)
-        assert (np.diff(it.rise_m) >= -1e-12).all()
-        assert np.diff(it.rise_m).max() < 0.015
+    for curve in (route, route.shifted(np.full(len(route.points_m), -1.5))):
+        x_m, steps_m = curve.points_m[:, 0], np.diff(curve.rise_m)
+        assert curve.rise_m[x_m < 46] == pytest.approx(0.04, abs=1e-4)
+        assert curve.rise_m[x_m > 54] == pytest.approx(0.16, abs=1e-4)
+        assert -1e-12 <= steps_m.min() < steps_m.max() < 0.015
 
 
 def test_places_along_the_paths_are_found_on_the_shifted_curve():
     route = Route.through(CROSS, (0, 2), 3.0)
     outside = route.shifted(np.full(len(route.points_m), -2.0))
-    for it in (route, outside):
-        early_m, late_m = it.at(it.arc_of(np.array([20.0, 80.0])))[0]
+    for curve in (route, outside):
+        early_m, late_m = curve.at(curve.arc_of(np.array([20.0, 80.0])))[0]
         assert early_m[0] == pytest.approx(20, abs=0.2)
         assert late_m[1] == pytest.approx(30, abs=0.2)
     assert outside.arc_of(80.0) > route.arc_of(80.0) + 1

@@ -1,4 +1,4 @@
-"""What rays meet in a scene, and the actors on a real town's surfaces."""
+"""The hits of rays in a scene, and the actors on a real town's surfaces."""
 
 import numpy as np
 import pytest
@@ -33,9 +33,9 @@ def test_every_ray_meets_what_is_nearest_and_its_class():
 def test_an_actor_is_where_it_is_at_that_step():
     scene = Scene(STATIC, (actor(PLACES_M),))
     ahead = ((0, 0, 1), EAST)
-    found = [cast(scene, step, ahead) for step in range(3)]
-    assert [float(hits.distance_m[0]) for hits in found] == pytest.approx([8, 18, 30], abs=1e-4)
-    assert [int(hits.actor_id[0]) for hits in found] == [1, 1, 0]
+    hits = [cast(scene, step, ahead) for step in range(3)]
+    assert [float(at.distance_m[0]) for at in hits] == pytest.approx([8, 18, 30], abs=1e-4)
+    assert [int(at.actor_id[0]) for at in hits] == [1, 1, 0]
     origin_m, direction = np.array([[0.0, 0, 1]]), np.array([EAST])
     assert scene.cast_static(origin_m, direction) == pytest.approx([30], abs=1e-4)
 
@@ -55,10 +55,9 @@ def test_an_actor_alone_and_nothing_at_all():
 def test_light_is_blocked_where_a_ray_to_it_meets_anything(towards):
     towards = np.array(towards) / np.linalg.norm(towards)
     rng = np.random.default_rng(0)
-    bridge_m = np.array([6.0, -20.0, 9.0])
     places_m = [rng.uniform((-25, -25, 0), (25, 25, 0), (2, 3)) for _ in range(30)]
-    bodies = tuple(actor(p, actor_id=1 + k) for k, p in enumerate([*places_m, [bridge_m] * 2]))
-    scene = Scene(STATIC, bodies)
+    places_m.append([np.array([6.0, -20.0, 9.0])] * 2)  # on a bridge
+    scene = Scene(STATIC, tuple(actor(p, actor_id=1 + k) for k, p in enumerate(places_m)))
     points_m = np.c_[rng.uniform(-12, 12, (3000, 2)), rng.uniform(0.05, 2, 3000)]
     for step in (0, 1):
         blocked = scene.blocked(step, points_m, towards)
@@ -69,10 +68,9 @@ def test_light_is_blocked_where_a_ray_to_it_meets_anything(towards):
 
 
 def test_an_actor_high_up_shades_what_is_far_from_it():
-    on_a_bridge = Scene((), (actor([(30.0, 0, 12.0)]),))
     towards = np.array([0.9, 0.0, 0.36]) / np.hypot(0.9, 0.36)
-    ground_m = np.c_[np.linspace(-20, 20, 400), np.zeros(400), np.zeros(400)]
-    blocked = on_a_bridge.blocked(0, ground_m, towards)
+    ground_m = np.linspace((-20, 0, 0), (20, 0, 0), 400)
+    blocked = Scene((), (actor([(30.0, 0, 12.0)]),)).blocked(0, ground_m, towards)
     assert blocked.sum() > 30
     assert -8 < ground_m[blocked, 0].min() < ground_m[blocked, 0].max() < 3
 
@@ -86,14 +84,16 @@ def test_only_what_is_near_the_way_is_kept():
     far = solid(VEGETATION, (2.0, 2.0, 2.0), (70, 0, 1))
     patch = GroundPatch((0, 0), 0.0, 200.0, 10.0, 0.0, "asphalt")
     town = Town("t", lambda x, y: 0 * x, (WALL, far), (patch,), (), (), ())
+    # The road of 200 m is one patch, which is cut; pieces within 30 m stay whole.
     pieces = pieces_of(town)
-    whole, near = static_parts(pieces), static_parts(pieces, np.zeros((1, 2)), 30.0)
-    assert {part.class_id for part in whole} == {BUILDING, GROUND, VEGETATION}
-    assert {part.class_id for part in near} == {BUILDING, GROUND}
-    road = next(part for part in near if part.class_id == GROUND)
-    assert 30 <= np.abs(road.mesh.vertices_m[:, 0]).max() <= 30 + PATCH_M
-    whole_road = next(part for part in whole if part.class_id == GROUND)
-    assert np.abs(whole_road.mesh.vertices_m[:, 0]).max() == pytest.approx(100)
+    whole, near = (
+        {part.class_id: part.mesh for part in parts}
+        for parts in (static_parts(pieces), static_parts(pieces, np.zeros((1, 2)), 30.0))
+    )
+    assert set(whole) == {BUILDING, GROUND, VEGETATION}
+    assert set(near) == {BUILDING, GROUND}
+    assert 30 <= np.abs(near[GROUND].vertices_m[:, 0]).max() <= 30 + PATCH_M
+    assert np.abs(whole[GROUND].vertices_m[:, 0]).max() == pytest.approx(100)
 
 
 @pytest.mark.parametrize("name", ["park", "suburb"])
@@ -108,6 +108,7 @@ def test_paths_lie_on_the_surface_that_actors_are_put_on(name):
         origins_m = np.c_[middle_m, np.full(len(middle_m), 50.0)]
         down = np.tile(DOWN, (len(middle_m), 1)).astype(float)
         height_m = 50 - surface.cast_static(origins_m, down)
+        # Between its corners the ground is flat, so a path may leave it by a little.
         above_m = town.terrain(*middle_m.T) + rise_m - height_m
         assert np.abs(above_m).max() < 0.13
         assert np.quantile(np.abs(above_m), 0.8) < 0.05

@@ -2,15 +2,17 @@
 
 import numpy as np
 import pytest
+import torch
 
+from src.geometry import rotation_from_euler
 from src.ontology import ACTOR_TYPES
+from src.sim.actor import HABITS
 from src.sim.driver import drive
 from src.sim.layout import Town
 from src.sim.pilot import STEP_S
 from src.sim.route import Route, chain
 from src.sim.towns import build_town
 from src.sim.traffic import TrafficConfig, simulate_traffic, size_of
-from src.sim.traveller import HABITS
 from tests.sim.roads import SIZES_M, overlapping, way
 
 
@@ -35,13 +37,12 @@ TOWN = Town("hand-made", terrain, (), (), LANES, WALKS, ())
 UAV_M = np.c_[np.linspace(20, 100, 600), np.zeros(600), np.full(600, 9.0)]
 
 
-def size_by_type(actor_type, seed):
-    return SIZES_M[actor_type]
-
-
+# Sizes are given by type, so that no shape needs to be built.
 def traffic(seed, uav_m=UAV_M, **counts):
     config = TrafficConfig(counts) if counts else TrafficConfig()
-    return simulate_traffic(TOWN, np.random.default_rng(seed), config, uav_m, size_by_type).actors
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("src.sim.traffic.size_of", lambda name, seed: SIZES_M[name])
+        return simulate_traffic(TOWN, np.random.default_rng(seed), config, uav_m)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ def test_actors_stand_on_road_or_pavement_and_start_near_the_flight(busy):
         x_m, y_m, z_m = actor.position_m.T
         rise_m = WALK_RISE_M if np.abs(y_m + 6).max() < 1 else LANE_RISE_M
         assert z_m == pytest.approx(terrain(x_m, y_m) + rise_m)
-        apart_m = np.linalg.norm(actor.position_m[0, :2] - UAV_M[:, :2], axis=1)
+        apart_m = np.hypot(*(actor.position_m[0, :2] - UAV_M[:, :2]).T)
         assert apart_m.min() < TrafficConfig().near_m + 2
 
 
@@ -75,36 +76,44 @@ def test_no_two_actors_ever_overlap():
 
 
 def test_actors_face_where_they_go_and_turn_smoothly():
-    turned = 0
-    for seed in range(3):
-        for actor in traffic(seed):
-            heading_rad = np.unwrap(actor.yaw_rad)
-            turn_radps = np.abs(np.diff(heading_rad)) / STEP_S
-            assert turn_radps.max() < 1.1 * HABITS[actor.type].turn_radps
-            turned += abs(heading_rad[-1] - heading_rad[0]) > 1
-            speed_mps = np.linalg.norm(actor.velocity_mps[:, :2], axis=1)
-            course_rad = np.arctan2(actor.velocity_mps[:, 1], actor.velocity_mps[:, 0])
-            apart = np.angle(np.exp(1j * (course_rad - actor.yaw_rad)))
-            assert np.abs(apart[speed_mps > 0.3]).max() < 0.3
-            assert np.abs(np.diff(speed_mps)).max() / STEP_S < 10
-    assert turned
+    turned_rad = []
+    for actor in (*traffic(0), *traffic(1), *traffic(2)):
+        heading_rad = np.unwrap(actor.yaw_rad)
+        turn_radps = np.abs(np.diff(heading_rad)) / STEP_S
+        assert turn_radps.max() < 1.1 * HABITS[actor.type].turn_radps
+        turned_rad.append(abs(heading_rad[-1] - heading_rad[0]))
+
+        x_mps, y_mps, _ = actor.velocity_mps.T
+        speed_mps = np.hypot(x_mps, y_mps)
+        apart = np.angle(np.exp(1j * (np.arctan2(y_mps, x_mps) - actor.yaw_rad)))
+        assert np.abs(apart[speed_mps > 0.3]).max() < 0.3
+        assert np.abs(np.diff(speed_mps)).max() / STEP_S < 10
+    assert max(turned_rad) > 1
+
+
+def test_actors_stand_upright_on_their_places(busy):
+    for actor in busy[:3]:
+        yaw_rad = torch.from_numpy(actor.yaw_rad)
+        rotation = rotation_from_euler(*torch.zeros(2, len(yaw_rad)), yaw_rad)
+        assert actor.world_from_actor[:, :3, :3] == pytest.approx(rotation.numpy())
+        assert (actor.world_from_actor[:, :3, 3] == actor.position_m).all()
 
 
 def test_what_comes_near_the_uav_is_left_out():
+    # So low and so far aside, it flies along the lane.
     low = np.c_[UAV_M[:, :2] - (0, 2), np.full(600, 2.0)]
-    for seed in range(3):
-        for actor in traffic(seed, uav_m=low):
-            offset_m = np.abs(low[:, :2] - actor.position_m[:, :2])
-            assert np.hypot(*offset_m.T).min() > 2
+    for actor in (actor for seed in range(3) for actor in traffic(seed, uav_m=low)):
+        assert np.hypot(*(low - actor.position_m)[:, :2].T).min() > 2
     cars = [len(traffic(s, uav_m=path, car=12)) for path in (UAV_M, low) for s in range(3)]
     assert sum(cars[3:]) < sum(cars[:3])
 
 
 def test_the_same_seed_moves_the_same(busy):
-    for mine, again in zip(busy, traffic(0)):
-        assert mine.seed == again.seed
-        assert mine.position_m.tobytes() == again.position_m.tobytes()
-    assert any(a.position_m.tobytes() != b.position_m.tobytes() for a, b in zip(busy, traffic(1)))
+    first, again, other = (
+        [(actor.seed, actor.position_m.tobytes()) for actor in actors]
+        for actors in (busy, traffic(0), traffic(1))
+    )
+    assert first == again != other
 
 
 def test_sizes_come_from_the_shapes():
@@ -125,7 +134,7 @@ def test_in_a_real_town_actors_stop_and_turn_and_never_overlap():
     route = Route.through(town.corridors, chain(town.corridors, rng, first, 90), 5.0)
     way_m, _ = route.at(np.linspace(0, 72, 600))
     uav_m = np.c_[way_m, np.full(600, 12.0)]
-    downtown = simulate_traffic(town, rng, TrafficConfig(), uav_m).actors
+    downtown = simulate_traffic(town, rng, TrafficConfig(), uav_m)
 
     assert len(downtown) > 15
     assert not overlapping(footprints(downtown))
@@ -137,6 +146,7 @@ def test_in_a_real_town_actors_stop_and_turn_and_never_overlap():
 
 def test_nobody_reacts_to_what_was_left_out(monkeypatch):
     """Of those that meet the UAV the others know nothing: they drive again without them."""
+    # The number of actors of every attempt.
     driven = []
 
     def recorded(travellers, *args):

@@ -18,14 +18,16 @@ def ornstein_uhlenbeck(
     sigma: float,
     mean: float = 0.0,
 ) -> Float[np.ndarray, "steps"]:
-    """One path of the paper's ``d eta = kappa (mu - eta) dt + sigma dW``, from its steady state.
+    """Draws one path of the paper's ``d eta = kappa (mu - eta) dt + sigma dW``.
 
-    The discretisation is exact at any step: the standard deviation is sigma / sqrt(2 kappa).
+    It begins in the steady state. The discretization is exact at any step: the standard deviation
+    is sigma / sqrt(2 kappa).
     """
     keep = np.exp(-kappa_per_s * step_s)
-    steady_std = sigma / np.sqrt(2 * kappa_per_s)
-    noise = rng.standard_normal(steps) * steady_std
+    noise = rng.standard_normal(steps) * (sigma / np.sqrt(2 * kappa_per_s))
+    # Each step forgets a part of the past and draws as much anew, so that the variance stays.
     noise[1:] *= np.sqrt(1 - keep**2)
+
     path = np.empty(steps)
     state = 0.0
     for k in range(steps):
@@ -34,18 +36,20 @@ def ornstein_uhlenbeck(
     return mean + path
 
 
-def manoeuvre_tilt(
+def manoeuvre_attitude(
     velocity_mps: Float[np.ndarray, "t 3"],
     acceleration_mps2: Float[np.ndarray, "t 3"],
     yaw_rad: Float[np.ndarray, "t"],
     drag_per_s: float,
 ) -> tuple[Float[np.ndarray, "t"], Float[np.ndarray, "t"]]:
-    """Roll and pitch that point the thrust where the motion needs it.
+    """Returns the roll and pitch that point the thrust where the motion needs it.
 
     A multirotor pushes along its body z only, so that axis must lie along acceleration plus drag
     plus gravity: nose down to go forward, the inner side down in a turn.
     """
     thrust = acceleration_mps2 + drag_per_s * velocity_mps + np.array([0, 0, GRAVITY_MPS2])
+
+    # Seen from a frame that shares the UAV's yaw, pitch comes first and roll after it.
     cos_yaw, sin_yaw = np.cos(yaw_rad), np.sin(yaw_rad)
     forward = cos_yaw * thrust[:, 0] + sin_yaw * thrust[:, 1]
     left = -sin_yaw * thrust[:, 0] + cos_yaw * thrust[:, 1]
@@ -56,23 +60,23 @@ def manoeuvre_tilt(
 def soft_limit(
     angle_rad: Float[np.ndarray, "t"], limit_rad: float, knee: float = 2 / 3
 ) -> Float[np.ndarray, "t"]:
-    """Angles kept below a limit: unchanged up to a knee, then bent towards it smoothly."""
+    """Keeps angles below a limit: unchanged up to a knee, then bent towards it smoothly."""
     free_rad = knee * limit_rad
     room_rad = limit_rad - free_rad
     excess_rad = np.maximum(np.abs(angle_rad) - free_rad, 0)
-    bent = free_rad + room_rad * np.tanh(excess_rad / room_rad)
-    return np.where(excess_rad > 0, np.sign(angle_rad) * bent, angle_rad)
+    bent_rad = free_rad + room_rad * np.tanh(excess_rad / room_rad)
+    return np.where(excess_rad > 0, np.sign(angle_rad) * bent_rad, angle_rad)
 
 
 def body_rates(quat_xyzw: Float[np.ndarray, "t+1 4"], step_s: float) -> Float[np.ndarray, "t 3"]:
-    """Angular velocity in body axes that carries each attitude exactly into the next."""
+    """Returns the angular velocity in body axes that carries each attitude into the next."""
+    # The product of the earlier quaternion's conjugate and the later one is the turn between them.
     before, after = quat_xyzw[:-1], quat_xyzw[1:]
-    vector = (
-        before[:, 3:] * after[:, :3]
-        - after[:, 3:] * before[:, :3]
-        - np.cross(before[:, :3], after[:, :3])
-    )
+    vector = before[:, 3:] * after[:, :3] - after[:, 3:] * before[:, :3]
+    vector = vector - np.cross(before[:, :3], after[:, :3])
     scalar = (before * after).sum(axis=1, keepdims=True)
+
+    # A turn by zero has no axis: there the angle is twice the sine, and nothing is divided by 0.
     sine = np.linalg.norm(vector, axis=1, keepdims=True)
     angle_rad = 2 * np.arctan2(sine, scalar)
     return vector * np.where(sine > 1e-12, angle_rad / np.maximum(sine, 1e-12), 2.0) / step_s

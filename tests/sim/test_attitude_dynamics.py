@@ -1,17 +1,12 @@
-"""What tilts the UAV."""
+"""The roll and pitch that motion and gusts give the UAV."""
 
 import numpy as np
 import pytest
 import torch
 
 from src.geometry import quat_from_euler, rotation_from_euler
-from src.sim.attitude import (
-    GRAVITY_MPS2,
-    body_rates,
-    manoeuvre_tilt,
-    ornstein_uhlenbeck,
-    soft_limit,
-)
+from src.sim import attitude_dynamics
+from src.sim.attitude_dynamics import GRAVITY_MPS2, ornstein_uhlenbeck, soft_limit
 
 
 @pytest.mark.parametrize("step_s", [0.02, 0.5])
@@ -35,7 +30,9 @@ def test_the_thrust_axis_carries_the_acceleration(yaw):
     rng = np.random.default_rng(0)
     velocity_mps, acceleration_mps2 = rng.normal(0, 4, (2, 100, 3))
     yaw_rad = np.full(100, yaw)
-    roll_rad, pitch_rad = manoeuvre_tilt(velocity_mps, acceleration_mps2, yaw_rad, 0.2)
+    roll_rad, pitch_rad = attitude_dynamics.manoeuvre_attitude(
+        velocity_mps, acceleration_mps2, yaw_rad, 0.2
+    )
     angles_rad = torch.from_numpy(np.array([roll_rad, pitch_rad, yaw_rad]))
     up_body = rotation_from_euler(*angles_rad)[:, :, 2].numpy()
     thrust = acceleration_mps2 + 0.2 * velocity_mps + (0, 0, GRAVITY_MPS2)
@@ -47,6 +44,7 @@ def test_the_limit_is_soft():
     limited = soft_limit(angles_rad, 0.5)
     assert np.abs(limited).max() <= 0.5
     assert (np.diff(limited) >= 0).all()
+    # Below the knee, at two thirds of the limit, nothing changes.
     small = np.abs(angles_rad) < 0.3
     assert limited[small] == pytest.approx(angles_rad[small])
 
@@ -55,7 +53,8 @@ def test_integrating_the_body_rates_gives_the_attitudes_back():
     rng = np.random.default_rng(2)
     angles = torch.from_numpy(np.cumsum(rng.normal(0, 0.01, (3, 60)), axis=1))
     quat_xyzw = quat_from_euler(*angles).numpy()
-    rates = body_rates(quat_xyzw, 0.02)
+    rates = attitude_dynamics.body_rates(quat_xyzw, 0.02)
+    # The rates act on the body's own axes, one after the other from the right.
     rotation = rotation_from_euler(*angles[:, 0])
     for rate in torch.from_numpy(rates) * 0.02:
         x, y, z = rate
