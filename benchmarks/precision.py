@@ -20,7 +20,6 @@ from rich.table import Table
 
 from benchmarks.timing import milliseconds
 from src.failures import quiet_libraries, told_in_one_line
-from src.models.losses import OccupancyLoss
 from src.ontology import NUM_CLASSES
 from src.provenance import machine
 from src.tasks.dataset import data_of, finished_dataset
@@ -38,7 +37,7 @@ def measure(overrides: list[str]) -> tuple[dict[str, list[float]], str]:
     data = data_of(cfg, finished_dataset(cfg))
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     network = instantiate(cfg.model).to(device)
-    loss = OccupancyLoss(torch.ones(NUM_CLASSES), lovasz_weight=1.0).to(device)
+    loss = instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES).to(device)
     batch = on_device(next(iter(data.train_dataloader())), device)
 
     def step(precision: Precision) -> None:

@@ -25,7 +25,6 @@ from rich.table import Table
 from torch import Tensor
 
 from src.failures import quiet_libraries, told_in_one_line
-from src.models.losses import OccupancyLoss
 from src.models.memory import PillarMemory
 from src.models.network import Frame, SkyOcc
 from src.ontology import NUM_CLASSES
@@ -54,7 +53,7 @@ class Step:
 
     def __init__(self, cfg: DictConfig, device: torch.device) -> None:
         self.network: SkyOcc = instantiate(cfg.model).to(device)
-        self.loss = OccupancyLoss(torch.ones(NUM_CLASSES), lovasz_weight=1.0).to(device)
+        self.loss = instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES).to(device)
         self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=1e-4)
         self.memory = (
             PillarMemory(self.network.past_frames) if cfg.data.order == "streams" else None

@@ -25,6 +25,7 @@ from src.models import (
     SkyOcc,
 )
 from src.models.ground import GroundVolume
+from src.models.losses import OccupancyLoss, cross_entropy, lovasz
 from src.models.references import References, padded_index
 from src.ontology import UNKNOWN
 
@@ -67,6 +68,15 @@ def build_network(
         ground=ground,
         **network,
     )
+
+
+def build_loss(class_weights=None, lovasz_weight=1.0):
+    """The paper's loss, Eq. 10."""
+    terms = {
+        "cross_entropy": functools.partial(cross_entropy, class_weights=class_weights),
+        "lovasz": functools.partial(lovasz, weight=lovasz_weight),
+    }
+    return OccupancyLoss(terms)
 
 
 def build_references(pix, valid, room=None):

@@ -9,7 +9,6 @@ from src.geometry import VoxelGrid, front_mount
 from src.models import (
     DeformableCrossAttention,
     History,
-    OccupancyLoss,
     PillarDecoder,
     PillarEncoder,
     ResNet,
@@ -17,7 +16,15 @@ from src.models import (
 )
 from src.models.backbone import STRIDES
 from src.models.metadata import Metadata
-from tests.models.synthetic import GRID, IMAGE_SIZE, LIFTS, VOLUME, build_batch, build_network
+from tests.models.synthetic import (
+    GRID,
+    IMAGE_SIZE,
+    LIFTS,
+    VOLUME,
+    build_batch,
+    build_loss,
+    build_network,
+)
 
 
 def clone(batch):
@@ -105,7 +112,7 @@ def test_checkpointing_changes_no_number(batch, history_grad, lift):
     for checkpointing in (False, True):
         settings = {"history_grad": history_grad, "checkpointing": checkpointing}
         network = build_network(lift=lift, **settings)
-        OccupancyLoss(lovasz_weight=1.0)(network(batch), batch["semantics"])["total"].backward()
+        build_loss()(network(batch), batch["semantics"])["total"].backward()
         gradients = {name: p.grad for name, p in network.named_parameters() if p.grad is not None}
         found.append({**gradients, **dict(network.named_buffers())})
     assert found[0].keys() == found[1].keys()
@@ -158,7 +165,7 @@ def test_a_camera_that_sees_no_pillar_gives_finite_output_and_gradients(batch, l
     backwards[:2] *= -1
     batch["body_from_camera"] = backwards.expand(2, 4, 4)
     logits = network(batch)
-    OccupancyLoss(lovasz_weight=1.0)(logits, batch["semantics"])["total"].backward()
+    build_loss()(logits, batch["semantics"])["total"].backward()
     assert logits.isfinite().all()
     assert all(p.grad is None or p.grad.isfinite().all() for p in network.parameters())
 
@@ -168,7 +175,7 @@ def test_a_camera_that_sees_no_pillar_gives_finite_output_and_gradients(batch, l
 )
 def test_a_training_step_of_the_smallest_batch_is_finite(network, batch_size, image_size):
     batch = build_batch(batch_size, image_size=image_size)
-    loss = OccupancyLoss(lovasz_weight=1.0)(network(batch), batch["semantics"])["total"]
+    loss = build_loss()(network(batch), batch["semantics"])["total"]
     loss.backward()
     assert loss.isfinite()
     assert all(p.grad is None or p.grad.isfinite().all() for p in network.parameters())
@@ -189,14 +196,14 @@ def test_every_parameter_learns(batch, lift):
     for layer in (*network.encoder.frame_layers, network.encoder.last_layer):
         if lift == "deformable":
             torch.nn.init.normal_(layer.lift.sampling.weight, std=0.1)
-    OccupancyLoss(lovasz_weight=1.0)(network(batch), batch["semantics"])["total"].backward()
+    build_loss()(network(batch), batch["semantics"])["total"].backward()
     still = [name for name, p in network.named_parameters() if p.grad is None or not p.grad.any()]
     assert still == []
 
 
 @pytest.mark.parametrize("lift", LIFTS)
 def test_a_step_makes_the_loss_of_its_batch_smaller(batch, lift):
-    network, loss = build_network(lift=lift), OccupancyLoss(lovasz_weight=1.0)
+    network, loss = build_network(lift=lift), build_loss()
     optimiser = torch.optim.AdamW(network.parameters(), 1e-3)
     losses = []
     for _ in range(2):
@@ -332,7 +339,7 @@ def test_bfloat16_autocast_trains(batch, lift):
     network = build_network(lift=lift)
     with torch.autocast("cpu", dtype=torch.bfloat16):
         logits = network(batch)
-        total = OccupancyLoss(torch.ones(9), 1.0)(logits, batch["semantics"])["total"]
+        total = build_loss(torch.ones(9))(logits, batch["semantics"])["total"]
     total.backward()
     assert all(p.grad.isfinite().all() for p in network.parameters() if p.grad is not None)
 
@@ -361,7 +368,7 @@ def test_the_last_bias_is_the_log_prior():
 @pytest.mark.slow
 def test_it_fits_one_batch(batch):
     network = build_network()
-    loss = OccupancyLoss(lovasz_weight=1.0)
+    loss = build_loss()
     optimiser = torch.optim.AdamW(network.parameters(), 3e-3)
     losses = []
     for _ in range(60):
