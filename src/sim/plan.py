@@ -11,7 +11,7 @@ from ..errors import UserError
 from ..geometry import VoxelGrid
 from .clip_maker import ClipMaker, ClipPlan
 from .renderer import RENDERERS
-from .towns import TOWNS
+from .towns import builder_of
 from .weather import WEATHERS
 
 AT_LEAST = {"seed": 0, "clips_per_town": 1, "lidar_rays": 1, "camera_stride": 1, "range_m": 1}
@@ -31,10 +31,14 @@ def plan_clips(sim: Mapping) -> list[ClipPlan]:
 
 def check_settings(sim: Mapping) -> None:
     """Refuses settings that cannot be generated, before any work starts."""
-    for key, known in (("towns", TOWNS), ("weathers", WEATHERS)):
+    for key, known in (("weathers", WEATHERS),):
         unknown = [name for name in sim[key] if name not in known]
         if unknown or not sim[key]:
             raise UserError(f"sim.{key}: {unknown or 'empty'}; there are {', '.join(known)}")
+    if not sim["towns"]:
+        raise UserError("sim.towns: empty; name one town or more")
+    for name in sim["towns"]:
+        builder_of(name)
     if len(set(sim["towns"])) < len(sim["towns"]):
         raise UserError("sim.towns: a town is named twice; name each once")
     for key, least in AT_LEAST.items():

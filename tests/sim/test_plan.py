@@ -6,7 +6,7 @@ import pytest
 from src.errors import UserError
 from src.sim.generate import generate
 from src.sim.plan import plan_clips
-from src.sim.towns import TOWNS
+from src.sim.towns import town_names
 from src.sim.weather import WEATHERS
 
 
@@ -49,7 +49,7 @@ def test_settings_that_cannot_be_made_are_refused_before_any_work(
 
 
 def test_the_paper_s_plan_has_every_weather_in_every_town_and_twelve_clips_of_each(mini_sim):
-    mini_sim |= {"towns": list(TOWNS), "clips_per_town": 15, "weathers": list(WEATHERS)}
+    mini_sim |= {"towns": town_names(), "clips_per_town": 15, "weathers": list(WEATHERS)}
     plans = plan_clips(mini_sim)
     assert len({plan.clip_id for plan in plans}) == 120
     matrix = pd.crosstab([plan.town for plan in plans], [plan.weather for plan in plans])

@@ -20,11 +20,11 @@ from src.ontology import (
 from src.sim.assets import ACTORS, bounds_m
 from src.sim.layout import Path, Town
 from src.sim.textures import PALETTE, TEXTURES
-from src.sim.towns import TOWNS, build_town
+from src.sim.towns import build_town, town_names
 from src.sim.towns.parking import BAY_RISE_M
 from src.sim.towns.polyline import arc_m, parallel, point_at
 
-ALL = [(n, 0) for n in TOWNS] + [pytest.param((n, 1), marks=pytest.mark.slow) for n in TOWNS]
+ALL = [(n, 0) for n in town_names()] + [pytest.param((n, 1), marks=pytest.mark.slow) for n in town_names()]
 
 
 @cache
@@ -101,7 +101,7 @@ def test_vehicles_are_parked_in_every_town(town):
 
 
 @pytest.mark.parametrize(
-    "name", [n if n == "park" else pytest.param(n, marks=pytest.mark.slow) for n in TOWNS]
+    "name", [n if n == "park" else pytest.param(n, marks=pytest.mark.slow) for n in town_names()]
 )
 def test_the_seed_decides(name):
     def fingerprint(town: Town) -> tuple:
