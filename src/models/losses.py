@@ -94,9 +94,7 @@ class Term(nn.Module):
             else:
                 self.settings[setting] = value
 
-    def forward(
-        self, scores: Float[Tensor, "c v"], labels: Int[Tensor, "v"]
-    ) -> Float[Tensor, ""]:
+    def forward(self, scores: Float[Tensor, "c v"], labels: Int[Tensor, "v"]) -> Float[Tensor, ""]:
         """Returns the term's value. Raises `UserError` for a function that gives no single one."""
         value = self.function(scores, labels, **self.settings, **dict(self.named_buffers()))
         if value.ndim:

@@ -28,7 +28,7 @@ from .scene import Body, Piece, Scene, parts_of, pieces_of, static_parts
 from .sensors import Scan, scan
 from .towns import build_town
 from .traffic import Traffic, TrafficConfig, simulate_traffic
-from .weather import weather_named
+from .weather import Weather
 from .world import Rendering, World
 
 DRAWN_RADIUS_M = 90.0
@@ -254,7 +254,7 @@ class ClipMaker:
         on_image: OnImage,
     ) -> Iterator[View]:
         """Renders every frame, hands its image over, and yields what the camera measured."""
-        weather = weather_named(plan.weather)
+        weather = Weather.of(self.sim, plan.weather)
         with World(scene, self.pix_from_camera, *self.size, self.sim["renderer"]) as world:
             for frame, pose in enumerate(world_from_body):
                 world_from_camera = pose @ self.body_from_camera

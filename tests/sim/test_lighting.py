@@ -9,7 +9,6 @@ import pytest
 from src.ontology import BUILDING
 from src.sim.lighting import cast_shadows, illuminate, surface_normals
 from src.sim.scene import Scene, parts_of
-from src.sim.weather import WEATHERS
 from tests.sim.scenery import (
     HEIGHT,
     WIDTH,
@@ -22,6 +21,7 @@ from tests.sim.scenery import (
     view_of,
     world_of,
 )
+from tests.sim.weathers import WEATHERS
 
 CLEAR = replace(WEATHERS["clear"], ambient=0.3)
 NO_SHADOW = replace(CLEAR, shadow=False)

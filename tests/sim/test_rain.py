@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from src.sim.rain import LENGTH, STREAK_COLOR, draw_rain
-from src.sim.weather import WEATHERS
+from tests.sim.weathers import WEATHERS
 
 HEIGHT, WIDTH = 64, 96
 RAIN = replace(WEATHERS["rain"], rain=4.0, exposure=(1.0, 1.0, 1.0))
