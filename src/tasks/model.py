@@ -69,4 +69,4 @@ def require_buildable(cfg: DictConfig) -> None:
     with torch.random.fork_rng(devices=[]):
         instantiate(cfg.model)
     grid = VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True))
-    ScoreSuite(grid, [], *score_settings(cfg))
+    ScoreSuite(grid, [], score_settings(cfg)[1])
