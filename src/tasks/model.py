@@ -68,4 +68,4 @@ def require_buildable(cfg: DictConfig) -> None:
         instantiate(cfg.model)
         instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES)
     grid = VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True))
-    ScoreSuite(grid, [], *score_settings(cfg))
+    ScoreSuite(grid, [], score_settings(cfg)[1])
