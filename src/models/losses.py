@@ -13,12 +13,13 @@ from typing import Any
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from ..errors import UserError
 from ..failures import closest
 from ..ontology import CAR, LARGE_VEHICLE, NUM_CLASSES, THIN_STRUCTURE, UNKNOWN, VRU
+from .tensors import Labels, Logits, Scalar, VoxelLabels, VoxelScores
 
 # What a UAV must not hit and what must not be hit (App. A.5).
 SAFETY_CRITICAL = (THIN_STRUCTURE, LARGE_VEHICLE, CAR, VRU)
@@ -57,11 +58,9 @@ class OccupancyLoss(nn.Module):
         """The class weights of the first term that has any."""
         return next((t.class_weights for t in self.terms if hasattr(t, "class_weights")), None)
 
-    def forward(
-        self, logits: Float[Tensor, "b c *space"], target: UInt8[Tensor, "b *space"]
-    ) -> dict[str, Float[Tensor, ""]]:
+    def forward(self, logits: Logits, target: Labels) -> dict[str, Scalar]:
         """Returns the value of every term by its name, and their weighted sum as ``total``."""
-        # The gathering costs as much as a term, so that all terms share it.
+        # Gathered once, for all terms.
         scores, labels = supervised(logits, target, self.ignore_index)
         values = {term.name: term(scores, labels) for term in self.terms}
 
@@ -79,9 +78,11 @@ class Term(nn.Module):
         self.name, key = name, f"loss.terms.{name}"
         if name == "total" or not callable(function):
             raise UserError(f"{key}: is no term; give another name, a _target_ and _partial_: true")
-        settings = dict(getattr(function, "keywords", {}))
+
+        # A bare function becomes a partial without settings.
+        term = partial(function)
+        self.function, settings = term.func, dict(term.keywords)
         self.weight = _weight(f"{key}.weight", settings.pop("weight", 1.0))
-        self.function = getattr(function, "func", function)
         _require_taken(key, self.function, settings)
 
         self.settings = {}
@@ -94,7 +95,7 @@ class Term(nn.Module):
             else:
                 self.settings[setting] = value
 
-    def forward(self, scores: Float[Tensor, "c v"], labels: Int[Tensor, "v"]) -> Float[Tensor, ""]:
+    def forward(self, scores: VoxelScores, labels: VoxelLabels) -> Scalar:
         """Returns the term's value. Raises `UserError` for a function that gives no single one."""
         value = self.function(scores, labels, **self.settings, **dict(self.named_buffers()))
         if value.ndim:
@@ -124,7 +125,7 @@ def _require_taken(key: str, function: Callable, settings: Mapping[str, Any]) ->
 
 
 def _of_counts(key: str, rule: Callable, class_counts: Sequence[float] | None) -> Any:
-    """What a setting becomes once the training set is known."""
+    """Returns what a setting becomes once the training set is known."""
     if class_counts is None:
         raise UserError(f"{key}: is computed from the training set's class counts; give them")
     try:
@@ -134,8 +135,8 @@ def _of_counts(key: str, rule: Callable, class_counts: Sequence[float] | None) -
 
 
 def supervised(
-    logits: Float[Tensor, "b c *space"], target: UInt8[Tensor, "b *space"], ignore_index: int
-) -> tuple[Float[Tensor, "c v"], Int[Tensor, "v"]]:
+    logits: Logits, target: Labels, ignore_index: int
+) -> tuple[VoxelScores, VoxelLabels]:
     """Returns logits and labels (int64) of the voxels that count, over the whole batch."""
     target = target.flatten()
     voxels = (target != ignore_index).nonzero()[:, 0]
@@ -163,21 +164,14 @@ class _Chosen(torch.autograd.Function):
 
 
 def weighted_cross_entropy(
-    logits: Float[Tensor, "b c *space"],
-    target: UInt8[Tensor, "b *space"],
-    weight: Float[Tensor, "c"] | None,
-    ignore_index: int = UNKNOWN,
-) -> Float[Tensor, ""]:
+    logits: Logits, target: Labels, weight: Float[Tensor, "c"] | None, ignore_index: int = UNKNOWN
+) -> Scalar:
     """Returns `cross_entropy` of the voxels of a batch that are not ``ignore_index``."""
     scores, labels = supervised(logits, target, ignore_index)
     return cross_entropy(scores, labels, weight)
 
 
-def lovasz_softmax(
-    logits: Float[Tensor, "b c *space"],
-    target: UInt8[Tensor, "b *space"],
-    ignore_index: int = UNKNOWN,
-) -> Float[Tensor, ""]:
+def lovasz_softmax(logits: Logits, target: Labels, ignore_index: int = UNKNOWN) -> Scalar:
     """Returns `lovasz` of the voxels of a batch that are not ``ignore_index``.
 
     All voxels of the batch are pooled: the loss is not a mean over frames.
@@ -187,10 +181,8 @@ def lovasz_softmax(
 
 
 def cross_entropy(
-    scores: Float[Tensor, "c v"],
-    labels: Int[Tensor, "v"],
-    class_weights: Float[Tensor, "c"] | None = None,
-) -> Float[Tensor, ""]:
+    scores: VoxelScores, labels: VoxelLabels, class_weights: Float[Tensor, "c"] | None = None
+) -> Scalar:
     """First term of Eq. 10: ``1/|Omega| sum_i class_weights[y_i] CE_i`` over the voxels Omega.
 
     ``None`` weighs every class with 1. Without a voxel the loss is 0, with a graph.
@@ -200,7 +192,7 @@ def cross_entropy(
     return total / max(len(labels), 1)
 
 
-def lovasz(scores: Float[Tensor, "c v"], labels: Int[Tensor, "v"]) -> Float[Tensor, ""]:
+def lovasz(scores: VoxelScores, labels: VoxelLabels) -> Scalar:
     """Second term of Eq. 10: exact Lovász-Softmax (Berman et al. 2018).
 
     The mean over the classes that are present, free space included. Without a voxel the loss is 0,
@@ -217,7 +209,7 @@ class _LovaszExtension(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(ctx, probability: Float[Tensor, "c v"], labels: Int[Tensor, "v"]):
+    def forward(ctx, probability: VoxelScores, labels: VoxelLabels):
         counts = labels.bincount(minlength=len(probability)).tolist()
         share = 1 / max(sum(count > 0 for count in counts), 1)
 
@@ -237,7 +229,7 @@ class _LovaszExtension(torch.autograd.Function):
         return total
 
     @staticmethod
-    def backward(ctx, grad: Float[Tensor, ""]):
+    def backward(ctx, grad: Scalar):
         (gradient,) = ctx.saved_tensors
         return grad * gradient, None
 

@@ -37,39 +37,29 @@ def test_logits_have_the_grid_and_are_float32(network, batch):
     assert logits.dtype == torch.float32
 
 
-def encoded(network, batch, at):
-    return network.encode(
-        batch["image"][:, at],
-        batch["pix_from_camera"][:, at],
-        batch["body_from_camera"],
-        batch["occ_from_body"][:, at],
-        batch["height_m"] + batch["occ_from_past_occ"][:, at, 2, 3],
-    )
-
-
 @pytest.mark.parametrize("volume", [None, VOLUME], ids=["occ", "ground"])
 @pytest.mark.parametrize("lift", LIFTS)
 def test_the_stream_equals_the_batch_path_exactly(batch, lift, volume):
     """Pillars cached one frame at a time, then the current frame, against the whole queue."""
     network = build_network(lift=lift, volume=volume).eval()
-    cached = [encoded(network, batch, at).pillars for at in range(3)]
+    cached = [network.encode(batch, at).pillars for at in range(3)]
     history = History(
         torch.stack(cached, 1), batch["occ_from_past_occ"][:, :-1], batch["history_valid"][:, :-1]
     )
     streamed, left_behind = network.step(batch, history)
     assert streamed.equal(network(batch))
-    assert left_behind.equal(encoded(network, batch, -1).pillars)
+    assert left_behind.equal(network.encode(batch, -1).pillars)
 
 
 def test_the_recursive_history_equals_steps_one_after_the_other(batch):
     network = build_network(history="recursive").eval()
-    frame = encoded(network, batch, 0)
+    frame = network.encode(batch, 0)
     state = network.fuse(frame, None)
     for at in (1, 2, 3):
         occ_from_last, occ_from_this = batch["occ_from_past_occ"][:, at - 1 : at + 1].unbind(1)
         motion = torch.linalg.inv(occ_from_this) @ occ_from_last
         history = History(state[:, None], motion[:, None], torch.ones(2, 1, dtype=torch.bool))
-        frame = encoded(network, batch, at)
+        frame = network.encode(batch, at)
         state = network.fuse(frame, history)
     expected = network.decode(state, batch)
     torch.testing.assert_close(network(batch), expected, atol=1e-4, rtol=1e-4)
@@ -216,7 +206,7 @@ def test_a_step_makes_the_loss_of_its_batch_smaller(batch, lift):
 
 def test_levels_that_no_lift_reads_are_not_computed(batch):
     network = build_network(lift="lss")
-    features = encoded(network, batch, -1).features
+    features = network.encode(batch, -1).features
     assert [feature is not None for feature in features] == [False, False, True, False]
     names = {name.rpartition(".")[0] for name in network.neck.state_dict()}
     assert names == {"lateral.2", "lateral.3", "output.2"}
