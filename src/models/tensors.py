@@ -9,8 +9,9 @@ from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
 Image = UInt8[Tensor, "b 3 h w"]
-# The levels of the feature pyramid at the backbone's strides, finest first.
-Features = Sequence[Float[Tensor, "b dim _ _"]]
+# The levels of the feature pyramid at the backbone's strides, finest first; None for a level that
+# no lift reads.
+Features = Sequence[Float[Tensor, "b dim _ _"] | None]
 Pillars = Float[Tensor, "b p dim"]
 # Pillars that ask for evidence: one set for all frames of a batch, or one each.
 Queries = Float[Tensor, "#b p dim"]
