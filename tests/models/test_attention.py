@@ -180,11 +180,13 @@ def test_padding_changes_nothing(build, room):
         references.pix.where(references.valid[..., None], torch.nan), references.valid, room
     )
     assert len(padded.in_view) == 2 * room
-    inputs = [*(feature.requires_grad_() for feature in features), *module.parameters()]
+    inputs = [each.requires_grad_() for each in (query, *features)] + list(module.parameters())
     gradients = []
     for some in (references, padded):
         update = module(query, features, some)
-        gradients.append([update, *torch.autograd.grad(update.square().sum(), inputs)])
+        # Without a query, as in the bilinear lift, its gradient is zero.
+        of_inputs = torch.autograd.grad(update.square().sum(), inputs, materialize_grads=True)
+        gradients.append([update, *of_inputs])
 
     # Inside, places and weights are float32: a gradient is a sum over all that is sampled, whose
     # order depends on how many places there are.

@@ -33,7 +33,7 @@ def test_it_equals_the_loops_in_value_and_gradients():
 
 
 def test_it_is_the_deformable_lift_that_has_learned_nothing():
-    """Whose one point is at the reference, and whose weights are uniform."""
+    """Its one point is at the reference, and its weights are uniform."""
     query, features, references = random_input()
     lift, other = (
         random_bilinear(),

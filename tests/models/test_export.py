@@ -89,7 +89,7 @@ def test_other_lifts_export_too(tmp_path, clips, lift):
 def test_an_image_of_another_size_is_refused(both, clips, name):
     frame = frame_of(clips, "town/a", 0)
     stream = SkyOccStream(ExportedStep(both[1], name), HISTORY_STEP_S)
-    with pytest.raises(UserError, match="image: 64x64, .* 96x64"):
+    with pytest.raises(UserError, match=r"image: 64x64, .* 96x64"):
         stream(frame._replace(image=frame.image[:, :, :64]))
 
 
