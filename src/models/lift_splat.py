@@ -25,7 +25,7 @@ class LiftSplat(nn.Module):
     This is the method of Philion and Fidler 2020, Sec. 3.
 
     Lift: of each pixel of one level, a context vector and a softmax over depth bins. Splat: the
-    point at each bin's centre falls into a pillar and one of ``num_heights`` equal slices of
+    point at each bin's center falls into a pillar and one of ``num_heights`` equal slices of
     ``grid``, where the context is added with the bin's probability; each slice has an output
     projection. Points outside the grid count for nothing, and a pillar that none falls into gets
     exactly zero. A ray's points are as far apart as the bins, and the rays as the pixels: pillars

@@ -26,7 +26,7 @@ def summed_samples(
     """``sum over points and levels of weight * level(x, y)`` at R places, head by head.
 
     ``levels`` are channels-last maps, whose channels are split among the heads. ``x`` and ``y`` are
-    pixels of the level, with integers at pixel centres; outside a level is zero. ``frame`` is whose
+    pixels of the level, with integers at pixel centers; outside a level is zero. ``frame`` is whose
     map of the B a place is in; where a graph is exported, the places of each frame must be equally
     many and stand together.
     """

@@ -1,4 +1,4 @@
-"""Light and weather as plain data: what the renderer is told, and what `air` paints over it.
+"""Light and weather as plain data: what the renderer gets, and what `air` paints over it.
 
 A weather is a file of ``conf/sim/weather/``. Its values reach the generator with ``sim.weather``.
 """
@@ -101,7 +101,7 @@ class Weather:
     def light(self) -> dict[str, object]:
         """Returns the light as keyword arguments of pybullet's ``getCameraImage``, all of them.
 
-        The renderer remembers what it was last told, so a frame must say everything.
+        The renderer remembers the last frame's settings, so a frame must give all of them.
         """
         return {
             "lightDirection": list(self.towards),

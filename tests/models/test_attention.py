@@ -47,7 +47,7 @@ def random_input(seed=0, batch=2, pillars=5):
 
 
 def bilinear(feature, x, y):
-    """Value at (x, y), integers at pixel centres, zeros outside: four corners, one by one."""
+    """Value at (x, y), integers at pixel centers, zeros outside: four corners, one by one."""
     total = torch.zeros(feature.shape[0], dtype=feature.dtype)
     left, top = math.floor(x.detach()), math.floor(y.detach())
     for column in (left, left + 1):

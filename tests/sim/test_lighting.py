@@ -99,7 +99,7 @@ def test_what_is_turned_away_from_the_light_is_not_darkened_twice():
     assert (shaded[(view.class_id != BUILDING) & np.isfinite(view.depth_m)] < 200).any()
 
 
-def test_bare_colours_are_lit_by_the_slope_of_their_face_and_its_shadows():
+def test_bare_colors_are_lit_by_the_slope_of_their_face_and_its_shadows():
     lit, view, places_m = relit(illuminate, UNDER_SLAB, CLEAR)
     unshaded, _, _ = relit(illuminate, UNDER_SLAB, NO_SHADOW)
     on_ground = (np.abs(places_m[..., 2]) < 0.02) & np.isfinite(view.depth_m)

@@ -1,4 +1,4 @@
-"""What colour the sky has in a direction."""
+"""The color of the sky in a direction."""
 
 from dataclasses import replace
 
