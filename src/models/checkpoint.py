@@ -87,6 +87,7 @@ class Checkpoint:
 
         Raises `UserError` where a class that the configuration names is gone or has changed.
         """
+        # Without the files that the training began with: what became of them is in this one.
         model = self.origin.config["model"]
         model = {**model, "backbone": {**model["backbone"], **self.origin.backbone}}
 

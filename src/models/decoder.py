@@ -53,6 +53,7 @@ class PillarDecoder(nn.Module):
 
         nn.init.zeros_(self.head[-1].bias)
         if class_prior is not None:
+            # Most voxels are free: from equal logits, training would have to learn that first.
             prior = torch.tensor(class_prior, dtype=torch.float32)
             log_prior = (prior / prior.sum()).clamp(min=1e-6).log()
             self.head[-1].bias.data.copy_(log_prior.repeat_interleave(grid.shape[2]))

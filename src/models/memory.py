@@ -40,5 +40,6 @@ class PillarMemory:
         if n == 0:
             return None
 
+        # The batch's last frame is the current one; the n before it are those that are kept.
         pillars = torch.stack(list(self.steps), dim=1)
         return History(pillars, motion[:, -n - 1 : -1], valid[:, -n - 1 : -1])

@@ -58,6 +58,7 @@ class OccupancyModule(LightningModule):
 
     def training_step(self, batch: Mapping[str, Tensor], batch_index: int) -> Tensor:
         parts = self.loss(self.training_logits(batch), batch["semantics"])
+        # Here, and not after the step: no weight is touched by a loss that is not finite.
         self._require_finite(parts, batch)
         self.log_dict({f"train/{name}": value.detach() for name, value in parts.items()})
         self.log("train/loss", parts["total"].detach(), prog_bar=True, logger=False)

@@ -83,6 +83,7 @@ def _download(url: str) -> Path:
 
 
 def _verify(path: Path, sha256: str | None) -> None:
+    # torchvision's convention: a file's name ends in the first digits of its hash.
     in_name = re.search(r"-([0-9a-f]{8,64})\.pth$", path.name)
     expected = sha256 or (in_name and in_name[1])
     actual = hashlib.sha256(path.read_bytes()).hexdigest()
