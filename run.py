@@ -18,6 +18,7 @@ from omegaconf import DictConfig
 
 from src.failures import quiet_libraries, told_in_one_line
 from src.settings import require_sound
+from src.weather_files import add_named_weathers
 
 # Hydra would print its own errors over many lines and swallow the rest.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
@@ -30,6 +31,7 @@ def run(cfg: DictConfig) -> None:
     with told_in_one_line():
         overrides = HydraConfig.get().overrides
         require_sound(cfg, overrides.task, overrides.hydra)
+        add_named_weathers(cfg, overrides.hydra)
         from src.tasks.trained import adopted  # only now: Lightning takes seconds to import
 
         instantiate(cfg.task)(adopted(cfg, overrides.task))

@@ -77,7 +77,9 @@ def main() -> None:
     parser.add_argument("--width", type=int, default=384)
     parser.add_argument("--height", type=int, default=224)
     parser.add_argument("--capture-hz", type=float, default=25)
-    parser.add_argument("--towns", nargs="+", default=town_names(), choices=town_names(), metavar="TOWN")
+    parser.add_argument(
+        "--towns", nargs="+", default=town_names(), choices=town_names(), metavar="TOWN"
+    )
     parser.add_argument("overrides", nargs="*", help="any other setting, such as sim.lidar_hz=10")
     args = parser.parse_args()
     torch.set_num_threads(1)

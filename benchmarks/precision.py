@@ -9,7 +9,6 @@ import statistics
 import sys
 from functools import partial
 
-import torch
 from hydra.utils import instantiate
 from lightning.pytorch.plugins import MixedPrecision, Precision
 from rich.markup import escape
@@ -17,7 +16,6 @@ from rich.markup import escape
 from benchmarks.settings import composed, device, device_name, run
 from benchmarks.tables import print_table
 from benchmarks.timing import milliseconds
-from src.models.losses import OccupancyLoss
 from src.ontology import NUM_CLASSES
 from src.tasks.dataset import data_of, finished_dataset
 from src.tasks.precision import BF16, FP32
@@ -31,7 +29,7 @@ def measure(overrides: list[str]) -> dict[str, list[float]]:
     cfg = composed(overrides)
     data = data_of(cfg, finished_dataset(cfg))
     network = instantiate(cfg.model).to(device())
-    loss = OccupancyLoss(torch.ones(NUM_CLASSES), lovasz_weight=1.0).to(device())
+    loss = instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES).to(device())
     batch = on_device(next(iter(data.train_dataloader())), device())
 
     # The optimizer's part is the same in both, so it is left out.

@@ -23,7 +23,6 @@ from torch import Tensor
 from benchmarks.settings import composed, device, device_name, run
 from benchmarks.tables import print_line, print_table
 from benchmarks.timing import wait_for_gpu
-from src.models.losses import OccupancyLoss
 from src.models.memory import PillarMemory
 from src.models.network import Frame, SkyOcc
 from src.ontology import NUM_CLASSES
@@ -51,7 +50,7 @@ class Step:
 
     def __init__(self, cfg: DictConfig, device: torch.device) -> None:
         self.network: SkyOcc = instantiate(cfg.model).to(device)
-        self.loss = OccupancyLoss(torch.ones(NUM_CLASSES), lovasz_weight=1.0).to(device)
+        self.loss = instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES).to(device)
         self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=1e-4)
         self.memory, self.device = None, device
         # With streams, past frames come from the memory of earlier steps.

@@ -11,6 +11,7 @@ from src.data.rates import frames_per_clip
 from src.data.split import make_split
 from src.sim.generate import generate
 from src.sim.plan import plan_clips
+from tests.sim.weathers import VALUES
 
 if "OMP_NUM_THREADS" not in os.environ:
     # The threads of two processes on two cores would wait for each other most of the time.
@@ -21,6 +22,7 @@ MINI_SIM = {
     "towns": ["suburb"],
     "clips_per_town": 2,
     "weathers": ["clear", "rain"],
+    "weather": VALUES,
     "capture_hz": 2.5,
     "lidar_hz": 2.5,
     "lidar_rays": 4000,

@@ -62,7 +62,9 @@ def config_of(root, folder):
     words = ["scale=tiny", "scale_name=mini", f"paths.data={folder}", "sim.workers=1"]
     for key, value in read_manifest(root)["sim"].items():
         values = value if isinstance(value, dict) and value else {"": value}
-        words += [f"sim.{key}{'.' * bool(k)}{k}={v}" for k, v in values.items() if key != "grid"]
+        # The grid is set once for data and model; weathers are the configuration's own.
+        skipped = key in ("grid", "weather")
+        words += [f"sim.{key}{'.' * bool(k)}{k}={v}" for k, v in values.items() if not skipped]
     return compose_config(*words, "data.test_clips=[suburb/clip01]")
 
 

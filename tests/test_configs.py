@@ -25,7 +25,7 @@ from tests.synthetic import CONF, compose_config
 
 RUNGS = ("baseline", "attitude", "weights", "skyocc")
 SCALES = ("tiny", "small", "ladder", "paper")
-FACTORS = {  # projection, class weights, Lovasz: the table of the design
+FACTORS = {  # projection, class weights, Lovász: the table of the design
     "baseline": ("level", False, 0.0),
     "attitude": ("attitude", False, 0.0),
     "weights": ("attitude", True, 0.0),
@@ -91,11 +91,11 @@ def test_everything_instantiates(rung, scale, tmp_path):
         network = instantiate(cfg.model, decoder={"class_prior": [1] * NUM_CLASSES})
     assert network.encoder.references.projection == FACTORS[rung][0]
     weighted, lovasz = FACTORS[rung][1:]
-    assert (cfg.loss.class_weights is not None) == weighted
-    weights = cfg.loss.class_weights and instantiate(cfg.loss.class_weights)([1] * NUM_CLASSES)
-    loss = instantiate(cfg.loss)(class_weights=weights)
+    loss = instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES)
     assert isinstance(loss, OccupancyLoss)
-    assert loss.lovasz_weight == lovasz
+    assert (loss.class_weights is not None) == weighted
+    weights = {term.name: term.weight for term in loss.terms}
+    assert weights == {"cross_entropy": 1.0, **({"lovasz": lovasz} if lovasz else {})}
     scores = instantiate(cfg.metric)(VoxelGrid(**cfg.grid))
     assert isinstance(scores, Metric)
     callbacks = instantiate(cfg.callbacks)
@@ -161,8 +161,9 @@ def test_the_rungs_differ_in_their_factors_and_in_nothing_else(scale):
         cfg = compose_config(f"+experiment={rung}", f"scale={scale}")
         changed = {key for key, _, _ in differences(reference, OmegaConf.to_container(cfg))}
         expected = {"name", "model.encoder.projection"}
-        expected |= {"loss.class_weights"} if FACTORS[rung][1] else set()
-        expected |= {"loss.lovasz_weight"} if FACTORS[rung][2] else set()
+        weighted, lovasz = FACTORS[rung][1:]
+        expected |= {"loss.terms.cross_entropy.class_weights"} if weighted else set()
+        expected |= {"loss.terms.lovasz.weight"} if lovasz else set()
         assert changed == expected
         assert cfg.name == rung
 
@@ -181,8 +182,8 @@ def test_every_rung_states_its_three_factors_and_inherits_from_none(rung):
 
 def test_the_factors_can_be_chosen_one_by_one():
     cfg = compose_config("+experiment=skyocc", "loss/lovasz=off")
-    assert cfg.loss.lovasz_weight == 0
-    assert cfg.loss.class_weights is not None
+    assert cfg.loss.terms.lovasz.weight == 0
+    assert cfg.loss.terms.cross_entropy.class_weights is not None
 
 
 def test_a_training_seed_changes_no_data():

@@ -430,7 +430,7 @@ def test_predictions_need_a_checkpoint_and_a_part_that_there_is(finished):
         ("+experiment=weights", 'name="skyocc", and now it is "weights"'),
         ("seed=1", "seed=0, and now it is 1"),
         ("model/projection=level", 'projection="attitude", and now it is "level"'),
-        ("loss/lovasz='off'", "lovasz_weight=1.0, and now it is 0.0"),
+        ("loss/lovasz='off'", "lovasz.weight=1.0, and now it is 0.0"),
     ],
 )
 def test_a_checkpoint_is_not_scored_as_another_rung(finished, other, said):

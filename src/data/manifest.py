@@ -35,6 +35,10 @@ class DatasetSpec:
     def of(cls, scale: str, sim: Mapping) -> "DatasetSpec":
         """The specification of what the code at hand would generate."""
         shaping = {key: _plain(value) for key, value in sim.items() if key not in NOT_SHAPING}
+        if "weather" in shaping:
+            # The values of a weather that no clip has shape nothing.
+            values = shaping["weather"].items()
+            shaping["weather"] = {name: each for name, each in values if name in sim["weathers"]}
         return cls(scale, shaping, digest_of(code_of(DATA_CODE)))
 
     @property
@@ -103,7 +107,13 @@ def read_manifest(root: Path) -> dict:
 
 def require_same_data(root: Path, spec: DatasetSpec) -> None:
     """Refuses a data set that was made under other settings than the ones asked for."""
-    if changed := different_setting(read_manifest(root)["sim"], spec.sim):
+    made, wanted = dict(read_manifest(root)["sim"]), dict(spec.sim)
+    if "weather" not in made or "weather" not in wanted:
+        # An older data set or checkpoint names its weathers, whose values were code.
+        made.pop("weather", None)
+        wanted.pop("weather", None)
+
+    if changed := different_setting(made, wanted):
         key, old, new = changed
         raise UserError(
             f"{root}: was made with sim.{key}={old}, and this run asks for {new}; set sim.{key} to "
@@ -111,11 +121,17 @@ def require_same_data(root: Path, spec: DatasetSpec) -> None:
         )
 
 
-def different_setting(before: Mapping, after: Mapping) -> tuple[str, str, str] | None:
-    """The first key of ``sim`` whose values differ, and both, shortened; None where none does."""
+def different_setting(
+    before: Mapping, after: Mapping, prefix: str = ""
+) -> tuple[str, str, str] | None:
+    """The first dotted key of ``sim`` whose values differ, and both, shortened; None for none."""
     for key in sorted(before.keys() | after.keys()):
-        if before.get(key) != after.get(key):
-            return key, _short(before.get(key)), _short(after.get(key))
+        old, new = before.get(key), after.get(key)
+        if isinstance(old, Mapping) and isinstance(new, Mapping):
+            if changed := different_setting(old, new, f"{prefix}{key}."):
+                return changed
+        elif old != new:
+            return prefix + key, _short(old), _short(new)
     return None
 
 

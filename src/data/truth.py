@@ -53,7 +53,7 @@ class SkyShieldTruth:
 
 
 def truth_at(clip: Clip, frame: int) -> dict:
-    """A frame's labels, velocity and camera as a batch of one; a `metrics.suite.Truth`."""
+    """A frame's labels, velocity and camera as a batch of one; a `metrics.suite.GroundTruth`."""
     meta, pose = clip.meta, clip.world_from_body[frame]
     velocity_mps = inverse(world_from_occ(pose))[:3, :3] @ velocity_world_mps(clip, frame)
     return {

@@ -11,28 +11,23 @@ from .tables import Scores, Tables
 class KARMeanIoU(PenalizedConfusion):
     """Mean KAR-IoU of the occupied classes: IoU in which near errors weigh more.
 
-    An error at voxel i, with centre x_i in the occ frame and the UAV flying at v, weighs::
-
-        ttc_i = |x_i| / max(|v|, min_speed_mps)
-        p_i   = 1 + [ttc_i <= horizon_s] * penalty_scale * exp(-decay_per_s * ttc_i)
-
-        KAR-IoU_c = TP_c / (TP_c + sum of p_i over FP_c + sum of p_i over FN_c)
-
-    and KAR-mIoU is the mean over the classes other than ``free_index``, in [0, 1]. Correct voxels
-    are never rewarded for being near. A class with no TP, FP or FN in the data set is left out of
-    the mean; when none is left, the score is NaN. Unknown voxels are never counted.
+    `functional.kar_mean_iou` is its definition, with the paper's equations. The score is the mean
+    over the classes other than ``free_index``, in [0, 1]. Correct voxels are never rewarded for
+    being near. A class with no TP, FP or FN in the dataset is left out of the mean; when none is
+    left, the score is NaN. Unknown voxels are never counted.
 
     Args:
         grid: the voxels that the tensors cover, in metres in the occ frame.
         num_classes: class ids run from 0 to ``num_classes - 1``; 15 at most.
         free_index: the class of free space, whose own KAR-IoU `OccupancyScores` reports.
         ignore_index: the target label of unknown voxels.
-        horizon_s: time to collision beyond which an error weighs 1 (the paper's T_h).
-        decay_per_s: how fast the penalty falls with it (lambda).
+        horizon_s: the time to collision beyond which an error weighs 1 (the paper's T_h).
+        decay_per_s: how fast the penalty falls with that time (lambda).
         penalty_scale: the most that is added to an error's weight (gamma).
-        min_speed_mps: speed below which a UAV is not taken to be slower (v_min).
-        backend: what counts: ``numba`` (one compiled pass, CPU only), ``torch`` (plain operations,
-            any device), or ``auto``, the faster one that runs there. All give the same bits.
+        min_speed_mps: a slower UAV is taken to fly at this speed (v_min).
+        backend: how voxels are counted: ``numba`` (one compiled pass, CPU only), ``torch`` (plain
+            operations, any device), or ``auto``, the faster one that runs there. All give the same
+            bits.
 
     Raises `UserError`, a ``ValueError``, for parameters or batches that make no sense; see
     `update` for the shapes.
@@ -49,10 +44,10 @@ class KARMeanIoU(PenalizedConfusion):
     """
 
     def scores(self, tables: Tables) -> Scores:
-        """``kar_miou`` of tables ``count`` and ``excess`` [*n, c, c]."""
+        """Returns ``kar_miou`` of tables ``count`` and ``excess`` [*n, c, c]."""
         kar_iou = F.iou_compute(tables["count"], tables["excess"])
         return {"kar_miou": F.mean_iou(kar_iou, without=self.free_index)}
 
     def compute(self) -> Float[Tensor, ""]:
-        """The score of everything counted so far."""
+        """Returns the score of everything counted so far."""
         return super().compute()["kar_miou"]

@@ -1,8 +1,5 @@
 """Every score of an occupancy prediction that a result table shows."""
 
-from collections.abc import Sequence
-
-from ..ontology import CLASSES, NUM_CLASSES
 from . import functional as F
 from .confusion import PenalizedConfusion
 from .tables import Scores, Tables
@@ -41,20 +38,15 @@ class OccupancyScores(PenalizedConfusion):
     """
 
     def scores(self, tables: Tables) -> Scores:
-        """The scores of tables ``count`` and ``excess`` [*n, c, c]."""
+        """Returns the scores of tables ``count`` and ``excess`` [*n, c, c]."""
         iou = F.iou_compute(tables["count"])
         kar_iou = F.iou_compute(tables["count"], tables["excess"])
+
         scores = {
             "miou": F.mean_iou(iou),
             "miou_occupied": F.mean_iou(iou, without=self.free_index),
             "kar_miou": F.mean_iou(kar_iou, without=self.free_index),
         }
-        names = class_names(self.num_classes)
-        scores |= {f"iou/{name}": iou[..., n] for n, name in enumerate(names)}
-        scores |= {f"kar_iou/{name}": kar_iou[..., n] for n, name in enumerate(names)}
+        scores |= {f"iou/{name}": iou[..., n] for n, name in enumerate(self.class_names)}
+        scores |= {f"kar_iou/{name}": kar_iou[..., n] for n, name in enumerate(self.class_names)}
         return scores
-
-
-def class_names(num_classes: int) -> Sequence[str]:
-    """The ontology's, or the ids where there are more or fewer classes."""
-    return CLASSES if num_classes == NUM_CLASSES else list(map(str, range(num_classes)))

@@ -9,6 +9,7 @@ from typing import Any
 from ..errors import UserError
 from ..geometry import VoxelGrid
 
+# What no setting changes.
 RULES = {
     "miou": "9 classes, free in",
     "miou_occupied": "8 classes, free out",
@@ -16,7 +17,6 @@ RULES = {
     "absent_class": "left out of the mean",
     "accumulation": "counts over the data set",
 }
-"""What no setting changes."""
 
 SUPERVISED, VISIBLE = "every supervised voxel", "visible voxels"
 
@@ -25,7 +25,8 @@ SUPERVISED, VISIBLE = "every supervised voxel", "visible voxels"
 class Protocol:
     """Everything on which a score depends besides the predictions.
 
-    ``metric`` are the arguments of `OccupancyScores`, ``suite`` those of the other scores.
+    ``metric`` are the arguments of `OccupancyScores`, ``suite`` those of `ScoreSuite`: its
+    ``metrics``, each with its class and its arguments, and the settings that they share.
     ``frames`` is their number: of a split, or less where predictions were missing and allowed to,
     or where ``trainer.limit_test_batches`` left some out.
     """
@@ -50,21 +51,22 @@ class Protocol:
         metric: Mapping[str, Any],
         suite: Mapping[str, Any],
     ) -> "Protocol":
-        """From settings as they are configured; keys that begin with ``_`` are Hydra's."""
-        described = {name: list(value) for name, value in dataclasses.asdict(grid).items()}
-        counted = {key: value for key, value in metric.items() if not key.startswith("_")}
-        return cls(dataset, part, frames, described, mask, counted, dict(suite))
+        """Describes settings as they are configured; keys of ``metric`` that begin with ``_`` are
+        Hydra's and stay out."""
+        sides = {name: list(value) for name, value in dataclasses.asdict(grid).items()}
+        arguments = {key: value for key, value in metric.items() if not key.startswith("_")}
+        return cls(dataset, part, frames, sides, mask, arguments, dict(suite))
 
     @classmethod
     def from_json(cls, text: str) -> "Protocol":
-        """What `to_json` wrote. Raises `UserError` for any other text."""
+        """Reads what `to_json` wrote. Raises `UserError` for any other text."""
         try:
             return cls(**json.loads(text))
         except (ValueError, TypeError) as error:
             raise UserError(f"protocol: cannot be read ({error})") from error
 
     def to_json(self) -> str:
-        """Compact, with sorted keys: equal protocols have equal texts."""
+        """Returns compact JSON with sorted keys: equal protocols have equal texts."""
         return json.dumps(dataclasses.asdict(self), sort_keys=True, separators=(",", ":"))
 
     @property
@@ -72,11 +74,14 @@ class Protocol:
         return VoxelGrid(**self.grid)
 
     def difference(self, other: "Protocol") -> tuple[str, object, object] | None:
-        """The first thing in which two protocols differ, and both values; ``None`` if equal."""
-        ours, theirs = (_flat(json.loads(one.to_json())) for one in (self, other))
-        for key in sorted(ours.keys() | theirs.keys()):
-            if ours.get(key) != theirs.get(key):
-                return key, ours.get(key), theirs.get(key)
+        """Returns the first key in which two protocols differ, and both values; ``None`` if they
+        are equal."""
+        first, second = (_flat(json.loads(each.to_json())) for each in (self, other))
+        # Last what a metric says of itself: a shared setting is named where it is set.
+        keys = sorted(first | second, key=lambda key: (key.startswith("suite.metrics."), key))
+        for key in keys:
+            if first.get(key) != second.get(key):
+                return key, first.get(key), second.get(key)
         return None
 
 
@@ -84,15 +89,16 @@ def require_same_protocol(protocols: Mapping[str, Protocol]) -> None:
     """Refuses to put scores of different protocols beside each other, naming what differs."""
     (first, reference), *others = protocols.items()
     for name, protocol in others:
-        if found := reference.difference(protocol):
-            key, one, other = found
+        if difference := reference.difference(protocol):
+            key, one, other = difference
             raise UserError(
                 f"{name}: was scored with {key}={other}, and {first} with {one}; score both alike"
             )
 
 
 def _flat(data: Mapping, prefix: str = "") -> dict[str, object]:
-    flat = {}
+    """Returns nested data as one mapping with dotted keys."""
+    flat: dict[str, object] = {}
     for key, value in data.items():
         if isinstance(value, Mapping):
             flat |= _flat(value, f"{prefix}{key}.")

@@ -5,22 +5,22 @@ from collections.abc import Sequence
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, Int, Int64, UInt8
+from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .occupancy import class_names
-from .tables import Scores, TableMetric, Tables
+from .tables import Scores, Tables, VoxelMetric
 
+# The columns of the table ``clear``: rays that truly meet nothing, and those predicted to.
 CLEAR, PHANTOM = range(2)
 
 
-class RayIoU(TableMetric):
+class RayIoU(VoxelMetric):
     """RayIoU (SparseOcc, ECCV 2024) of any rays through any grid, on the CPU.
 
-    Every ray meets a first occupied voxel in the prediction and in the truth, or none. It is a hit
+    Every ray meets a first occupied voxel in the prediction and in the labels, or none. It is a hit
     of class c if both are of class c and less than a threshold apart along the ray::
 
         RayIoU_c = hits_c / (rays that truly meet c + rays predicted to meet c - hits_c)
@@ -55,48 +55,42 @@ class RayIoU(TableMetric):
         **kwargs: Any,
     ) -> None:
         self.thresholds_m = tuple(map(float, thresholds_m))
-        F.check_classes(num_classes, ignore_index, free_index)
         if not self.thresholds_m or not all(0 < t < math.inf for t in self.thresholds_m):
             raise UserError(f"thresholds_m: {list(self.thresholds_m)} must be numbers above 0")
         shapes = {"hits": (len(self.thresholds_m), num_classes), "met": (2, num_classes)}
-        super().__init__({**shapes, "clear": (2,)}, **kwargs)
-        self.grid, self.num_classes = grid, num_classes
-        self.free_index, self.ignore_index = free_index, ignore_index
+        shapes["clear"] = (2,)
+        super().__init__(grid, shapes, num_classes, ignore_index, free_index, **kwargs)
 
     def frame_tables(
         self,
-        preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
-        target: Int[Tensor, "b X Y Z"],
+        preds: F.Preds,
+        target: F.Labels,
         origin_m: Float[Tensor, "b 3"],
         directions: Float[Tensor, "b n 3"],
-        mask: Bool[Tensor, "b X Y Z"] | None = None,
+        mask: F.Mask | None = None,
     ) -> Tables:
-        """``hits`` [threshold, class], rays that ``met`` a class [(predicted, truly), class], and
-        rays that are ``clear`` [(all, met a phantom)], of every frame.
+        """Returns ``hits`` [threshold, class], rays that ``met`` a class [(predicted, truly),
+        class], and rays that are ``clear`` [(all, met a phantom)], of every frame.
 
         Rays are given by their origin and unit directions in the occ frame
         (`functional.camera_rays`). Raises `UserError` as the other metrics do, and for rays that
         are not finite or have no direction.
         """
-        F.check_shapes(preds, target, {"mask": mask}, self.grid.shape, self.num_classes)
+        codes = self.codes(preds, target, mask)
         _check_rays(origin_m, directions, len(target))
-        ids = (self.num_classes, self.ignore_index)
-        codes = F.encode(F.labels_of(preds), target, mask, *ids)
         frames = [self._frame(*frame) for frame in zip(codes, origin_m, directions)]
-        empty = [table.new_zeros(0, *table.shape) for table in self.tables.values()]
-        stacked = [torch.stack(rows).to(self.hits.device) for rows in zip(*frames)] or empty
-        return dict(zip(self.shapes, stacked))
+        return self.stacked(("hits", "met", "clear"), frames)
 
     def scores(self, tables: Tables) -> Scores:
-        """The scores of tables as `frame_tables` gives them, summed."""
-        hits, met = tables["hits"].double(), tables["met"].double()
+        """Returns the scores of tables as `frame_tables` gives them, summed."""
+        hits, met, clear = (tables[name].double() for name in ("hits", "met", "clear"))
         iou = hits / (met.sum(-2, keepdim=True) - hits)
         by_threshold = F.mean_iou(iou, without=self.free_index)
-        clear = tables["clear"].double()
+
         scores = {"ray_iou": by_threshold.mean(-1)}
         for n, threshold_m in enumerate(self.thresholds_m):
             scores[f"ray_iou_{threshold_m:g}m"] = by_threshold[..., n]
-        for n, name in enumerate(class_names(self.num_classes)):
+        for n, name in enumerate(self.class_names):
             if n != self.free_index:
                 scores[f"ray_iou/{name}"] = iou[..., n].mean(-1)
         scores["ray_phantom_rate"] = clear[..., PHANTOM] / clear[..., CLEAR]
@@ -108,25 +102,52 @@ class RayIoU(TableMetric):
         origin_m: Float[Tensor, "3"],
         directions: Float[Tensor, "n 3"],
     ) -> tuple[Int64[Tensor, "t c"], Int64[Tensor, "2 c"], Int64[Tensor, "2"]]:
-        found = F.first_met(codes, origin_m, directions, self.grid, self.free_index)
-        classes, distances_m = map(torch.from_numpy, found)
+        first_met = F.first_met(codes, origin_m, directions, self.grid, self.free_index)
+        classes, distances_m = map(torch.from_numpy, first_met)
         solid = distances_m[1] < torch.inf
         predicted, true = (row[solid].long() for row in classes)
         apart_m = (distances_m[0] - distances_m[1]).abs()[solid]
-        known = predicted < self.num_classes
-        count = self.num_classes
-        met = torch.stack(
-            [torch.bincount(row, minlength=count) for row in (predicted[known], true)]
-        )
+
+        def count(of_class: Int64[Tensor, "n"]) -> Int64[Tensor, "c"]:
+            return torch.bincount(of_class, minlength=self.num_classes)
+
+        # A ray that is predicted to meet nothing has no class to count.
+        met = torch.stack([count(predicted[predicted < self.num_classes]), count(true)])
         same = predicted == true
-        hits = torch.stack(
-            [
-                torch.bincount(true[same & (apart_m < threshold_m)], minlength=count)
-                for threshold_m in self.thresholds_m
-            ]
-        )
+        hits = torch.stack([count(true[same & (apart_m < t)]) for t in self.thresholds_m])
         phantom = distances_m[0][~solid] < torch.inf
         return hits, met, torch.tensor([len(phantom), int(phantom.sum())])
+
+
+class CameraRayIoU(RayIoU):
+    """RayIoU on rays of the front camera, evenly spread over its image.
+
+    It takes the arguments of `RayIoU`, and
+
+    Args:
+        rays: how many rays go across and down the image.
+    """
+
+    def __init__(
+        self, grid: VoxelGrid, *arguments: Any, rays: Sequence[int] = (100, 56), **kwargs: Any
+    ) -> None:
+        if len(rays) != 2 or not all(isinstance(number, int) and number > 0 for number in rays):
+            raise UserError(f"rays: {list(rays)} must be two whole numbers, across and down")
+        super().__init__(grid, *arguments, **kwargs)
+        self.rays = tuple(rays)
+
+    def frame_tables(
+        self,
+        preds: F.Preds,
+        target: F.Labels,
+        camera_from_occ: Float[Tensor, "b 4 4"],
+        pix_from_camera: Float[Tensor, "b 3 3"],
+        size_pix: tuple[int, int],
+        mask: F.Mask | None = None,
+    ) -> Tables:
+        """Returns the tables of `RayIoU`; ``size_pix`` is the image's width and height."""
+        rays = F.camera_rays(camera_from_occ, pix_from_camera, size_pix, self.rays)
+        return super().frame_tables(preds, target, *rays, mask)
 
 
 def _check_rays(origin_m: Tensor, directions: Tensor, batch: int) -> None:

@@ -9,12 +9,17 @@ from torch import Tensor
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
-from ..ontology import CLASSES
+from ..ontology import THIN_STRUCTURE
 from . import functional as F
 from .confusion import PenalizedConfusion
 from .tables import Scores, Tables
 
+# The columns of the table ``frames``: what the tube of a frame truly was, and what was predicted.
 BLOCKED, MISSED, CLEAR, STOPPED = range(4)
+
+# Of one frame: class ids, and which voxels are known or belong to a shape.
+Volume = Int[Tensor, "X Y Z"]
+Shape = Bool[Tensor, "X Y Z"]
 
 
 class SafetyScores(PenalizedConfusion):
@@ -35,7 +40,7 @@ class SafetyScores(PenalizedConfusion):
       predicted so, and the share with such a prediction within ``thin_tolerance`` voxels of it,
     - ``geometric_iou``: IoU of occupied against free.
 
-    Arguments as of `KARMeanIoU`, and
+    It takes the arguments of `KARMeanIoU`, and
 
     Args:
         tube_radius_m: half the width of the UAV's body, with a margin.
@@ -46,10 +51,10 @@ class SafetyScores(PenalizedConfusion):
     >>> grid = VoxelGrid(lower_m=(0, -1, -1), upper_m=(8, 1, 1), shape=(4, 1, 1))
     >>> target = torch.tensor([8, 8, 3, 8]).view(1, 4, 1, 1)
     >>> preds = torch.tensor([8, 8, 8, 3]).view(1, 4, 1, 1)    # the wire 5 m ahead seen at 7 m
-    >>> scores = SafetyScores(grid)
-    >>> scores.update(preds, target, velocity=torch.tensor([[3.0, 0.0, 0.0]]))
-    >>> found = scores.compute()
-    >>> [float(found[name]) for name in ("collision_miss_rate", "thin_recall_tolerant")]
+    >>> safety = SafetyScores(grid)
+    >>> safety.update(preds, target, velocity=torch.tensor([[3.0, 0.0, 0.0]]))
+    >>> scores = safety.compute()
+    >>> [float(scores[name]) for name in ("collision_miss_rate", "thin_recall_tolerant")]
     [1.0, 1.0]
     """
 
@@ -64,7 +69,7 @@ class SafetyScores(PenalizedConfusion):
         *arguments: Any,
         tube_radius_m: float = 1.0,
         tube_s: float = 2.0,
-        thin_index: int = CLASSES.index("thin_structure"),
+        thin_index: int = THIN_STRUCTURE,
         thin_tolerance: int = 1,
         **kwargs: Any,
     ) -> None:
@@ -73,30 +78,22 @@ class SafetyScores(PenalizedConfusion):
                 raise UserError(f"{name}: {value} must be a finite number above 0")
         if thin_tolerance < 0:
             raise UserError(f"thin_tolerance: {thin_tolerance} must be 0 or more voxels")
-        super().__init__(
-            grid,
-            *arguments,
-            n_bins=2,
-            more_tables={"tube": (2, 2), "frames": (4,), "thin": (3,)},
-            **kwargs,
-        )
+
+        more_tables = {"tube": (2, 2), "frames": (4,), "thin": (3,)}
+        super().__init__(grid, *arguments, n_bins=2, more_tables=more_tables, **kwargs)
         if not 0 <= thin_index < self.num_classes:
             raise UserError(f"thin_index: {thin_index} must be 0 to {self.num_classes - 1}")
         self.tube_radius_m, self.tube_s = tube_radius_m, tube_s
         self.thin_index, self.thin_tolerance = thin_index, thin_tolerance
 
     def frame_tables(
-        self,
-        preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
-        target: Int[Tensor, "b X Y Z"],
-        velocity: Float[Tensor, "b 3"],
-        mask: Bool[Tensor, "b X Y Z"] | None = None,
+        self, preds: F.Preds, target: F.Labels, velocity: F.Velocity, mask: F.Mask | None = None
     ) -> Tables:
-        """Tables of every frame.
+        """Returns the tables of every frame.
 
-        ``count`` and ``excess`` by whether in the bubble (first) or not; ``tube`` [truly occupied,
-        predicted occupied]; ``frames`` by what their tube came to; ``thin`` voxels: all, found,
-        found nearby. Raises `UserError` also for speeds: the tube needs the direction.
+        ``count`` and ``excess`` are sorted by whether in the bubble (first) or not; ``tube`` [truly
+        occupied, predicted occupied]; ``frames`` by what their tube came to; ``thin`` voxels: all,
+        hit, hit nearby. Raises `UserError` also for speeds: the tube needs the direction.
         """
         if velocity.shape != (len(target), 3):
             raise UserError(
@@ -106,24 +103,24 @@ class SafetyScores(PenalizedConfusion):
         self._check(preds, target, {"mask": mask})
         labels = F.labels_of(preds)
         tables = super().frame_tables(labels, target, velocity, mask)
+
         known = target != self.ignore_index
         known = known if mask is None else known & mask
-        frames = range(len(target))
-        tubes = [self._tube(labels[n], target[n], known[n], velocity[n]) for n in frames]
-        tables["tube"] = _stacked(tubes, self.tube)
-        tables["frames"] = _stacked([_outcome(tube) for tube in tubes], self.frames)
-        thin = [self._thin(labels[n], target[n], known[n]) for n in frames]
-        tables["thin"] = _stacked(thin, self.thin)
-        return tables
+        frames = []
+        for n in range(len(target)):
+            tube = self._tube(labels[n], target[n], known[n], velocity[n])
+            thin = self._thin(labels[n], target[n], known[n])
+            frames.append((tube, _outcome(tube), thin))
+        return tables | self.stacked(("tube", "frames", "thin"), frames)
 
     def scores(self, tables: Tables) -> Scores:
-        """The scores of tables as `frame_tables` gives them, summed."""
-        bubble = tables["count"][..., 0, :, :]
+        """Returns the scores of tables as `frame_tables` gives them, summed."""
+        bubble = tables["count"][..., 0, :, :].double()
         occupied = [c for c in range(self.num_classes) if c != self.free_index]
+        said_free = bubble[..., occupied, self.free_index].sum(-1)
         tube, frames, thin = (tables[name].double() for name in ("tube", "frames", "thin"))
         return {
-            "false_free_rate": bubble[..., occupied, self.free_index].sum(-1).double()
-            / bubble[..., occupied, :].sum((-2, -1)).double(),
+            "false_free_rate": said_free / bubble[..., occupied, :].sum((-2, -1)),
             "collision_miss_rate": tube[..., 1, 0] / tube[..., 1, :].sum(-1),
             "collision_miss_frames": frames[..., MISSED] / frames[..., BLOCKED],
             "phantom_stop_rate": frames[..., STOPPED] / frames[..., CLEAR],
@@ -133,41 +130,28 @@ class SafetyScores(PenalizedConfusion):
             "geometric_iou": F.geometric_iou(tables["count"].sum(-3), self.free_index),
         }
 
-    def _bins(self, speeds_mps: list[float]) -> Int[Tensor, "b s"]:
-        """0 in the bubble, 1 outside."""
-        rows = [
-            self.penalty.ttc_s(self.shell_m, speed) > self.penalty.horizon_s for speed in speeds_mps
-        ]
-        outside = torch.stack(rows) if rows else torch.zeros(0, len(self.shell_m))
-        return outside.to(torch.int64).to(self.shell.device)
+    def _bins(self, speed_mps: float) -> Bool[Tensor, "s"]:
+        """Returns 0 in the bubble, 1 outside."""
+        return self.penalty.ttc_s(self.shell_m, speed_mps) > self.penalty.horizon_s
 
     def _tube(
-        self,
-        labels: Int[Tensor, "X Y Z"],
-        target: Int[Tensor, "X Y Z"],
-        known: Bool[Tensor, "X Y Z"],
-        velocity: Float[Tensor, "3"],
+        self, labels: Volume, target: Volume, known: Shape, velocity: Float[Tensor, "3"]
     ) -> Int64[Tensor, "2 2"]:
-        box, inside = F.swept_tube(self.grid, velocity, self.tube_s, self.tube_radius_m)
+        box, inside = swept_tube(self.grid, velocity, self.tube_s, self.tube_radius_m)
         inside = inside.to(target.device) & known[box]
         truly = target[box][inside] != self.free_index
         predicted = labels[box][inside] != self.free_index
         return torch.bincount(2 * truly.long() + predicted, minlength=4).view(2, 2)
 
-    def _thin(
-        self,
-        labels: Int[Tensor, "X Y Z"],
-        target: Int[Tensor, "X Y Z"],
-        known: Bool[Tensor, "X Y Z"],
-    ) -> Int64[Tensor, "3"]:
+    def _thin(self, labels: Volume, target: Volume, known: Shape) -> Int64[Tensor, "3"]:
         true = known & (target == self.thin_index)
-        found = known & (labels == self.thin_index)
-        near = F.grown(found, self.thin_tolerance)
-        return torch.stack([true.sum(), (true & found).sum(), (true & near).sum()])
+        predicted = known & (labels == self.thin_index)
+        near = grown(predicted, self.thin_tolerance)
+        return torch.stack([true.sum(), (true & predicted).sum(), (true & near).sum()])
 
 
 def _outcome(tube: Int64[Tensor, "2 2"]) -> Int64[Tensor, "4"]:
-    """What the tube of one frame says of the flight; nothing where none of it is known."""
+    """Returns what the tube of one frame means for the flight; zeros where none of it is known."""
     outcome = tube.new_zeros(4)
     predicted = tube[:, 1].sum() > 0
     if tube[1].sum() > 0:
@@ -179,5 +163,45 @@ def _outcome(tube: Int64[Tensor, "2 2"]) -> Int64[Tensor, "4"]:
     return outcome
 
 
-def _stacked(rows: list[Int64[Tensor, "..."]], like: Tensor) -> Int64[Tensor, "b ..."]:
-    return torch.stack(rows) if rows else like.new_zeros(0, *like.shape)
+def swept_tube(
+    grid: VoxelGrid, velocity_mps: Float[Tensor, "3"], seconds: float, radius_m: float
+) -> tuple[tuple[slice, ...], Bool[Tensor, "x y z"]]:
+    """Returns the voxels whose center is within a radius of the path of the next seconds.
+
+    The path is the straight line from the origin of the occ frame at the current velocity. Returns
+    the box of indices around the tube, and which of its voxels belong to it. On the CPU.
+    """
+    end_m = velocity_mps.detach().double().cpu() * seconds
+
+    # The tube is a small part of the grid: all that follows looks at the box around it alone.
+    lower_m = torch.tensor(grid.lower_m, dtype=torch.float64)
+    first = (end_m.clamp(max=0) - radius_m - lower_m) / grid.voxel_m
+    last = (end_m.clamp(min=0) + radius_m - lower_m) / grid.voxel_m
+    box = tuple(
+        slice(max(0, int(a)), max(0, min(int(b) + 1, size)))
+        for a, b, size in zip(first.floor().tolist(), last.floor().tolist(), grid.shape)
+    )
+
+    axes = [
+        low + grid.voxel_m * (torch.arange(size, dtype=torch.float64)[side] + 0.5)
+        for low, size, side in zip(lower_m, grid.shape, box)
+    ]
+    centers_m = torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1)
+
+    # The nearest point of the path, as a share of its length; a UAV at rest has no path.
+    length2 = end_m.square().sum()
+    along = (centers_m @ end_m / length2).clamp(0, 1) if length2 > 0 else centers_m[..., 0] * 0
+    distance2 = (centers_m - along[..., None] * end_m).square().sum(-1)
+    return box, distance2 <= radius_m**2
+
+
+def grown(shape: Shape, voxels: int) -> Shape:
+    """Returns all within some voxels of a shape, diagonals included."""
+    for _ in range(voxels):
+        for axis in range(3):
+            wider = shape.clone()
+            size = shape.shape[axis]
+            wider.narrow(axis, 1, size - 1).logical_or_(shape.narrow(axis, 0, size - 1))
+            wider.narrow(axis, 0, size - 1).logical_or_(shape.narrow(axis, 1, size - 1))
+            shape = wider
+    return shape

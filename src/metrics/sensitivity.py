@@ -6,24 +6,23 @@ from typing import Any
 
 import pandas as pd
 import torch
-from jaxtyping import Bool, Float, Int, Int64, UInt8
+from jaxtyping import Int64, UInt8
 from torch import Tensor
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .tables import Scores, TableMetric, Tables
+from .tables import Scores, Tables, VoxelMetric
 
 PARAMETERS = ("min_speed_mps", "horizon_s", "decay_per_s", "penalty_scale")
+
+# Half, once and twice the paper's value of each parameter.
 GRID = {
-    "min_speed_mps": (2.5, 5.0, 10.0),
-    "horizon_s": (2.5, 5.0, 10.0),
-    "decay_per_s": (0.25, 0.5, 1.0),
-    "penalty_scale": (1.0, 2.0, 4.0),
+    name: [factor * getattr(F.Penalty(), name) for factor in (0.5, 1, 2)] for name in PARAMETERS
 }
 
 
-class KARSensitivity(TableMetric):
+class KARSensitivity(VoxelMetric):
     """KAR-mIoU for every combination of some values of its parameters.
 
     Of every frame it keeps how many errors of each class lie at each distance; any penalty is a
@@ -43,10 +42,10 @@ class KARSensitivity(TableMetric):
     [0.5, 0.269]
     """
 
+    in_score_table = False
     hits: Tensor
     errors: Tensor
     excess: Tensor
-    shell: Tensor
 
     def __init__(
         self,
@@ -57,21 +56,19 @@ class KARSensitivity(TableMetric):
         ignore_index: int = 255,
         **kwargs: Any,
     ) -> None:
-        if unknown := sorted(set(values) - set(PARAMETERS)):
-            raise UserError(f"{unknown[0]}: is none of {', '.join(PARAMETERS)}")
-        if empty := [name for name, of_name in values.items() if not len(of_name)]:
-            raise UserError(f"{empty[0]}: has no value; give one or more")
-        if twice := [name for name, of_name in values.items() if len({*of_name}) < len(of_name)]:
-            raise UserError(f"{twice[0]}: {list(values[twice[0]])} names a value twice")
-        F.check_classes(num_classes, ignore_index, free_index)
-        chosen = [values.get(name, (getattr(F.Penalty(), name),)) for name in PARAMETERS]
-        self.penalties = [F.Penalty(**dict(zip(PARAMETERS, row))) for row in product(*chosen)]
+        for name, chosen in values.items():
+            if name not in PARAMETERS:
+                raise UserError(f"{name}: is none of {', '.join(PARAMETERS)}")
+            if not len(chosen):
+                raise UserError(f"{name}: has no value; give one or more")
+            if len(set(chosen)) < len(chosen):
+                raise UserError(f"{name}: {list(chosen)} names a value twice")
+
+        every = [values.get(name, (getattr(F.Penalty(), name),)) for name in PARAMETERS]
+        self.penalties = [F.Penalty(**dict(zip(PARAMETERS, row))) for row in product(*every)]
         shapes = {"hits": (num_classes,), "errors": (num_classes,)}
-        super().__init__({**shapes, "excess": (len(self.penalties), num_classes)}, **kwargs)
-        self.grid, self.num_classes = grid, num_classes
-        self.free_index, self.ignore_index = free_index, ignore_index
-        self.shell_m, shell = F.distance_shells(grid)
-        self.register_buffer("shell", shell, persistent=False)
+        shapes["excess"] = (len(self.penalties), num_classes)
+        super().__init__(grid, shapes, num_classes, ignore_index, free_index, **kwargs)
 
     @property
     def settings(self) -> pd.DataFrame:
@@ -79,25 +76,17 @@ class KARSensitivity(TableMetric):
         return pd.DataFrame([vars(penalty) for penalty in self.penalties])[list(PARAMETERS)]
 
     def frame_tables(
-        self,
-        preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
-        target: Int[Tensor, "b X Y Z"],
-        velocity: Float[Tensor, "b 3"] | Float[Tensor, "b"],
-        mask: Bool[Tensor, "b X Y Z"] | None = None,
+        self, preds: F.Preds, target: F.Labels, velocity: F.Velocity, mask: F.Mask | None = None
     ) -> Tables:
-        """``hits`` and ``errors`` (false positives and negatives) of every class, and the
+        """Returns ``hits`` and ``errors`` (false positives and negatives) of every class, and the
         ``excess`` penalty of these errors [setting, class], of every frame."""
-        F.check_shapes(preds, target, {"mask": mask}, self.grid.shape, self.num_classes)
+        codes = self.codes(preds, target, mask).flatten(1)
         speeds_mps = F.speeds(velocity, batch=len(target))
-        ids = (self.num_classes, self.ignore_index)
-        codes = F.encode(F.labels_of(preds), target, mask, *ids).flatten(1)
         frames = [self._frame(frame, speed) for frame, speed in zip(codes, speeds_mps)]
-        empty = [table.new_zeros(0, *table.shape) for table in self.tables.values()]
-        stacked = [torch.stack(rows) for rows in zip(*frames)] or empty
-        return dict(zip(self.shapes, stacked))
+        return self.stacked(("hits", "errors", "excess"), frames)
 
     def scores(self, tables: Tables) -> Scores:
-        """The scores of tables as `frame_tables` gives them, summed."""
+        """Returns the scores of tables as `frame_tables` gives them, summed."""
         hits, errors = (tables[name].double()[..., None, :] for name in ("hits", "errors"))
         penalized = errors + tables["excess"].double() / F.FIXED_POINT
         kar = F.mean_iou(hits / (hits + penalized), without=self.free_index)
@@ -110,18 +99,18 @@ class KARSensitivity(TableMetric):
         self, codes: UInt8[Tensor, "v"], speed_mps: float
     ) -> tuple[Int64[Tensor, "c"], Int64[Tensor, "c"], Int64[Tensor, "p c"]]:
         count = torch.bincount(codes, minlength=256).view(16, 16)
-        count = count[: self.num_classes, : self.num_classes]
-        hits = count.diagonal()
+        hits = count.diagonal()[: self.num_classes]
+
+        # How many errors of each class lie at each distance. An error is one of two classes: a
+        # false negative of the true one, a false positive of the predicted one.
         wrong = torch.nonzero((codes ^ (codes >> 4)) & 15).squeeze(1)
-        shells, at = len(self.shell_m), self.shell.index_select(0, wrong)
         classes = torch.cat([codes[wrong] >> 4, codes[wrong] & 15])
-        cells = classes.long() * shells + at.repeat(2)
+        shells = len(self.shell_m)
+        cells = classes.long() * shells + self.shell.index_select(0, wrong).repeat(2)
         errors = torch.bincount(cells, minlength=self.num_classes * shells)
         errors = errors.view(self.num_classes, shells)
-        # Whole numbers below 2**53: any order of summation is exact.
-        excess = errors.double() @ self._excess(speed_mps).T.to(codes.device)
-        return hits, errors.sum(1), excess.long().T
 
-    def _excess(self, speed_mps: float) -> Float[Tensor, "p s"]:
-        rows = [p.excess_table(self.shell_m, [speed_mps])[0] for p in self.penalties]
-        return torch.stack(rows).double()
+        # Whole numbers below 2**53: any order of summation is exact.
+        weights = [each.excess_table(self.shell_m, [speed_mps])[0] for each in self.penalties]
+        excess = errors.double() @ torch.stack(weights).double().T.to(codes.device)
+        return hits, errors.sum(1), excess.long().T

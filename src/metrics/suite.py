@@ -1,6 +1,9 @@
-"""All scores of a data set from one pass, kept apart by clip."""
+"""All scores of a dataset from one pass, kept apart by clip."""
 
+import inspect
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from typing import Any, TypedDict
 
 import torch
@@ -10,138 +13,157 @@ from torch import Tensor, nn
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .breakdown import KARBreakdown
 from .by_clip import ByClip
-from .calibration import Calibration
 from .intervals import Interval, resamplings, score_intervals
-from .occupancy import OccupancyScores
 from .protocol import Protocol
-from .ray_iou import RayIoU
-from .safety import SafetyScores
-from .sensitivity import KARSensitivity
-from .tables import Tables
-
-FLAT = ("occupancy", "breakdown", "safety", "rays", "calibration")
-"""The metrics whose scores stand in the table of a run; the rest has tables of its own."""
+from .tables import TableMetric, Tables
 
 
-class Truth(TypedDict, total=False):
-    """What a batch of predictions is scored against. Only the first three must be there."""
+class GroundTruth(TypedDict, total=False):
+    """The labels and the circumstances of a batch. Only the first three must be there."""
 
     clip: Sequence[str]
     semantics: Int[Tensor, "b X Y Z"]
-    velocity_mps: Float[Tensor, "b 3"]
-    """In the occ frame."""
+    velocity_mps: Float[Tensor, "b 3"]  # in the occ frame
     visible: Bool[Tensor, "b X Y Z"]
-    mask: Bool[Tensor, "b X Y Z"]
-    """Restricts what is counted."""
+    mask: Bool[Tensor, "b X Y Z"]  # restricts what is counted
     camera_from_occ: Float[Tensor, "b 4 4"]
     pix_from_camera: Float[Tensor, "b 3 3"]
     size_pix: tuple[int, int]
 
 
-class ScoreSuite(nn.Module):
-    """Every metric of this package, configured alike.
+# What a metric may ask for, by the names of the arguments of its `frame_tables`.
+INPUTS = (
+    *("preds", "logits", "target", "velocity", "mask", "visible"),
+    *("camera_from_occ", "pix_from_camera", "size_pix"),
+)
 
-    Rays are scored where the truth names its cameras, calibration where there are logits.
+
+class ScoreSuite(nn.Module):
+    """The metrics that a configuration names, by their names there.
 
     Args:
         grid: the voxels of the labels.
         clips: ids of all clips that may come.
-        metric: arguments of `OccupancyScores`.
-        suite: ``ttc_edges_s``, ``distance_edges_m``, ``tube_radius_m``, ``tube_s``,
-            ``thin_tolerance``, ``calibration_bins``, ``ray_thresholds_m``, ``rays`` (across, down)
-            and ``sensitivity`` (values by parameter); and, of the intervals, ``resamples``,
-            ``level`` and ``seed``.
+        suite: ``metrics`` (for each name the path of a `TableMetric` as ``_target_``, and its
+            arguments after the grid); and, of the intervals, ``resamples``, ``level`` and ``seed``.
 
     Raises `UserError` for settings that a score could not be computed with.
     """
 
-    def __init__(
-        self,
-        grid: VoxelGrid,
-        clips: Sequence[str],
-        metric: Mapping[str, Any],
-        suite: Mapping[str, Any],
-    ) -> None:
+    def __init__(self, grid: VoxelGrid, clips: Sequence[str], suite: Mapping[str, Any]) -> None:
         super().__init__()
-        _require_sound(suite)
-        metric = {key: value for key, value in metric.items() if not key.startswith("_")}
-        classes = {key: metric[key] for key in ("num_classes", "free_index", "ignore_index")}
-        known = {key: metric[key] for key in ("num_classes", "ignore_index")}
-        bubble = {key: metric[key] for key in ("horizon_s", "min_speed_mps")}
-        ttc, distance = suite["ttc_edges_s"], suite["distance_edges_m"]
-        tube = {key: suite[key] for key in ("tube_radius_m", "tube_s", "thin_tolerance")}
-        metrics = {
-            "occupancy": OccupancyScores(grid, **metric),
-            "breakdown": KARBreakdown(grid, **metric, ttc_edges_s=ttc, distance_edges_m=distance),
-            "safety": SafetyScores(grid, **metric, **tube),
-            "rays": RayIoU(grid, **classes, thresholds_m=suite["ray_thresholds_m"]),
-            "calibration": Calibration(grid, **known, **bubble, bins=suite["calibration_bins"]),
-            "sensitivity": KARSensitivity(grid, suite["sensitivity"], **classes),
-        }
-        self.rays = tuple(suite["rays"])
+        if suite["resamples"] < 1:
+            raise UserError(f"suite.resamples: {suite['resamples']} must be 1 or more")
+        if not 0 < suite["level"] < 1:
+            raise UserError(f"suite.level: {suite['level']} must be between 0 and 1, as 0.95")
+
         self.clips = list(clips)
-        self.by_clip = nn.ModuleDict(
-            {name: ByClip(metric, self.clips) for name, metric in metrics.items()}
-        )
+        self.by_clip = nn.ModuleDict()
+        for name, entry in suite["metrics"].items():
+            self.by_clip[name] = ByClip(_metric(name, entry, grid), self.clips)
+        self._require_own_names()
 
     @classmethod
     def of(cls, protocol: Protocol, clips: Sequence[str]) -> "ScoreSuite":
-        """The metrics that a protocol describes."""
-        return cls(protocol.voxel_grid, clips, protocol.metric, protocol.suite)
+        """Builds the metrics that a protocol describes.
+
+        A protocol is read from a file, and no file says what to import: raises `UserError` for a
+        class that neither this package nor the configuration (`import_metrics`) has brought in.
+        """
+        return cls(protocol.voxel_grid, clips, protocol.suite)
 
     def metric(self, name: str) -> Any:
-        """One of the metrics: what its tables mean. Its own state is empty."""
+        """Returns one of the metrics: what its tables mean. Its own state is empty."""
         return self.by_clip[name].metric
 
-    def update(
-        self,
-        preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
-        truth: Truth,
-        logits: Float[Tensor, "b c X Y Z"] | None = None,
-    ) -> None:
-        """Count a batch of labels or logits; beside labels ``logits`` may be given, for the
-        calibration alone. Raises `UserError` as the metrics do."""
-        clip, target, velocity = (truth[key] for key in ("clip", "semantics", "velocity_mps"))
-        labels, mask = F.labels_of(preds), truth.get("mask")
-        self.by_clip["occupancy"].update(clip, labels, target, velocity, mask)
-        self.by_clip["breakdown"].update(clip, labels, target, velocity, mask, truth.get("visible"))
-        self.by_clip["safety"].update(clip, labels, target, velocity, mask)
-        self.by_clip["sensitivity"].update(clip, labels, target, velocity, mask)
+    def update(self, preds: F.Preds, truth: GroundTruth, logits: F.Logits | None = None) -> None:
+        """Counts a batch of labels or logits; ``logits`` may be given beside labels.
+
+        Each metric gets what its `frame_tables` names: ``preds`` (labels), ``logits``, ``target``,
+        ``velocity`` and what else `GroundTruth` has. One that needs what the batch does not have,
+        as logits or a camera, is not fed. Raises `UserError` as the metrics do.
+        """
+        batch = dict(truth, preds=F.labels_of(preds), target=truth["semantics"])
+        batch["velocity"] = truth["velocity_mps"]
         if preds.is_floating_point():
             logits = preds
         if logits is not None:
-            self.by_clip["calibration"].update(clip, logits, target, velocity, mask)
-        if "camera_from_occ" in truth:
-            camera = (truth["camera_from_occ"], truth["pix_from_camera"], truth["size_pix"])
-            rays = F.camera_rays(*camera, self.rays)
-            self.by_clip["rays"].update(clip, labels, target, *rays, mask)
+            batch["logits"] = logits
+
+        for metric in self.by_clip.values():
+            required, wanted = _inputs(metric.metric)
+            if required <= batch.keys():
+                metric.update(truth["clip"], **{key: batch[key] for key in wanted & batch.keys()})
+
+    def forget_partly_fed(self) -> list[str]:
+        """Resets metrics that were fed with some of the batches only, and returns their names."""
+        most = max(metric.update_count for metric in self.by_clip.values())
+        partly = [name for name, metric in self.by_clip.items() if 0 < metric.update_count < most]
+        for name in partly:
+            self.by_clip[name].reset()
+        return partly
 
     def tables(self) -> dict[str, Tables]:
-        """The tables [clips, ...] of every metric that was asked to count."""
-        asked = {name: metric for name, metric in self.by_clip.items() if metric.update_called}
-        return {name: metric.tables() for name, metric in asked.items()}
+        """Returns the tables [clips, ...] of every metric that was fed."""
+        fed = {name: metric for name, metric in self.by_clip.items() if metric.update_called}
+        return {name: metric.tables() for name, metric in fed.items()}
 
     def scores(self, chosen: Callable[[str], bool] = lambda clip: True) -> dict[str, float]:
-        """All scores of the chosen clips together, by name; without the sensitivity."""
-        return {
-            score: float(value)
-            for name in FLAT
-            if self.by_clip[name].update_called
-            for score, value in self.by_clip[name].scores(chosen).items()
-        }
+        """Returns all scores of the chosen clips together, by name, for the table of scores."""
+        scores: dict[str, float] = {}
+        for metric in self.by_clip.values():
+            if metric.update_called and metric.metric.in_score_table:
+                scores |= {name: float(value) for name, value in metric.scores(chosen).items()}
+        return scores
+
+    def _require_own_names(self) -> None:
+        """Two metrics may not name a score alike: one would hide the other."""
+        owners: dict[str, str] = {}
+        for name, by_clip in self.by_clip.items():
+            for score in by_clip.metric.scores(by_clip.metric.tables):
+                if owners.setdefault(score, name) != name:
+                    raise UserError(f"suite.metrics.{name}: {score} is a score of {owners[score]}")
 
 
-def _require_sound(suite: Mapping[str, Any]) -> None:
-    """Of the settings that no metric is built with."""
-    rays, resamples, level = suite["rays"], suite["resamples"], suite["level"]
-    if len(rays) != 2 or not all(isinstance(number, int) and number > 0 for number in rays):
-        raise UserError(f"suite.rays: {list(rays)} must be two whole numbers, across and down")
-    if resamples < 1:
-        raise UserError(f"suite.resamples: {resamples} must be 1 or more")
-    if not 0 < level < 1:
-        raise UserError(f"suite.level: {level} must be between 0 and 1, as 0.95")
+def import_metrics(suite: Mapping[str, Any]) -> None:
+    """Imports the modules of all metrics that the configuration names.
+
+    Raises `UserError` for a module that there is not.
+    """
+    for name, entry in suite["metrics"].items():
+        try:
+            import_module(entry["_target_"].rpartition(".")[0])
+        except (ImportError, ValueError) as error:
+            raise UserError(f"suite.metrics.{name}._target_: {error}") from error
+
+
+def _metric(name: str, entry: Mapping[str, Any], grid: VoxelGrid) -> TableMetric:
+    """Builds a metric of a class that was imported before."""
+    module, _, attribute = entry["_target_"].rpartition(".")
+    make = getattr(sys.modules.get(module), attribute, None)
+    if not (isinstance(make, type) and issubclass(make, TableMetric)):
+        raise UserError(
+            f"suite.metrics.{name}._target_: {entry['_target_']} is no TableMetric of this "
+            "package, nor of a module that the configuration names"
+        )
+
+    arguments = {key: value for key, value in entry.items() if not key.startswith("_")}
+    try:
+        metric = make(grid, **arguments)
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{error} (suite.metrics.{name})") from error
+    if unknown := _inputs(metric)[0].difference(INPUTS):
+        unknown = ", ".join(sorted(unknown))
+        raise UserError(f"suite.metrics.{name}: asks for {unknown}; there are {', '.join(INPUTS)}")
+    return metric
+
+
+def _inputs(metric: TableMetric) -> tuple[set[str], set[str]]:
+    """Returns the names of the inputs that a metric requires, and of all that it takes."""
+    parameters = inspect.signature(metric.frame_tables).parameters
+    required = {key for key, each in parameters.items() if each.default is each.empty}
+    return required, set(parameters)
 
 
 def intervals_of(
@@ -152,13 +174,14 @@ def intervals_of(
     seed: int,
     level: float,
 ) -> dict[str, Interval]:
-    """Every score of some clips, by their rows in the tables, with its interval."""
+    """Returns every score of some clips, by their rows in the tables, with its interval."""
     if not rows:
         raise UserError("clips: none to score")
     weights = resamplings(len(rows), resamples, torch.Generator().manual_seed(seed))
-    found = {}
-    for name in FLAT:
-        if name in tables:
-            chosen = {key: table[list(rows)].cpu() for key, table in tables[name].items()}
-            found |= score_intervals(suite.metric(name), chosen, weights, level)
-    return found
+
+    intervals: dict[str, Interval] = {}
+    for name, of_metric in tables.items():
+        if suite.metric(name).in_score_table:
+            chosen = {key: table[list(rows)].cpu() for key, table in of_metric.items()}
+            intervals |= score_intervals(suite.metric(name), chosen, weights, level)
+    return intervals

@@ -1,30 +1,42 @@
 """Metrics whose whole state is a few integer tables."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 from torchmetrics import Metric
+
+from ..geometry import VoxelGrid
+from ..ontology import CLASSES, NUM_CLASSES
+from . import functional as F
 
 Tables = dict[str, Int64[Tensor, "..."]]
 Scores = dict[str, Float[Tensor, "..."]]
 
 
 class TableMetric(Metric, ABC):
-    """A metric that adds up int64 tables over the frames of a data set.
+    """A metric that adds up int64 tables over the frames of a dataset.
 
-    So its scores are those of the data set, not means of frames, and the same to the last bit
-    whatever the batches, their order and the ranks. What a batch adds (`frame_tables`) and what the
-    scores of some tables are (`scores`) are functions of their own: `ByClip` keeps the tables of
-    every clip apart with them.
+    So its scores are those of the dataset, not means of frames, and equal to the last bit whatever
+    the batches, their order and the ranks. What a batch adds (`frame_tables`) and what the scores
+    of some tables are (`scores`) are functions of their own: `ByClip` keeps the tables of every
+    clip apart with them.
+
+    A metric of one's own gives ``shapes`` to the constructor, which gets the grid first, and writes
+    these two functions. The suite reads from the names of the arguments of `frame_tables` what to
+    feed it with (`ScoreSuite.update`).
     """
 
     is_differentiable = False
     higher_is_better = True
     full_state_update = False
+
+    # Whether its scores stand in the table of a run's scores. Many numbers that are to be read
+    # together, as a sensitivity, have a table of their own.
+    in_score_table = True
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]], **kwargs: Any) -> None:
         """``shapes`` are those of the tables, by name."""
@@ -36,22 +48,22 @@ class TableMetric(Metric, ABC):
 
     @abstractmethod
     def frame_tables(self, *batch: Any, **options: Any) -> Tables:
-        """The tables of every frame of a batch, stacked: [b, ...].
+        """Returns the tables of every frame of a batch, stacked: [b, ...].
 
         Raises `UserError` for a batch that makes no sense, and then nothing has changed.
         """
 
     @abstractmethod
     def scores(self, tables: Tables) -> Scores:
-        """The scores of tables [*n, ...], each [*n]: of many sums at once, if need be."""
+        """Returns the scores of tables [*n, ...], each [*n]: of many sums at once, if need be."""
 
     @property
     def tables(self) -> Tables:
-        """What was counted so far."""
+        """The tables of everything counted so far."""
         return {name: getattr(self, name) for name in self.shapes}
 
     def update(self, *batch: Any, **options: Any) -> None:
-        """Count a batch; the arguments are those of `frame_tables`."""
+        """Counts a batch; the arguments are those of `frame_tables`."""
         try:
             tables = self.frame_tables(*batch, **options)
         except Exception:
@@ -62,11 +74,62 @@ class TableMetric(Metric, ABC):
             setattr(self, name, getattr(self, name) + table.sum(0))
 
     def forward(self, *batch: Any, **options: Any) -> Any:
-        """`update`, and the score of this batch alone."""
+        """Counts a batch, and returns the scores of this batch alone."""
         # The framework clears the state before it updates: a batch that raises then would lose it.
         self.frame_tables(*batch, **options)
         return super().forward(*batch, **options)
 
     def compute(self) -> Any:
-        """The scores of everything counted so far."""
+        """Returns the scores of everything counted so far."""
         return {name: score.float() for name, score in self.scores(self.tables).items()}
+
+
+class VoxelMetric(TableMetric):
+    """A `TableMetric` whose batches are labels, or logits, on one grid.
+
+    ``shell_m`` are the distinct distances of voxels from the UAV, and ``shell`` says which of them
+    each voxel has. Raises `UserError` for class ids that cannot be told apart.
+    """
+
+    shell: Tensor
+
+    def __init__(
+        self,
+        grid: VoxelGrid,
+        shapes: Mapping[str, tuple[int, ...]],
+        num_classes: int,
+        ignore_index: int,
+        free_index: int | None = None,
+        **kwargs: Any,
+    ) -> None:
+        F.check_classes(num_classes, ignore_index, free_index)
+        super().__init__(shapes, **kwargs)
+        self.grid = grid
+        self.num_classes = num_classes
+        self.ignore_index = ignore_index
+        self.free_index = free_index
+        # Distances are no buffer: a cast of the whole module to half precision must not round them.
+        self.shell_m, shell = F.distance_shells(grid)
+        self.register_buffer("shell", shell, persistent=False)
+
+    @property
+    def class_names(self) -> Sequence[str]:
+        """The ontology's names, or the ids where there are more or fewer classes."""
+        is_ontology = self.num_classes == NUM_CLASSES
+        return CLASSES if is_ontology else list(map(str, range(self.num_classes)))
+
+    def codes(
+        self, preds: F.Preds, target: F.Labels, mask: F.Mask | None
+    ) -> UInt8[Tensor, "b X Y Z"]:
+        """Returns a byte per voxel (`functional.encode`). Raises `UserError` for a bad batch."""
+        F.check_shapes(preds, target, {"mask": mask}, self.grid.shape, self.num_classes)
+        labels = F.labels_of(preds)
+        return F.encode(labels, target, mask, self.num_classes, self.ignore_index)
+
+    def stacked(self, names: Sequence[str], frames: Sequence[Sequence[Tensor]]) -> Tables:
+        """Returns the tables of these names, stacked over frames; each frame has one of each."""
+        tables = {name: getattr(self, name) for name in names}
+        if not frames:
+            return {name: table.new_zeros(0, *table.shape) for name, table in tables.items()}
+        columns = [torch.stack(column) for column in zip(*frames)]
+        return {name: column.to(self.shell.device) for name, column in zip(names, columns)}

@@ -1,4 +1,5 @@
 """SkyOcc: the network and its losses, as plain modules."""
+# ruff: noqa: F401 (what others import from here)
 
 from .attention import DeformableCrossAttention
 from .backbone import ResNet
@@ -9,16 +10,3 @@ from .history import History
 from .lift_splat import LiftSplat
 from .losses import OccupancyLoss, safety_weights
 from .network import SkyOcc
-
-__all__ = [
-    "BilinearLift",
-    "DeformableCrossAttention",
-    "History",
-    "LiftSplat",
-    "OccupancyLoss",
-    "PillarDecoder",
-    "PillarEncoder",
-    "ResNet",
-    "SkyOcc",
-    "safety_weights",
-]

@@ -3,35 +3,38 @@
 from typing import ClassVar
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from ..errors import UserError
+from .tensors import Image
 from .weights import load_weights
 
+# Pixels of the image per pixel of each feature level, finest first.
 STRIDES = (4, 8, 16, 32)
-"""Pixels of the image per pixel of each feature level, finest first."""
-
 IMAGE_MULTIPLE = STRIDES[-1]
+
+# Mean and deviation of red, green and blue in ImageNet's images, as shares of 255.
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 
 
 class PixelNorm(nn.Module):
-    """Pixels as networks trained on ImageNet take them: less its mean, over its deviation."""
+    """Normalises pixels for networks trained on ImageNet: less its mean, over its deviation."""
 
     def __init__(self) -> None:
         super().__init__()
         self.register_buffer("mean", 255 * torch.tensor(IMAGENET_MEAN), persistent=False)
         self.register_buffer("std", 255 * torch.tensor(IMAGENET_STD), persistent=False)
 
-    def forward(self, image: UInt8[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
+    def forward(self, image: Image) -> Float[Tensor, "b 3 h w"]:
         """Raises `UserError` where a side is no multiple of 32."""
         height, width = image.shape[-2:]
         if height % IMAGE_MULTIPLE or width % IMAGE_MULTIPLE:
             raise UserError(
                 f"image: {width}x{height} pixels; make both sides multiples of {IMAGE_MULTIPLE}"
             )
+
         x = (image.to(self.mean.dtype) - self.mean[:, None, None]) / self.std[:, None, None]
         return x.contiguous(memory_format=torch.channels_last)
 
@@ -83,7 +86,7 @@ class Bottleneck(nn.Module):
 
 
 def shortcut(in_channels: int, out_channels: int, stride: int) -> nn.Module:
-    """The identity, or a 1x1 projection where a block changes the shape."""
+    """Returns the identity, or a 1x1 projection where a block changes the shape."""
     if stride == 1 and in_channels == out_channels:
         return nn.Identity()
     return nn.Sequential(
@@ -91,6 +94,7 @@ def shortcut(in_channels: int, out_channels: int, stride: int) -> nn.Module:
     )
 
 
+# Block and number of blocks of each stage, by depth (He et al. 2016, Table 1).
 LAYOUTS = {18: (BasicBlock, (2, 2, 2, 2)), 50: (Bottleneck, (3, 4, 6, 3))}
 
 
@@ -115,12 +119,14 @@ class ResNet(nn.Module):
         super().__init__()
         if depth not in LAYOUTS:
             raise UserError(f"size.backbone_depth: {depth} is not one of {sorted(LAYOUTS)}")
+
         block, repeats = LAYOUTS[depth]
         self.channels = tuple(width * 2**stage * block.expansion for stage in range(4))
         self.conv1 = nn.Conv2d(3, width, 7, 2, 3, bias=False)
         self.bn1 = nn.BatchNorm2d(width)
         self.relu = nn.ReLU(inplace=True)
         self.maxpool = nn.MaxPool2d(3, 2, 1)
+
         in_channels = width
         for stage, repeat in enumerate(repeats):
             blocks = []
@@ -129,6 +135,7 @@ class ResNet(nn.Module):
                 blocks.append(block(in_channels, width * 2**stage, stride))
                 in_channels = self.channels[stage]
             self.add_module(f"layer{stage + 1}", nn.Sequential(*blocks))
+
         self._initialise()
         self.pixel_norm = PixelNorm()
         load_weights(self, depth, weights, weights_sha256)
@@ -138,13 +145,14 @@ class ResNet(nn.Module):
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
 
-    def forward(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b _ _ _"]]:
-        """Four feature maps, finest first; the image is normalised here, on its device.
+    def forward(self, image: Image) -> list[Float[Tensor, "b _ _ _"]]:
+        """Returns four feature maps, finest first; the image is normalised here, on its device.
 
         Raises `UserError` where a side is no multiple of 32.
         """
         x = self.pixel_norm(image)
         x = self.maxpool(self.relu(self.bn1(self.conv1(x))))
+
         features = []
         for stage in (self.layer1, self.layer2, self.layer3, self.layer4):
             x = stage(x)

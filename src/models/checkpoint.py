@@ -1,9 +1,9 @@
 """Checkpoint files: written whole or not at all, and each enough to run its network."""
 
-import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any
 
 import torch
@@ -19,8 +19,12 @@ from ..errors import UserError
 from .network import SkyOcc
 from .weights import ORIGIN
 
+# Format of a checkpoint's own part. Files of format 1 held weights and no configuration.
 FORMAT = 2
-"""Of what a checkpoint says of itself. Files of format 1 held weights and no configuration."""
+
+
+# What PyTorch raises for a file that is cut, damaged, or something else.
+UNREADABLE = (AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError, UnpicklingError)
 
 
 class WholeCheckpoints(TorchCheckpointIO):
@@ -40,13 +44,13 @@ class WholeCheckpoints(TorchCheckpointIO):
 
 @dataclass(frozen=True)
 class Origin:
-    """What shaped the weights in a checkpoint: all that loading needs beside them.
+    """The origin of a checkpoint's weights: all that loading needs beside them.
 
-    ``config`` is the composed configuration without places and what shapes nothing, ``code`` the
-    digest of each file that shaped the run, ``dataset`` the data set's name. ``class_counts`` [9]
+    ``config`` is the composed configuration without places and what shapes nothing. ``code`` is the
+    digest of each file that shaped the run, ``dataset`` the dataset's name. ``class_counts`` [9]
     are the voxels of each class in the training labels, and ``voxel_prior`` is what they predict
-    where nobody looks. ``backbone`` holds arguments of the image encoder that take the place of
-    those in ``config``: with them it is built without the files that its training began with.
+    where nobody looks. ``backbone`` holds arguments of the image encoder that replace those in
+    ``config``: with them it is built without the files that its training began with.
     """
 
     config: dict
@@ -68,8 +72,7 @@ class Checkpoint:
 
     @classmethod
     def read(cls, path: str | Path) -> "Checkpoint":
-        """Raises `UserError` for a file that is missing, damaged or no checkpoint, and for one of
-        another format, which it names."""
+        """Reads a file. Raises `UserError` where it is missing, damaged, or of another format."""
         content = read_content(Path(path))
         facts = dict(content.get(ORIGIN, {}))
         if (written := facts.pop("format", 1)) != FORMAT:
@@ -80,12 +83,14 @@ class Checkpoint:
         return cls(Path(path), content["state_dict"], Origin(**facts), content["epoch"] + 1)
 
     def network(self) -> SkyOcc:
-        """The network, in evaluation. Needs no data set, and no file but this one.
+        """Returns the network, in evaluation. Needs no dataset, and no file but this one.
 
         Raises `UserError` where a class that the configuration names is gone or has changed.
         """
+        # Without the files that the training began with: what became of them is in this one.
         model = self.origin.config["model"]
         model = {**model, "backbone": {**model["backbone"], **self.origin.backbone}}
+
         try:
             network = instantiate(OmegaConf.create(model))
         except InstantiationException as error:
@@ -94,12 +99,13 @@ class Checkpoint:
                 f"ckpt_path: {self.path} holds a model that cannot be built ({reason}); use the "
                 "code that wrote it"
             ) from error
+
         load_weights(nn.ModuleDict({"network": network}), self.state, self.path)
         return network.eval()
 
 
 def read_content(path: Path) -> dict[str, Any]:
-    """All that Lightning wrote. Raises `UserError` for a file that is no checkpoint."""
+    """Reads all that Lightning wrote. Raises `UserError` for a file that is no checkpoint."""
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
         if {"state_dict", "epoch"} - content.keys():
@@ -109,10 +115,7 @@ def read_content(path: Path) -> dict[str, Any]:
         raise UserError(
             f"ckpt_path: no checkpoint {path}; give best, last or an existing file"
         ) from None
-    except (
-        *(AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError),
-        pickle.UnpicklingError,
-    ) as error:
+    except UNREADABLE as error:
         reason = " ".join(str(error).split()).partition(". ")[0][:120]
         raise UserError(
             f"ckpt_path: {path} is no readable checkpoint ({reason}); give another one, or delete "
@@ -126,14 +129,15 @@ def load_weights(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> 
     Raises `UserError` for weights of another architecture.
     """
     own = module.state_dict()
-    strange = [
+    different = [
         name
         for name in sorted(own.keys() | state.keys())
         if name not in own or name not in state or own[name].shape != state[name].shape
     ]
-    if strange:
+
+    if different:
         raise UserError(
-            f"ckpt_path: {path} is of another architecture ({len(strange)} parameters differ, "
-            f"{strange[0]} first); use the model and scale that it was trained with"
+            f"ckpt_path: {path} is of another architecture ({len(different)} parameters differ, "
+            f"{different[0]} first); use the model and scale that it was trained with"
         )
     module.load_state_dict(state)

@@ -13,7 +13,7 @@ from torch.utils.checkpoint import checkpoint
 
 @contextmanager
 def running_statistics(module: nn.Module) -> Iterator[None]:
-    """Batch normalisation inside uses its running statistics, and leaves them as they are."""
+    """Lets batch normalisation inside use its running statistics, and leaves them as they are."""
     norms = [m for m in module.modules() if isinstance(m, _BatchNorm) and m.training]
     # Copies: a backward through here reads them after the next batch has changed the originals.
     with _in_state(norms, [{**_state(norm), "training": False} for norm in norms]):
@@ -32,7 +32,10 @@ def recompute_in_backward(network: nn.Module) -> None:
 
 
 def _forward(module: nn.Module, forward: Callable[..., Any], *inputs: Any) -> Any:
-    """The second time, batch normalisation does as it did the first time, and counts nothing."""
+    """Calls ``forward`` so that its backward may call it again, to the same numbers.
+
+    The second time, batch normalisation does as it did the first time, and counts nothing.
+    """
     if not (module.training and torch.is_grad_enabled()):
         return forward(*inputs)
     norms = [m for m in module.modules() if isinstance(m, _BatchNorm)]
@@ -45,7 +48,7 @@ def _forward(module: nn.Module, forward: Callable[..., Any], *inputs: Any) -> An
 
 
 def _state(norm: _BatchNorm) -> dict[str, Any]:
-    """What it normalises with now, in tensors that no later batch changes."""
+    """Returns what a norm normalises with now, in tensors that no later batch changes."""
     buffers = {name: buffer.clone() for name, buffer in norm.named_buffers()}
     return {"training": norm.training, **buffers}
 

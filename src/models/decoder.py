@@ -8,6 +8,7 @@ from torch import Tensor, nn
 
 from ..geometry import VoxelGrid
 from ..ontology import NUM_CLASSES
+from .tensors import Logits, Pillars
 
 
 class ResidualBlock(nn.Module):
@@ -49,14 +50,16 @@ class PillarDecoder(nn.Module):
         self.head = nn.Sequential(
             nn.Linear(dim, 2 * dim), nn.ReLU(), nn.Linear(2 * dim, NUM_CLASSES * grid.shape[2])
         )
+
         nn.init.zeros_(self.head[-1].bias)
         if class_prior is not None:
+            # Most voxels are free: from equal logits, training would have to learn that first.
             prior = torch.tensor(class_prior, dtype=torch.float32)
             log_prior = (prior / prior.sum()).clamp(min=1e-6).log()
             self.head[-1].bias.data.copy_(log_prior.repeat_interleave(grid.shape[2]))
 
-    def forward(self, pillars: Float[Tensor, "b p dim"]) -> Float[Tensor, "b 9 x y z"]:
-        """Logits, always float32."""
+    def forward(self, pillars: Pillars) -> Logits:
+        """Returns logits [B, 9, X, Y, Z], always float32."""
         rows, columns, heights = self.grid.shape
         channels_last = pillars.unflatten(1, (rows, columns))
         x = self.blocks(channels_last.permute(0, 3, 1, 2))

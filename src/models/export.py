@@ -17,21 +17,27 @@ from ..errors import UserError
 from .history import History
 from .network import SkyOcc
 
+# File names by format: ONNX, and torch.export.
 FORMATS = {"onnx": "skyocc.onnx", "torch": "skyocc.pt2"}
-"""Files by format: ONNX, and torch.export."""
-
 DESCRIPTION = "export.json"
-OF_QUEUE = ("image", "pix_from_camera", "occ_from_body")
-"""What a batch has of every frame of a queue, and a step of the current one."""
-PAST = ("past_pillars", "occ_from_past_occ", "past_valid")
-INPUTS = (
-    *("image", "pix_from_camera", "body_from_camera", "occ_from_body"),
-    *("attitude_rad", "velocity_mps", "height_m"),
-    *PAST,
-)
-"""`PAST` only where there is a history. Each has a batch dimension of 1."""
 
+# A batch has these for every frame of a queue, and a step for the current one.
+OF_QUEUE = ("image", "pix_from_camera", "occ_from_body")
+CURRENT = (
+    "image",
+    "pix_from_camera",
+    "body_from_camera",
+    "occ_from_body",
+    "attitude_rad",
+    "velocity_mps",
+    "height_m",
+)
+# A graph has these inputs only where there is a history. Each has a batch dimension of 1.
+PAST = ("past_pillars", "occ_from_past_occ", "past_valid")
+INPUTS = CURRENT + PAST
 OUTPUTS = ("logits", "pillars")
+
+Run = Callable[[tuple[Tensor, ...]], tuple[Tensor, Tensor]]
 
 
 class StepGraph(nn.Module):
@@ -42,15 +48,14 @@ class StepGraph(nn.Module):
         self.network = network
 
     def forward(self, *inputs: Tensor) -> tuple[Float[Tensor, "1 9 x y z"], Float[Tensor, "1 p d"]]:
-        batch, past = dict(zip(INPUTS, inputs)), inputs[len(INPUTS) - len(PAST) :]
+        batch, past = dict(zip(INPUTS, inputs)), inputs[len(CURRENT) :]
         batch |= {name: batch[name][:, None] for name in OF_QUEUE}
         return self.network.step(batch, History(*past) if past else None)
 
 
 def step_inputs(batch: Mapping[str, Tensor], history: History | None) -> tuple[Tensor, ...]:
-    """The arguments of a `StepGraph`, from those of `SkyOcc.step`."""
-    names = INPUTS[: -len(PAST)]
-    current = [batch[name][:, -1] if name in OF_QUEUE else batch[name] for name in names]
+    """Returns the arguments of a `StepGraph`, from those of `SkyOcc.step`."""
+    current = [batch[name][:, -1] if name in OF_QUEUE else batch[name] for name in CURRENT]
     return tuple(tensor.contiguous() for tensor in (*current, *(history or ())))
 
 
@@ -64,11 +69,12 @@ def export_step(
 ) -> None:
     """Writes the graph of a step in every format, and a description of it, into a folder.
 
-    ``batch`` and ``history`` are those of any frame: the graph has their shapes. ``facts`` go into
+    ``batch`` and ``history`` may be of any frame: the graph takes their shapes. ``facts`` go into
     the description. Raises `UserError` as `require_formats` does, or where a format's packages are
     missing.
     """
     require_formats(formats)
+
     inputs = step_inputs(batch, history)
     folder.mkdir(parents=True, exist_ok=True)
     with _quietly(), torch.no_grad():
@@ -76,6 +82,7 @@ def export_step(
         for name in formats:
             with replacing(folder / FORMATS[name]) as temporary:
                 _write[name](program, temporary)
+
     described = [
         {"name": name, "dtype": str(tensor.dtype).removeprefix("torch."), "shape": [*tensor.shape]}
         for name, tensor in zip(INPUTS, inputs)
@@ -86,7 +93,7 @@ def export_step(
 
 
 def require_formats(formats: Sequence[str]) -> None:
-    """Raises `UserError` for a format that there is not, or for none."""
+    """Raises `UserError` for an unknown format, and where no format is given."""
     for name in formats:
         if name not in FORMATS:
             raise UserError(f"task.formats: {name!r}; there are {', '.join(FORMATS)}")
@@ -115,7 +122,7 @@ _write = {"onnx": _write_onnx, "torch": _write_torch}
 
 
 class ExportedStep:
-    """A graph that `export_step` wrote, in the place of its network in a `SkyOccStream`.
+    """A graph that `export_step` wrote, which stands in for its network in a `SkyOccStream`.
 
     ``format`` is one of `FORMATS`. Raises `UserError` for another one, for a folder without the
     graph, an unreadable file, or missing packages.
@@ -126,20 +133,28 @@ class ExportedStep:
         path = Path(folder) / FORMATS[format]
         if not path.is_file() or not (Path(folder) / DESCRIPTION).is_file():
             raise UserError(f"{path}: no exported graph; make it with task=export")
+
         facts = json.loads((Path(folder) / DESCRIPTION).read_text())
         shapes = {entry["name"]: entry["shape"] for entry in facts["inputs"]}
         _, self.past_frames, *self.pillar_shape = shapes.get("past_pillars", [1, 0, 0, 0])
         self.device = torch.device("cpu")
         self.history_step_s = facts.get("history_step_s")
         self.image_shape = shapes["image"]
-        self.run = _open[format](path, threads)
+
+        try:
+            self.run: Run = _open[format](path, threads)
+        except UserError:
+            raise
+        except Exception as error:  # of many kinds, which have no class in common
+            reason = " ".join(str(error).split())[:120]
+            raise UserError(f"{path}: cannot be read ({reason}); export it again") from error
 
     def eval(self) -> "ExportedStep":
-        """It never trains."""
+        """Returns itself: a graph never trains."""
         return self
 
     def step(self, batch: Mapping[str, Tensor], history: History | None) -> tuple[Tensor, Tensor]:
-        """As `SkyOcc.step`. Raises `UserError` for an image of another size than the graph's."""
+        """Computes `SkyOcc.step`. Raises `UserError` for an image of another size."""
         image = batch["image"][:, -1]
         if [*image.shape] != self.image_shape:
             height, width = image.shape[-2:]
@@ -150,9 +165,6 @@ class ExportedStep:
         return self.run(step_inputs(batch, history))
 
 
-Run = Callable[[tuple[Tensor, ...]], tuple[Tensor, Tensor]]
-
-
 def _open_onnx(path: Path, threads: int) -> Run:
     try:
         import onnxruntime
@@ -160,27 +172,19 @@ def _open_onnx(path: Path, threads: int) -> Run:
         raise UserError(f"{path}: onnxruntime is not here; pip install -e '.[export]'") from None
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
-    try:
-        session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # its exceptions have no base class of their own
-        reason = " ".join(str(error).split())[:120]
-        raise UserError(f"{path}: cannot be read ({reason}); export it again") from error
+    session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     names = [entry.name for entry in session.get_inputs()]
 
     def run(inputs: tuple[Tensor, ...]) -> tuple[Tensor, Tensor]:
-        fed = {name: tensor.numpy() for name, tensor in zip(names, inputs)}
-        logits, pillars = map(torch.from_numpy, session.run(list(OUTPUTS), fed))
+        arrays = {name: tensor.numpy() for name, tensor in zip(names, inputs)}
+        logits, pillars = map(torch.from_numpy, session.run(list(OUTPUTS), arrays))
         return logits, pillars
 
     return run
 
 
 def _open_torch(path: Path, threads: int) -> Run:
-    try:
-        module = torch.export.load(path).module()
-    except Exception as error:  # of many kinds, from a zip reader to a schema
-        reason = " ".join(str(error).split())[:120]
-        raise UserError(f"{path}: cannot be read ({reason}); export it again") from error
+    module = torch.export.load(path).module()
     return lambda inputs: module(*inputs)
 
 
@@ -189,7 +193,7 @@ _open = {"onnx": _open_onnx, "torch": _open_torch}
 
 @contextmanager
 def _quietly() -> Iterator[None]:
-    """The exporter speaks of packages that nobody needs."""
+    """Silences the exporter, which names packages that nobody needs."""
     logger = logging.getLogger("torch.onnx")
     level = logger.level
     logger.setLevel(logging.ERROR)

@@ -9,9 +9,10 @@ from ..geometry import VoxelGrid, rigid
 
 
 def above_ground(grid: VoxelGrid, lower_m: float, upper_m: float) -> VoxelGrid:
-    """The pillars of a grid from ``lower_m`` to ``upper_m`` above the ground, in voxels as large.
+    """Returns the pillars of a grid from ``lower_m`` to ``upper_m`` above the ground.
 
-    Raises `UserError` where these are no whole number of voxels.
+    Voxels are as large as those of ``grid``. Raises `UserError` where the heights are no whole
+    number of them apart.
     """
     bins = round((upper_m - lower_m) / grid.voxel_m)
     return VoxelGrid(
@@ -20,12 +21,13 @@ def above_ground(grid: VoxelGrid, lower_m: float, upper_m: float) -> VoxelGrid:
 
 
 def occ_from_ground(height_m: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 4 4"]:
-    """Of a UAV at that height: the ground frame is the occ frame, lowered onto the ground plane."""
+    """Returns the transform for a UAV at that height.
+
+    The ground frame is the occ frame, lowered onto the ground plane.
+    """
     zero = torch.zeros_like(height_m)
-    return rigid(
-        torch.eye(3).to(height_m).expand(*height_m.shape, 3, 3),
-        torch.stack([zero, zero, -height_m], dim=-1),
-    )
+    below_m = torch.stack([zero, zero, -height_m], dim=-1)
+    return rigid(torch.eye(3).to(height_m).expand(*height_m.shape, 3, 3), below_m)
 
 
 class GroundVolume(nn.Module):
@@ -35,7 +37,7 @@ class GroundVolume(nn.Module):
     ``volume`` has the same pillars, and counts z from the ground plane below the UAV (the ground
     frame): there the ground, a kerb and a car always lie at the same height. The UAV's measured
     height, as of a barometer that was set to zero at take-off, says how far it lies below the occ
-    frame of ``grid``. In between two centres logits are interpolated; beyond the first and the last
+    frame of ``grid``. In between two centers logits are interpolated; beyond the first and the last
     one they stay what they are there.
 
     Raises `UserError` where the pillars of the two differ.
@@ -44,12 +46,13 @@ class GroundVolume(nn.Module):
     def __init__(self, volume: VoxelGrid, grid: VoxelGrid) -> None:
         super().__init__()
         for name in ("lower_m", "upper_m", "shape"):
-            mine, theirs = getattr(volume, name)[:2], getattr(grid, name)[:2]
-            if tuple(mine) != tuple(theirs):
+            in_volume, in_grid = list(getattr(volume, name)[:2]), list(getattr(grid, name)[:2])
+            if in_volume != in_grid:
                 raise UserError(
-                    f"model.decoder.grid.{name}: {[*mine]} in x and y, and grid.{name} has "
-                    f"{[*theirs]}; a volume on the ground changes z alone"
+                    f"model.decoder.grid.{name}: {in_volume} in x and y, and grid.{name} has "
+                    f"{in_grid}; a volume on the ground changes z alone"
                 )
+
         self.bins = volume.shape[2]
         self.voxel_m = grid.voxel_m
         z_m = grid.centers()[0, 0, :, 2] - volume.centers()[0, 0, 0, 2]
@@ -58,11 +61,12 @@ class GroundVolume(nn.Module):
     def forward(
         self, logits: Float[Tensor, "b c x y k"], height_m: Float[Tensor, "b"]
     ) -> Float[Tensor, "b c x y z"]:
-        """Logits of the occ frame's voxels, for a UAV ``height_m`` above the ground plane."""
+        """Returns logits of the occ frame's voxels, for a UAV ``height_m`` above the ground."""
         # Autocast would round them to 8 bits.
         with torch.autocast(logits.device.type, enabled=False):
             place = (self.z_m + height_m.float()[:, None]) / self.voxel_m
             place = place.clamp(0, self.bins - 1)[:, None]
             bins = torch.arange(self.bins, device=place.device)[:, None]
+            # Linear interpolation as one matrix: at most two bins share a voxel.
             share = (1 - (place - bins).abs()).clamp(min=0)
             return (logits.flatten(1, 3) @ share).unflatten(1, logits.shape[1:4])

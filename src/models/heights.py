@@ -5,10 +5,11 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from .references import References
+from .tensors import Pillars
 
 
 def height_projections(num_heights: int, dim: int, gain: float = 1.0) -> nn.Parameter:
-    """``[num_heights, dim, dim]``, each as a linear layer of its own would start, times a gain."""
+    """Returns ``[num_heights, dim, dim]``, each as a linear layer would start, times a gain."""
     projections = nn.Parameter(torch.empty(num_heights, dim, dim))
     for weight in projections.data:
         nn.init.xavier_uniform_(weight, gain)
@@ -16,7 +17,7 @@ def height_projections(num_heights: int, dim: int, gain: float = 1.0) -> nn.Para
 
 
 def gain_of_mean(num_heights: int) -> float:
-    """What `projected_mean` needs to start as large as the pillars that it is added to.
+    """Returns the gain with which `projected_mean` starts as large as the pillars it is added to.
 
     A mean over heights is smaller than each of them by the root of their number, and what they
     gather is itself a mean over levels, of about half their size. Where the image begins as a tenth
@@ -26,21 +27,17 @@ def gain_of_mean(num_heights: int) -> float:
 
 
 def projected_sum(
-    by_height: Float[Tensor, "b*p*j dim"],
-    projections: Float[Tensor, "j dim dim"],
-    batch_size: int,
-) -> Float[Tensor, "b p dim"]:
-    """``sum_j f_pj W_j``: a plain sum would lose which height a feature came from."""
+    by_height: Float[Tensor, "b*p*j dim"], projections: Float[Tensor, "j dim dim"], batch_size: int
+) -> Pillars:
+    """Returns ``sum_j f_pj W_j``: a plain sum would lose which height a feature came from."""
     by_pillar = by_height.view(batch_size, -1, projections.shape[:2].numel())
     return by_pillar @ projections.flatten(0, 1)
 
 
 def projected_mean(
-    sampled: Float[Tensor, "r dim"],
-    projections: Float[Tensor, "j dim dim"],
-    references: References,
-) -> Float[Tensor, "b p dim"]:
-    """``1/|J_p| sum_{j in J_p} f_pj W_j`` of what was sampled at ``references.in_view``.
+    sampled: Float[Tensor, "r dim"], projections: Float[Tensor, "j dim dim"], references: References
+) -> Pillars:
+    """Returns ``1/|J_p| sum_{j in J_p} f_pj W_j`` of the samples at ``references.in_view``.
 
     A pillar with no valid reference gets exactly zero.
     """
@@ -48,5 +45,6 @@ def projected_mean(
     # Padding goes to one row more, which is dropped.
     by_height = sampled.new_zeros(total + 1, sampled.shape[-1])
     by_height = by_height.index_copy_(0, references.in_view, sampled)[:total]
+
     update = projected_sum(by_height, projections, len(references.valid))
     return update / references.valid.sum(dim=-1, keepdim=True).clamp(min=1)

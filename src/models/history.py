@@ -40,10 +40,10 @@ class AlignedHistory(NamedTuple):
 
 
 def align_history(history: History, grid: VoxelGrid) -> AlignedHistory:
-    """Resample past pillars bilinearly at the current pillars' centres.
+    """Resample past pillars bilinearly at the current pillars' centers.
 
     The occ frames are gravity-stabilised, so they differ by a yaw and a translation; the part of it
-    in the plane moves pillars, the rest is ``dz_m``. A pillar whose centre falls outside the past
+    in the plane moves pillars, the rest is ``dz_m``. A pillar whose center falls outside the past
     grid is not valid for that frame.
     """
     rows, columns, _ = grid.shape
@@ -54,17 +54,17 @@ def align_history(history: History, grid: VoxelGrid) -> AlignedHistory:
     lower = eye.new_tensor(grid.lower_m[:2])
     cells = eye.new_tensor((rows, columns))
     index = torch.cartesian_prod(*(torch.arange(n, device=eye.device) for n in (rows, columns)))
-    centres = lower + (index + 0.5) * grid.voxel_m
+    centers = lower + (index + 0.5) * grid.voxel_m
     with torch.autocast(eye.device.type, enabled=False):
         past_from_now = inverse(occ_from_past_occ)[..., :2, :]
-        turned = centres @ past_from_now[..., :2].transpose(-1, -2)
+        turned = centers @ past_from_now[..., :2].transpose(-1, -2)
     place = (turned + past_from_now[..., None, :, 3] - lower) / grid.voxel_m
     valid = ((place >= 0) & (place <= cells)).all(dim=-1) & history.valid[..., None]
-    # Beyond the outermost centres there is nothing to interpolate with.
+    # Beyond the outermost centers there is nothing to interpolate with.
     place = (place - 0.5).clamp(min=torch.zeros_like(cells), max=cells - 1)
     row, column = place.flatten(0, 2).T[:, None, None, None]
     maps = pillars.flatten(0, 1).unflatten(1, (rows, columns))
-    frame = torch.arange(len(maps), device=eye.device).repeat_interleave(len(centres))
+    frame = torch.arange(len(maps), device=eye.device).repeat_interleave(len(centers))
     aligned = summed_samples([maps], column, row, torch.ones_like(row), frame).view_as(pillars)
     return AlignedHistory(
         torch.where(valid[..., None], aligned, 0), valid, occ_from_past_occ[..., 2, 3]

@@ -8,17 +8,17 @@ from types import ModuleType
 from typing import Any
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from ..errors import UserError
 from .backbone import STRIDES, PixelNorm
+from .tensors import Image
 
+# The last four stages, whether or not a model counts its stem as one.
 LAST_FOUR = [-4, -3, -2, -1]
-"""Stages, whether or not a model counts its stem as one."""
-
+# Keys of a configuration that describe its outputs, which are always the last four stages.
 OF_OUTPUTS = ("out_indices", "out_features", "stage_names", "architectures")
-"""What a configuration says of its outputs, which are always the last four."""
 CONFIG_FILES = ["config.json"]
 WEIGHT_FILES = ["model.safetensors", "model-*.safetensors", "model.safetensors.index.json"]
 PROBE_PIX = 64
@@ -53,36 +53,41 @@ class HuggingFaceBackbone(nn.Module):
                 "model.backbone.config: describes a random model; set model.backbone.pretrained="
                 "false with it"
             )
+
         if config is not None:
             self.model = _at_random(transformers, config)
         else:
             self.model = _by_name(transformers, name, pretrained, revision)
+
         self.pixel_norm = PixelNorm()
         self.called = name if config is None else config["model_type"]
         self.channels = tuple(level.shape[1] for level in _probe(self.model, self.called))
         self.freeze_unread(finest=0)
+
         described = json.loads(self.model.config.to_json_string())
         described = {key: value for key, value in described.items() if key not in OF_OUTPUTS}
         self.built_by = {"name": None, "pretrained": False, "config": described}
 
     def freeze_unread(self, finest: int) -> None:
-        """Training leaves alone what leads to no feature map from the level ``finest`` on.
+        """Excludes from training what leads to no feature map from the level ``finest`` on.
 
-        Such as a last norm: it would never have a gradient, which several processes wait for.
+        An example is a last norm: it would never have a gradient, which several processes wait for.
         """
+        # A walk through the graph, back from the feature maps to the parameters.
         seen, todo = set(), [level.grad_fn for level in _probe(self.model, self.called)[finest:]]
         while todo:
             node = todo.pop()
             if node is not None and node not in seen:
                 seen.add(node)
                 todo += [before for before, _ in node.next_functions]
+
         read = {id(node.variable) for node in seen if hasattr(node, "variable")}
         for parameter in self.model.parameters():
             parameter.requires_grad_(id(parameter) in read)
-        self.model.train()  # as any new module; what was loaded is in its evaluation mode
+        self.model.train()  # as any new module: what was loaded is in evaluation
 
-    def forward(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b _ _ _"]]:
-        """Four feature maps, finest first; the image is normalised here, on its device.
+    def forward(self, image: Image) -> list[Float[Tensor, "b _ _ _"]]:
+        """Returns four feature maps, finest first; the image is normalised here, on its device.
 
         Raises `UserError` where a side is no multiple of 32.
         """
@@ -90,7 +95,7 @@ class HuggingFaceBackbone(nn.Module):
 
 
 def import_transformers() -> ModuleType:
-    """The optional library, imported only where it is used."""
+    """Imports the optional library, only where it is used."""
     try:
         import transformers
     except ImportError as error:
@@ -117,12 +122,14 @@ def _by_name(
     if not name:
         raise UserError("model.backbone.name: none; give a model of the Hub, a folder, or a config")
     folder = _folder(name, revision, CONFIG_FILES + (WEIGHT_FILES if pretrained else []))
+
     try:
         config = transformers.AutoConfig.from_pretrained(
             folder, out_indices=LAST_FOUR, trust_remote_code=False
         )
         if not pretrained:
             return transformers.AutoBackbone.from_config(config)
+
         # AutoBackbone's own loading asks the Hub even where all is at hand, and falls back to timm.
         with torch.device("meta"):
             kind = type(transformers.AutoBackbone.from_config(config))
@@ -136,6 +143,7 @@ def _by_name(
             )
     except Exception as error:  # each of its many models refuses in its own way
         raise UserError(f"model.backbone.name: {name} is no backbone: {_reason(error)}") from error
+
     _require_all(name, loaded["missing_keys"])
     return model
 
@@ -151,7 +159,7 @@ def _errors_only(transformers: ModuleType) -> Iterator[None]:
 
 
 def _folder(name: str, revision: str, files: list[str]) -> Path:
-    """Where a model's files are on this machine, fetched if need be."""
+    """Returns where a model's files are on this machine, fetched if need be."""
     if Path(name).is_dir():
         return Path(name)
     from huggingface_hub import snapshot_download
@@ -166,7 +174,10 @@ def _folder(name: str, revision: str, files: list[str]) -> Path:
 
 
 def _require_all(name: str, missing: list[str]) -> None:
-    """Everything has its weights, but for the norms at the outputs, which a classifier lacks."""
+    """Raises `UserError` for parts without weights, but for the norms at the outputs.
+
+    A classifier, whose weights are published, has no such norms.
+    """
     missing = sorted(key for key in missing if "norm" not in key)
     if missing:
         raise UserError(
@@ -176,7 +187,10 @@ def _require_all(name: str, missing: list[str]) -> None:
 
 
 def _probe(model: nn.Module, name: str) -> list[Float[Tensor, "1 _ _ _"]]:
-    """What a model gives for a small image; its configuration says nothing of strides."""
+    """Returns a model's feature maps of a small image.
+
+    Raises `UserError` where their strides are others: a configuration does not state them.
+    """
     try:
         with torch.enable_grad():
             maps = model.eval()(torch.zeros(1, 3, PROBE_PIX, PROBE_PIX)).feature_maps
@@ -184,6 +198,7 @@ def _probe(model: nn.Module, name: str) -> list[Float[Tensor, "1 _ _ _"]]:
         raise UserError(
             f"model.backbone: {name} does not take {PROBE_PIX}x{PROBE_PIX} pixels: {_reason(error)}"
         ) from error
+
     sizes = [tuple(level.shape[2:]) for level in maps]
     if sizes != [(PROBE_PIX // stride,) * 2 for stride in STRIDES]:
         strides = [PROBE_PIX / height for height, _ in sizes]

@@ -8,15 +8,15 @@ from jaxtyping import Float
 from lightning import LightningModule
 from torch import Tensor, nn
 from torch.optim import AdamW
-from torch.optim.lr_scheduler import LambdaLR
 from torchmetrics import MeanMetric
 from torchmetrics.classification import MulticlassConfusionMatrix
 
 from ..metrics.functional import iou_compute, mean_iou
 from ..ontology import CLASSES, NUM_CLASSES
-from .module import rate_share
+from .module import scheduled
 from .neck import FPN
 
+# Share of the steps over which the learning rate rises.
 WARM_UP = 0.02
 
 
@@ -40,7 +40,7 @@ class ImagePretraining(LightningModule):
         self.depth_error, self.val_loss = MeanMetric(), MeanMetric()
 
     def forward(self, image: Tensor) -> tuple[Float[Tensor, "b 9 h w"], Float[Tensor, "b h w"]]:
-        """Logits and the logarithm of the depth in metres, at the finest stride."""
+        """Returns logits and the logarithm of the depth in metres, at the finest stride."""
         out = self.head(torch.relu(self.neck(self.backbone(image))[0]))
         return out[:, :NUM_CLASSES], out[:, NUM_CLASSES]
 
@@ -58,33 +58,25 @@ class ImagePretraining(LightningModule):
 
     def on_validation_epoch_end(self) -> None:
         iou = iou_compute(self.count.compute()).float()
-        self.log_dict(
-            {
-                **{f"val/iou/{name}": value for name, value in zip(CLASSES, iou)},
-                "val/miou": mean_iou(iou),
-                "val/log_depth": self.depth_error.compute(),
-                "val/loss": self.val_loss.compute(),
-            }
-        )
+        self.log_dict({f"val/iou/{name}": value for name, value in zip(CLASSES, iou)})
+        self.log("val/miou", mean_iou(iou))
+        self.log("val/log_depth", self.depth_error.compute())
+        self.log("val/loss", self.val_loss.compute())
+
         for metric in (self.count, self.depth_error, self.val_loss):
             metric.reset()
 
     def configure_optimizers(self) -> dict:
-        """AdamW, a short linear warm-up, then the cosine to zero."""
+        """Returns AdamW with a short linear warm-up, then the cosine to zero."""
         optimizer = AdamW(self.parameters(), lr=self.lr, weight_decay=self.weight_decay)
-        total = int(self.trainer.estimated_stepping_batches)
-        schedule = LambdaLR(optimizer, lambda step: rate_share(step, total, WARM_UP))
-        return {
-            "optimizer": optimizer,
-            "lr_scheduler": {"scheduler": schedule, "interval": "step"},
-        }
+        return scheduled(optimizer, self.trainer, WARM_UP)
 
     def _losses(self, batch: Mapping[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
         logits, log_depth = self(batch["image"])
+        classes = F.cross_entropy(logits, batch["classes"])
+
+        # A depth of zero marks a pixel whose ray meets no voxel.
         sees = batch["depth_m"] > 0
         error = (log_depth - batch["depth_m"].clamp(min=0.1).log()).abs()
-        return (
-            F.cross_entropy(logits, batch["classes"]),
-            (error * sees).sum() / sees.sum().clamp(min=1),
-            logits,
-        )
+        depth = (error * sees).sum() / sees.sum().clamp(min=1)
+        return classes, depth, logits

@@ -1,34 +1,155 @@
-"""The paper's occupancy loss (Eq. 10): safety-weighted cross-entropy and Lovasz-Softmax."""
+"""The paper's occupancy loss (Eq. 10): a sum of named, weighted terms.
 
-from collections.abc import Sequence
+The paper has two, safety-weighted cross-entropy and Lovász-Softmax. A term is a function of the
+scores [C, V] and the labels [V] of the V supervised voxels, and of its own settings, that gives one
+number; ``loss.terms`` in the configuration names it. `docs/extending.md` adds one.
+"""
+
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from ..errors import UserError
+from ..failures import closest
 from ..ontology import CAR, LARGE_VEHICLE, NUM_CLASSES, THIN_STRUCTURE, UNKNOWN, VRU
+from .tensors import Labels, Logits, Scalar, VoxelLabels, VoxelScores
 
+# What a UAV must not hit and what must not be hit (App. A.5).
 SAFETY_CRITICAL = (THIN_STRUCTURE, LARGE_VEHICLE, CAR, VRU)
-"""Thin structures, vehicles and VRUs (App. A.5)."""
-
+# The float32 1.0, read as an int32.
 FLOAT_ONE_BITS = 0x3F800000
-"""The float32 1.0 read as an int32."""
+
+
+class OccupancyLoss(nn.Module):
+    """Eq. 10: the weighted sum of named terms over the supervised voxels.
+
+    ``terms`` maps a name to a `functools.partial` of the term's function. Its keyword ``weight`` is
+    the factor in the sum, 1 where none is given; its other keywords are the function's settings. A
+    setting that is itself a partial is called with ``class_counts`` [9], the voxels of each class
+    in the training labels. A term of weight 0 is neither computed nor returned.
+
+    Raises `UserError` that names the key, such as ``loss.terms.lovasz.weight``, for a weight that
+    is no finite number of 0 or more, for a setting that the function does not take, and where no
+    term is left.
+    """
+
+    def __init__(
+        self,
+        terms: Mapping[str, Callable[..., Tensor]],
+        class_counts: Sequence[float] | None = None,
+        ignore_index: int = UNKNOWN,
+    ) -> None:
+        super().__init__()
+        built = [Term(name, function, class_counts) for name, function in terms.items()]
+        self.terms = nn.ModuleList(term for term in built if term.weight)
+        self.ignore_index = ignore_index
+        if not self.terms:
+            raise UserError("loss.terms: no term has a weight above 0; give one at least")
+
+    @property
+    def class_weights(self) -> Float[Tensor, "c"] | None:
+        """The class weights of the first term that has any."""
+        return next((t.class_weights for t in self.terms if hasattr(t, "class_weights")), None)
+
+    def forward(self, logits: Logits, target: Labels) -> dict[str, Scalar]:
+        """Returns the value of every term by its name, and their weighted sum as ``total``."""
+        # Gathered once, for all terms.
+        scores, labels = supervised(logits, target, self.ignore_index)
+        values = {term.name: term(scores, labels) for term in self.terms}
+
+        total = sum(term.weight * values[term.name] for term in self.terms)
+        return {**values, "total": total}
+
+
+class Term(nn.Module):
+    """One term of the loss: a function with its settings, under a name and with a weight."""
+
+    def __init__(
+        self, name: str, function: Callable[..., Tensor], class_counts: Sequence[float] | None
+    ) -> None:
+        super().__init__()
+        self.name, key = name, f"loss.terms.{name}"
+        if name == "total" or not callable(function):
+            raise UserError(f"{key}: is no term; give another name, a _target_ and _partial_: true")
+
+        # A function that is no partial has no settings.
+        self.function = getattr(function, "func", function)
+        settings = dict(getattr(function, "keywords", {}))
+        self.weight = _weight(f"{key}.weight", settings.pop("weight", 1.0))
+        _require_taken(key, self.function, settings)
+
+        self.settings = {}
+        for setting, value in settings.items():
+            if isinstance(value, partial):
+                value = _of_counts(f"{key}.{setting}", value, class_counts)
+            if isinstance(value, Tensor):
+                # Not in checkpoints: they hold the class counts, from which it is computed again.
+                self.register_buffer(setting, value, persistent=False)
+            else:
+                self.settings[setting] = value
+
+    def forward(self, scores: VoxelScores, labels: VoxelLabels) -> Scalar:
+        """Returns the term's value. Raises `UserError` for a function that gives no single one."""
+        value = self.function(scores, labels, **self.settings, **dict(self.named_buffers()))
+        if value.ndim:
+            raise UserError(
+                f"loss.terms.{self.name}: gives {list(value.shape)} numbers; reduce them to one"
+            )
+        return value
+
+
+def _weight(key: str, weight: Any) -> float:
+    is_number = isinstance(weight, int | float) and not isinstance(weight, bool)
+    if not is_number or not 0 <= weight < math.inf:
+        raise UserError(f"{key}: {weight!r} is no weight; give a finite number, 0 or more")
+    return float(weight)
+
+
+def _require_taken(key: str, function: Callable, settings: Mapping[str, Any]) -> None:
+    """Raises `UserError` for a setting that the function of a term does not take."""
+    parameters = list(inspect.signature(function).parameters.values())[2:]
+    taken = [each.name for each in parameters]
+    for name in settings:
+        if name not in taken and all(each.kind is not each.VAR_KEYWORD for each in parameters):
+            raise UserError(
+                f"{key}.{name}: {function.__name__} takes no such setting"
+                f"{closest(name, taken)} there are {', '.join(['weight', *taken])}"
+            )
+
+
+def _of_counts(key: str, rule: Callable, class_counts: Sequence[float] | None) -> Any:
+    """Returns what a setting becomes once the training set is known."""
+    if class_counts is None:
+        raise UserError(f"{key}: is computed from the training set's class counts; give them")
+    try:
+        return rule(class_counts)
+    except UserError as error:
+        raise UserError(f"{key}: {error}") from None
 
 
 def supervised(
-    logits: Float[Tensor, "b c *space"], target: UInt8[Tensor, "b *space"], ignore_index: int
-) -> tuple[Float[Tensor, "c v"], Int[Tensor, "v"]]:
-    """Logits and labels (int64) of the voxels that count, over the whole batch."""
+    logits: Logits, target: Labels, ignore_index: int
+) -> tuple[VoxelScores, VoxelLabels]:
+    """Returns logits and labels (int64) of the voxels that count, over the whole batch."""
     target = target.flatten()
     voxels = (target != ignore_index).nonzero()[:, 0]
+
     by_class = logits.float().transpose(0, 1).flatten(1)
     return _Chosen.apply(by_class, voxels), target[voxels].long()
 
 
 class _Chosen(torch.autograd.Function):
-    """Columns of a matrix, each at most once; so the backward copies, where indexing would add."""
+    """Chosen columns of a matrix, each at most once.
+
+    Its backward copies, where that of plain indexing would add, which is slower.
+    """
 
     @staticmethod
     def forward(ctx, matrix: Float[Tensor, "c n"], columns: Int[Tensor, "v"]):
@@ -43,41 +164,40 @@ class _Chosen(torch.autograd.Function):
 
 
 def weighted_cross_entropy(
-    logits: Float[Tensor, "b c *space"],
-    target: UInt8[Tensor, "b *space"],
-    weight: Float[Tensor, "c"] | None,
-    ignore_index: int = UNKNOWN,
-) -> Float[Tensor, ""]:
-    """First term of Eq. 10: ``1/|Omega| sum_i weight[y_i] CE_i`` over the supervised voxels Omega.
+    logits: Logits, target: Labels, weight: Float[Tensor, "c"] | None, ignore_index: int = UNKNOWN
+) -> Scalar:
+    """Returns `cross_entropy` of the voxels of a batch that are not ``ignore_index``."""
+    scores, labels = supervised(logits, target, ignore_index)
+    return cross_entropy(scores, labels, weight)
 
-    It divides by their number, not by the sum of their weights as PyTorch's mean does. No weight is
-    weight 1; with nothing supervised it is 0, with a graph.
+
+def lovasz_softmax(logits: Logits, target: Labels, ignore_index: int = UNKNOWN) -> Scalar:
+    """Returns `lovasz` of the voxels of a batch that are not ``ignore_index``.
+
+    All voxels of the batch are pooled: the loss is not a mean over frames.
     """
     scores, labels = supervised(logits, target, ignore_index)
-    return _cross_entropy(scores, labels, weight)
+    return lovasz(scores, labels)
 
 
-def lovasz_softmax(
-    logits: Float[Tensor, "b c *space"],
-    target: UInt8[Tensor, "b *space"],
-    ignore_index: int = UNKNOWN,
-) -> Float[Tensor, ""]:
-    """Exact Lovasz-Softmax (Berman et al. 2018), mean over the classes present in the batch.
+def cross_entropy(
+    scores: VoxelScores, labels: VoxelLabels, class_weights: Float[Tensor, "c"] | None = None
+) -> Scalar:
+    """First term of Eq. 10: ``1/|Omega| sum_i class_weights[y_i] CE_i`` over the voxels Omega.
 
-    Flattened over the batch, free space included; with nothing supervised it is 0, with a graph.
+    ``None`` weighs every class with 1. Without a voxel the loss is 0, with a graph.
     """
-    scores, labels = supervised(logits, target, ignore_index)
-    return _lovasz(scores, labels)
-
-
-def _cross_entropy(
-    scores: Float[Tensor, "c v"], labels: Int[Tensor, "v"], weight: Float[Tensor, "c"] | None
-) -> Float[Tensor, ""]:
-    total = F.cross_entropy(scores[None], labels[None], weight, reduction="sum")
+    # Divided by the number of voxels: PyTorch's own mean divides by the sum of their weights.
+    total = F.cross_entropy(scores[None], labels[None], class_weights, reduction="sum")
     return total / max(len(labels), 1)
 
 
-def _lovasz(scores: Float[Tensor, "c v"], labels: Int[Tensor, "v"]) -> Float[Tensor, ""]:
+def lovasz(scores: VoxelScores, labels: VoxelLabels) -> Scalar:
+    """Second term of Eq. 10: exact Lovász-Softmax (Berman et al. 2018).
+
+    The mean over the classes that are present, free space included. Without a voxel the loss is 0,
+    with a graph.
+    """
     return _LovaszExtension.apply(scores.softmax(dim=0), labels)
 
 
@@ -89,9 +209,10 @@ class _LovaszExtension(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(ctx, probability: Float[Tensor, "c v"], labels: Int[Tensor, "v"]):
+    def forward(ctx, probability: VoxelScores, labels: VoxelLabels):
         counts = labels.bincount(minlength=len(probability)).tolist()
         share = 1 / max(sum(count > 0 for count in counts), 1)
+
         gradient = torch.empty_like(probability)
         total = probability.new_zeros(())
         for class_id, count in enumerate(counts):
@@ -103,11 +224,12 @@ class _LovaszExtension(torch.autograd.Function):
             slope = _lovasz_slope(error, is_class, out=gradient[class_id]).mul_(share)
             # Each term is positive: an error grows as its slope says. A dot product rounds more.
             total += error.mul_(slope).abs_().sum()
+
         ctx.save_for_backward(gradient)
         return total
 
     @staticmethod
-    def backward(ctx, grad: Float[Tensor, ""]):
+    def backward(ctx, grad: Scalar):
         (gradient,) = ctx.saved_tensors
         return grad * gradient, None
 
@@ -115,7 +237,7 @@ class _LovaszExtension(torch.autograd.Function):
 def _lovasz_slope(
     error: Float[Tensor, "v"], is_class: Bool[Tensor, "v"], out: Float[Tensor, "v"]
 ) -> Float[Tensor, "v"]:
-    """Derivative of the Lovasz extension of the Jaccard loss to each probability, in [-1, 1].
+    """Derivative of the Lovász extension of the Jaccard loss to each probability, in [-1, 1].
 
     To each error, it is the Jaccard loss's increase when the voxel joins those of larger error. In
     closed form: 1/U for a voxel of the class, I/(U (U-1)) for another one, with the intersection I
@@ -127,10 +249,12 @@ def _lovasz_slope(
     falling = FLOAT_ONE_BITS - error.view(torch.int32)
     key, order = falling.mul_(2).add_(is_class).sort()
     sorted_is_class = key.bitwise_and_(1)
+
     joined = sorted_is_class.cumsum(0, dtype=torch.int32)
     intersection = joined[-1:] - joined
     rank = torch.arange(1, len(error) + 1, dtype=torch.int32, device=error.device)
     union = intersection + rank
+
     others = intersection / (union - 1).clamp_(min=1)
     slope = torch.where(sorted_is_class.bool(), -1, others).div_(union)
     return out.scatter_(0, order, slope)
@@ -143,46 +267,16 @@ def safety_weights(
 
     The inverse square root of the class frequency, at most ``max_ratio`` times that of the most
     frequent class; times ``safety_factor`` for thin structures, vehicles and VRUs; scaled so that
-    the mean over the training voxels is 1, which leaves the balance with the Lovasz term as it was.
+    the mean over the training voxels is 1, which leaves the balance with the Lovász term as it was.
     A class that training lacks gets the cap. Raises `UserError` for counts that are all zero.
     """
     counts = torch.as_tensor(counts, dtype=torch.float64)
     if len(counts) != NUM_CLASSES or counts.min() < 0 or counts.sum() == 0:
         raise UserError(
-            f"loss.class_weights: voxel counts {counts.tolist()} are not {NUM_CLASSES} numbers, "
-            "some of them positive; is the training set empty?"
+            f"voxel counts {counts.tolist()} are not {NUM_CLASSES} numbers, some of them positive; "
+            "is the training set empty?"
         )
+
     weight = (counts.max() / counts).sqrt().clamp(max=max_ratio)
     weight[list(SAFETY_CRITICAL)] *= safety_factor
     return (weight / ((counts / counts.sum()) @ weight)).float()
-
-
-class OccupancyLoss(nn.Module):
-    """Eq. 10: weighted cross-entropy plus ``lovasz_weight`` (the paper's lambda) times Lovasz.
-
-    ``class_weights`` [9] is the paper's alpha, ``None`` for uniform weights. Called with logits and
-    labels, it gives ``{"cross_entropy", "lovasz", "total"}``; ``lovasz`` is left out, and not
-    computed, at weight 0.
-    """
-
-    def __init__(
-        self,
-        class_weights: Float[Tensor, "c"] | None = None,
-        lovasz_weight: float = 0.0,
-        ignore_index: int = UNKNOWN,
-    ) -> None:
-        super().__init__()
-        # Not in checkpoints: they are derived from the training set and the config.
-        self.register_buffer("class_weights", class_weights, persistent=False)
-        self.lovasz_weight, self.ignore_index = lovasz_weight, ignore_index
-
-    def forward(
-        self, logits: Float[Tensor, "b c *space"], target: UInt8[Tensor, "b *space"]
-    ) -> dict[str, Float[Tensor, ""]]:
-        scores, labels = supervised(logits, target, self.ignore_index)
-        parts = {"cross_entropy": _cross_entropy(scores, labels, self.class_weights)}
-        parts["total"] = parts["cross_entropy"]
-        if self.lovasz_weight:
-            parts["lovasz"] = _lovasz(scores, labels)
-            parts["total"] = parts["total"] + self.lovasz_weight * parts["lovasz"]
-        return parts

@@ -11,26 +11,26 @@ from .history import History
 
 
 class PillarMemory:
-    """The pillars of the last ``length`` steps, whose batches were consecutive frames.
+    """Keeps the pillars of the last ``length`` steps, whose batches were consecutive frames.
 
-    Each place of the batch is a stream of its own (`data.batches.StreamBatches`); how far back it
-    goes, the batch's ``history_valid`` says. The weights change between the steps, so what is
-    remembered is as stale as it is old; that is the price of not computing it again.
+    Each place of the batch is a stream of its own (`data.batches.StreamBatches`). The batch's
+    ``history_valid`` says how far back it goes. The weights change between the steps, so older
+    pillars are those of older weights: the price of not computing them again.
     """
 
     def __init__(self, length: int) -> None:
         self.steps: deque[Tensor] = deque(maxlen=length)
 
     def clear(self) -> None:
-        """Forget everything: at the start of an epoch."""
+        """Forgets everything: at the start of an epoch."""
         self.steps.clear()
 
     def keep(self, pillars: Float[Tensor, "b p dim"]) -> None:
-        """Remember what a step left behind, without its graph."""
+        """Keeps what a step left behind, without its graph."""
         self.steps.append(pillars.detach())
 
     def history(self, batch: Mapping[str, Tensor]) -> History | None:
-        """The history of a batch's current frames; ``None`` where there is none to remember.
+        """Returns the history of a batch's current frames; ``None`` where nothing is kept.
 
         Raises `RuntimeError` where the batch relies on steps that were never taken.
         """
@@ -39,5 +39,7 @@ class PillarMemory:
             raise RuntimeError("a batch of a stream refers to steps that were never taken")
         if n == 0:
             return None
+
+        # The batch's last frame is the current one; the n before it are those that are kept.
         pillars = torch.stack(list(self.steps), dim=1)
         return History(pillars, motion[:, -n - 1 : -1], valid[:, -n - 1 : -1])

@@ -9,23 +9,22 @@ from torch import Tensor, nn
 
 from ..errors import UserError
 
+# Typical sizes, by which the measurements are divided.
 ATTITUDE_SCALE_RAD = 0.3
 SPEED_SCALE_MPS = 10.0
-"""Typical sizes, by which they are divided."""
+# A height is given by its phase in waves from two voxels of the paper's grid to its whole flight
+# envelope. At which voxel of a pillar the ground lies is then nearly a linear function of them.
 HEIGHT_WAVES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-"""A height is told by its phase in waves from two voxels of the paper's grid to its whole flight
-envelope: at which voxel of a pillar the ground lies is then nearly a linear function of them."""
-
+# Numbers of each measurement.
 WIDTHS = {"attitude": 2, "velocity": 3, "height": 2 * len(HEIGHT_WAVES_M)}
-"""How many numbers tell of each measurement."""
 
 
 class Metadata(nn.Module):
-    """Auxiliary measurements of the current frame: ``names`` of them, some of `WIDTHS`.
+    """Turns auxiliary measurements of the current frame into a vector.
 
-    ``attitude`` is roll and pitch, ``velocity`` that in the occ frame, ``height`` the UAV's above
-    the world's ground plane, as of a barometer that was set to zero at take-off. The paper tells of
-    a "UAV state" beside the image and not of what is in it.
+    ``names`` are some of `WIDTHS`: ``attitude`` is roll and pitch; ``velocity`` is in the occ
+    frame; ``height`` is the UAV's above the world's ground plane, as of a barometer that was set to
+    zero at take-off. The paper has a "UAV state" beside the image and does not say what is in it.
 
     Raises `UserError` for other names.
     """
@@ -42,8 +41,8 @@ class Metadata(nn.Module):
         )
 
     def forward(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b dim"]:
-        told = [getattr(self, f"_{name}")(batch).float() for name in self.names]
-        return self.layers(torch.cat(told, dim=-1))
+        measured = [getattr(self, f"_{name}")(batch).float() for name in self.names]
+        return self.layers(torch.cat(measured, dim=-1))
 
     def _attitude(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 2"]:
         return batch["attitude_rad"] / ATTITUDE_SCALE_RAD

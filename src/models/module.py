@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
-from lightning import LightningModule
+from lightning import LightningModule, Trainer
 from torch import Tensor, nn
-from torch.optim import AdamW
-from torch.optim.lr_scheduler import LambdaLR, LRScheduler
+from torch.optim import AdamW, Optimizer
+from torch.optim.lr_scheduler import LambdaLR
 from torchmetrics import Metric
 
 from ..data.truth import truth_of
@@ -21,8 +21,8 @@ from .weights import ORIGIN
 class OccupancyModule(LightningModule):
     """Trains a network that maps a batch to occupancy logits, and scores it.
 
-    ``test_suite`` counts what is predicted on the test split. With a ``memory`` the training
-    batches are consecutive frames, and what a step computed of them is the next one's history.
+    ``test_suite`` counts the predictions on the test split. With a ``memory`` the training batches
+    are consecutive frames, and what a step computed of them is the history of the next one.
     ``origin`` is kept in every checkpoint. Raises `UserError` when a loss is not finite: in
     training before the weights are touched, in validation before they are saved.
     """
@@ -38,19 +38,16 @@ class OccupancyModule(LightningModule):
         origin: Origin | None = None,
     ) -> None:
         super().__init__()
-        self.network = network
-        self.loss = loss
-        self.val_scores = make_scores()
-        self.test_suite = test_suite
-        self.memory = memory
-        self.origin = origin
+        self.network, self.loss = network, loss
+        self.val_scores, self.test_suite = make_scores(), test_suite
+        self.memory, self.origin = memory, origin
         self.optimizer_config = dict(optimizer)
 
     def forward(self, batch: Mapping[str, Tensor]) -> Tensor:
         return self.network(batch)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Lets the file stand alone: `Checkpoint` reads what is written here."""
+        """Adds what makes the file stand alone, for `Checkpoint` to read."""
         if self.origin is not None:
             backbone = getattr(self.network.backbone, "built_by", {})
             checkpoint[ORIGIN] = {**vars(self.origin), "format": FORMAT, "backbone": backbone}
@@ -61,17 +58,19 @@ class OccupancyModule(LightningModule):
 
     def training_step(self, batch: Mapping[str, Tensor], batch_index: int) -> Tensor:
         parts = self.loss(self.training_logits(batch), batch["semantics"])
+        # Here, and not after the step: no weight is touched by a loss that is not finite.
         self._require_finite(parts, batch)
         self.log_dict({f"train/{name}": value.detach() for name, value in parts.items()})
         self.log("train/loss", parts["total"].detach(), prog_bar=True, logger=False)
         return parts["total"]
 
     def training_logits(self, batch: Mapping[str, Tensor]) -> Tensor:
-        """Logits of a batch of the training loader, whichever its order."""
+        """Returns the logits of a batch of the training loader, whichever its order."""
         if self.memory is None:
             return self(batch)
-        logits, left_behind = self.network.step(batch, self.memory.history(batch))
-        self.memory.keep(left_behind)
+
+        logits, pillars = self.network.step(batch, self.memory.history(batch))
+        self.memory.keep(pillars)
         return logits
 
     def validation_step(self, batch: Mapping[str, Tensor], batch_index: int) -> None:
@@ -91,8 +90,10 @@ class OccupancyModule(LightningModule):
         self.test_suite.update(self(batch), truth_of(batch))
 
     def configure_optimizers(self) -> dict:
-        """AdamW, a short linear warm-up, then the cosine to zero (App. A.5)."""
+        """Returns AdamW with a short linear warm-up, then the cosine to zero (App. A.5)."""
         config = self.optimizer_config
+
+        # Norms and biases are vectors: pulling them to zero would only shrink what they scale.
         decayed = [p for p in self.network.parameters() if p.ndim > 1]
         others = [p for p in self.network.parameters() if p.ndim <= 1]
         optimizer = AdamW(
@@ -102,19 +103,12 @@ class OccupancyModule(LightningModule):
             ],
             lr=config["lr"],
         )
-        return {
-            "optimizer": optimizer,
-            "lr_scheduler": {"scheduler": self._schedule(optimizer), "interval": "step"},
-        }
-
-    def _schedule(self, optimizer: AdamW) -> LRScheduler:
-        total = int(self.trainer.estimated_stepping_batches)
-        warmup = self.optimizer_config["warmup"]
-        return LambdaLR(optimizer, lambda step: rate_share(step, total, warmup))
+        return scheduled(optimizer, self.trainer, config["warmup"])
 
     def _require_finite(self, parts: Mapping[str, Tensor], batch: Mapping[str, Tensor]) -> None:
         if torch.isfinite(parts["total"]):
             return
+
         frames = ", ".join(f"{c}:{int(f)}" for c, f in zip(batch["clip"], batch["frame"]))
         values = ", ".join(f"{name}={value.item():g}" for name, value in parts.items())
         raise UserError(
@@ -124,9 +118,19 @@ class OccupancyModule(LightningModule):
         )
 
 
+def scheduled(optimizer: Optimizer, trainer: Trainer, warmup: float) -> dict:
+    """Returns an optimizer with the schedule of `rate_share`, in the form that Lightning takes."""
+    total = int(trainer.estimated_stepping_batches)
+    schedule = LambdaLR(optimizer, lambda step: rate_share(step, total, warmup))
+    return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
+
+
 def rate_share(step: int, total: int, warmup: float) -> float:
-    """Share of the full learning rate at a step: a line up over ``warmup * total`` steps, then the
-    cosine down to zero after the last step."""
+    """Returns the share of the full learning rate at a step.
+
+    The share rises in a line over ``warmup * total`` steps. Then it follows the cosine down to
+    zero, which it reaches after the last step.
+    """
     rising = warmup * total
     if step >= total:
         return 0.0

@@ -5,7 +5,6 @@ from contextlib import nullcontext
 from typing import Literal, NamedTuple
 
 import torch
-from jaxtyping import Float, UInt8
 from torch import Tensor, nn
 
 from ..errors import UserError
@@ -18,6 +17,7 @@ from .history import History
 from .metadata import Metadata
 from .neck import FPN
 from .references import References
+from .tensors import Features, Image, Logits, Pillars
 
 HistoryKind = Literal["queue", "recursive"]
 
@@ -25,9 +25,9 @@ HistoryKind = Literal["queue", "recursive"]
 class Frame(NamedTuple):
     """One frame by itself: its feature maps, its references, and its pillars from these alone."""
 
-    features: Sequence[Float[Tensor, "b dim _ _"] | None]
+    features: Features
     references: References
-    pillars: Float[Tensor, "b p dim"]
+    pillars: Pillars
 
 
 class SkyOcc(nn.Module):
@@ -62,36 +62,39 @@ class SkyOcc(nn.Module):
         super().__init__()
         if history not in ("queue", "recursive"):
             raise UserError(f"model.history: {history!r} is neither 'queue' nor 'recursive'")
+
         dim = encoder.dim
         self.backbone, self.encoder, self.decoder = backbone, encoder, decoder
         self.neck = FPN(backbone.channels, dim, encoder.reads_strides)
+        # What has no gradient, other processes of a training would wait for.
         if hasattr(backbone, "freeze_unread"):
             backbone.freeze_unread(self.neck.finest)
         self.metadata = Metadata(dim, metadata) if metadata != [] else None
         self.ground = ground
         self.history, self.history_grad = history, history_grad
+
         self.to(memory_format=torch.channels_last)
         if checkpointing:
             recompute_in_backward(self)
 
     @property
     def pillar_shape(self) -> tuple[int, int]:
-        """Number and width of the pillars of a frame."""
+        """Returns number and width of the pillars of a frame."""
         return self.encoder.query.shape[:2].numel(), self.encoder.dim
 
     @property
     def past_frames(self) -> int:
-        """How many frames before the current one `step` takes as its history, at most."""
+        """Returns how many frames before the current one `step` takes as its history, at most."""
         queue = self.encoder.num_frames - 1
         return min(queue, 1) if self.history == "recursive" else queue
 
     @property
     def device(self) -> torch.device:
-        """Where the parameters are."""
+        """Returns where the parameters are."""
         return self.encoder.query.device
 
-    def forward(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 9 x y z"]:
-        """Logits of a batch of `src.data`, whose frames are oldest first and the current one last.
+    def forward(self, batch: Mapping[str, Tensor]) -> Logits:
+        """Returns the logits [B, 9, X, Y, Z] of a batch of `src.data`.
 
         Raises `UserError` for image sides that are no multiples of 32, and for more frames than the
         encoder was built for.
@@ -99,7 +102,7 @@ class SkyOcc(nn.Module):
         return self.step(batch, self.history_of(batch))[0]
 
     def history_of(self, batch: Mapping[str, Tensor]) -> History | None:
-        """What every past frame of the queue that exists leaves behind.
+        """Returns what every past frame of the queue that exists leaves behind.
 
         Batch normalisation uses its running statistics there: so a past frame's pillars are the
         ones that a stream would have cached, and each step updates the statistics once, from the
@@ -108,6 +111,7 @@ class SkyOcc(nn.Module):
         valid = batch["history_valid"][:, :-1]
         if valid.shape[1] == 0:
             return None
+
         exists = valid.cpu()  # once: to ask a GPU frame by frame would stall it each time
         gradient = nullcontext() if self.history_grad else torch.no_grad()
         steps: list[Tensor] = []
@@ -116,85 +120,73 @@ class SkyOcc(nn.Module):
             for at in range(valid.shape[1]):
                 rows = exists[:, at].nonzero()[:, 0].to(valid.device)
                 steps.append(self._encode_past(batch, at, rows, steps))
+
         steps = steps[-self.past_frames :]
         n = len(steps)
         motion = batch["occ_from_past_occ"][:, -1 - n : -1]
         return History(torch.stack(steps, dim=1), motion, valid[:, -n:])
 
-    def step(
-        self, batch: Mapping[str, Tensor], history: History | None
-    ) -> tuple[Float[Tensor, "b 9 x y z"], Float[Tensor, "b p dim"]]:
-        """Logits of a batch's current frames, and what these leave behind for later ones."""
-        frame = self._encode(batch, -1)
+    def step(self, batch: Mapping[str, Tensor], history: History | None) -> tuple[Logits, Pillars]:
+        """Returns the logits of a batch's current frames, and what these leave behind."""
+        frame = self.encode(batch, -1)
         fused = self.fuse(frame, history)
         logits = self.decode(fused, batch)
         return logits, self.carried(frame, fused)
 
     def encode(
-        self,
-        image: UInt8[Tensor, "b 3 h w"],
-        pix_from_camera: Float[Tensor, "b 3 3"],
-        body_from_camera: Float[Tensor, "b 4 4"],
-        occ_from_body: Float[Tensor, "b 4 4"],
-        height_m: Float[Tensor, "b"],
+        self, batch: Mapping[str, Tensor], at: int, rows: Tensor | slice = slice(None)
     ) -> Frame:
-        """One frame by itself."""
-        height, width = image.shape[-2:]
+        """Returns frame ``at`` of the queue by itself, for some rows of the batch."""
+        image, height_m = batch["image"][rows, at], None
+        if self.ground is not None:
+            height_m = batch["height_m"]
+            if at >= 0:  # a past one, which flew so much higher
+                height_m = height_m + batch["occ_from_past_occ"][:, at, 2, 3]
+            height_m = height_m[rows]
+
         references = self.encoder.references(
-            occ_from_body,
-            body_from_camera,
-            pix_from_camera,
-            (width, height),
-            None if self.ground is None else height_m,
+            batch["occ_from_body"][rows, at],
+            batch["body_from_camera"][rows],
+            batch["pix_from_camera"][rows, at],
+            (image.shape[-1], image.shape[-2]),
+            height_m,
         )
         features = self.features(image)
         return Frame(features, references, self.encoder.frame(features, references))
 
-    def features(self, image: UInt8[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b dim _ _"] | None]:
-        """Feature maps of a frame, finest first; ``None`` for a level that no lifting reads."""
+    def features(self, image: Image) -> Features:
+        """Returns the feature maps of a frame; ``None`` for a level that no lifting reads."""
         return self.neck(self.backbone(image))
 
-    def fuse(self, frame: Frame, history: History | None) -> Float[Tensor, "b p dim"]:
-        """Pillars of a frame and of what came before it."""
+    def fuse(self, frame: Frame, history: History | None) -> Pillars:
+        """Returns the pillars of a frame and of what came before it."""
         if history is None and self.training:
             history = self.encoder.no_history(frame.pillars)
         return self.encoder.fuse(frame.pillars, frame.features, frame.references, history)
 
-    def carried(self, frame: Frame, fused: Float[Tensor, "b p dim"]) -> Float[Tensor, "b p dim"]:
-        """The pillars that later frames take as their history."""
+    def carried(self, frame: Frame, fused: Pillars) -> Pillars:
+        """Returns the pillars that later frames take as their history."""
         return fused if self.history == "recursive" else frame.pillars
 
-    def decode(
-        self, pillars: Float[Tensor, "b p dim"], batch: Mapping[str, Tensor]
-    ) -> Float[Tensor, "b 9 x y z"]:
-        """Logits of the current frame, from its pillars and what the batch says of the UAV."""
+    def decode(self, pillars: Pillars, batch: Mapping[str, Tensor]) -> Logits:
+        """Returns the logits of the current frame, from pillars and measurements of the UAV."""
         if self.metadata is not None:
             pillars = pillars + self.metadata(batch)[:, None]
         logits = self.decoder(pillars)
         return logits if self.ground is None else self.ground(logits, batch["height_m"])
 
-    def _encode(self, batch: Mapping[str, Tensor], at: int, rows: Tensor | slice = slice(None)):
-        """Frame ``at`` of the queue by itself, for some rows of the batch."""
-        height_m = batch["height_m"]
-        if at >= 0:  # a past one, which flew so much higher
-            height_m = height_m + batch["occ_from_past_occ"][:, at, 2, 3]
-        return self.encode(
-            batch["image"][rows, at],
-            batch["pix_from_camera"][rows, at],
-            batch["body_from_camera"][rows],
-            batch["occ_from_body"][rows, at],
-            height_m[rows],
-        )
-
     def _encode_past(
         self, batch: Mapping[str, Tensor], at: int, rows: Tensor, before: Sequence[Tensor]
-    ) -> Float[Tensor, "b p dim"]:
-        """What frame ``at`` leaves behind in the rows of the batch that have one; zero, and not
-        computed, in the others."""
+    ) -> Pillars:
+        """Returns what frame ``at`` leaves behind in the rows of the batch that have one.
+
+        In the others it is zero, and not computed.
+        """
         pillars = self.encoder.query.new_zeros(len(batch["image"]), *self.pillar_shape)
         if len(rows) == 0:
             return pillars
-        frame = self._encode(batch, at, rows)
+
+        frame = self.encode(batch, at, rows)
         carried = frame.pillars
         if self.history == "recursive":
             carried = self.fuse(frame, self._state(batch, at, rows, before))
@@ -203,9 +195,11 @@ class SkyOcc(nn.Module):
     def _state(
         self, batch: Mapping[str, Tensor], at: int, rows: Tensor, before: Sequence[Tensor]
     ) -> History | None:
-        """What the frame before ``at`` left behind, for the recursive history."""
+        """Returns what the frame before ``at`` left behind, for the recursive history."""
         if at == 0:
             return None
+
+        # The batch knows the motion to the current frame alone; here it is that to frame `at`.
         occ_from_last, occ_from_this = batch["occ_from_past_occ"][rows, at - 1 : at + 1].unbind(1)
         return History(
             before[-1][rows, None],

@@ -11,17 +11,17 @@ from torchmetrics import Metric
 from ..errors import UserError
 from ..ontology import UNKNOWN
 
+# Weights of free from 1 down to 0.001. None lies above 1: the decision that maximises an IoU of J
+# calls a voxel occupied where its odds exceed J, and J is at most 1.
 CANDIDATES = tuple(10 ** (-step / 4) for step in range(13))
-"""Weights from 1 down to 0.001. None lies above 1: the decision that maximises an IoU of J calls a
-voxel occupied where its odds exceed J, and J is at most 1."""
 
 
 class VoxelPrior:
-    """For each voxel of the occ frame its most frequent training label.
+    """Predicts for each voxel of the occ frame its most frequent training label.
 
-    An anchor: a model that does not beat it has learnt where things usually are, not what is there.
-    Free space is the most frequent label nearly everywhere, so its count is first multiplied by
-    ``free_weight``, which `fit` chooses on validation; 1 is the plain majority.
+    It is an anchor: a model that does not beat it has learnt where things usually are, and not what
+    is there now. Free space is the most frequent label nearly everywhere, so its count is first
+    multiplied by ``free_weight``, which `fit` chooses on validation; 1 is the plain majority.
     """
 
     def __init__(
@@ -36,11 +36,11 @@ class VoxelPrior:
 
     @property
     def counts(self) -> Int[Tensor, "c X Y Z"]:
-        """How often each class was the label of each voxel."""
+        """Returns how often each class was the label of each voxel."""
         return self._counts[:-1]
 
     def count(self, semantics: UInt8[Tensor, "*batch X Y Z"]) -> None:
-        """Count the labels of training frames.
+        """Counts the labels of training frames.
 
         Unknown voxels (255) are not counted. Raises `UserError` for another dtype or shape, or a
         class id out of range.
@@ -50,6 +50,7 @@ class VoxelPrior:
                 f"semantics: {semantics.dtype} {list(semantics.shape)} is not uint8 and does not "
                 f"end in the prior's shape {list(self.shape)}"
             )
+
         labels = semantics.cpu().reshape(-1, *self.shape)
         present = set(labels.flatten().bincount().nonzero().flatten().tolist())
         if wrong := present - {UNKNOWN, *range(self.num_classes)}:
@@ -57,18 +58,25 @@ class VoxelPrior:
                 f"semantics: class ids {sorted(wrong)} are neither 0 to {self.num_classes - 1} "
                 f"nor {UNKNOWN}"
             )
+
         one = torch.ones(1, 1, 1, 1, dtype=torch.int32).expand(1, *self.shape)
         for frame in labels:
             self._counts.scatter_add_(0, frame.clamp(max=self.num_classes).long()[None], one)
 
     def labels(self, free_weight: float | None = None) -> UInt8[Tensor, "X Y Z"]:
-        """The prediction under a weight of free space, by default the one that `fit` chose.
+        """Returns the prediction under a weight of free space, by default the one `fit` chose.
 
         A tie between free and occupied is occupied, one between occupied classes the lower id. A
         voxel that no training frame labelled is free.
         """
         weight = self.free_weight if free_weight is None else free_weight
-        return self._decide(*self._most_frequent_occupied(), weight)
+        counts = self.counts.clone()
+        counts[self.free_index] = -1
+        occupied_count, occupied = counts.max(dim=0)
+
+        wins = occupied_count >= weight * self.counts[self.free_index].double()
+        wins &= occupied_count > 0
+        return torch.where(wins, occupied.to(torch.uint8), self.free_index)
 
     def fit(
         self,
@@ -76,7 +84,7 @@ class VoxelPrior:
         make_scores: Callable[[], Metric],
         candidates: Sequence[float] = CANDIDATES,
     ) -> dict[float, float]:
-        """Choose ``free_weight`` on validation ``frames``, pairs of target and velocity in m/s.
+        """Chooses ``free_weight`` on validation ``frames``, pairs of target and velocity in m/s.
 
         The criterion is the one that selects checkpoints: the highest ``kar_miou`` of the
         `OccupancyScores` that ``make_scores`` makes, and the larger weight where two are equal.
@@ -90,6 +98,7 @@ class VoxelPrior:
             for (prediction, _), metric in zip(groups, metrics):
                 preds = prediction.to(target.device).expand_as(target)
                 metric.update(preds, target, velocity.reshape(-1, 3))
+
         kar_miou = {
             weight: float(metric.compute()["kar_miou"])
             for (_, weights), metric in zip(groups, metrics)
@@ -100,37 +109,23 @@ class VoxelPrior:
                 "voxel prior: the validation frames hold no occupied voxel to choose the weight "
                 "of free space by; enlarge the validation split"
             )
+
         self.free_weight = max(kar_miou, key=kar_miou.__getitem__)
         return kar_miou
 
     def _distinct_predictions(
         self, weights: Sequence[float]
     ) -> list[tuple[UInt8[Tensor, "X Y Z"], list[float]]]:
-        """Predictions and the weights that lead to each, for weights in falling order.
+        """Returns predictions and the weights that lead to each, for weights in falling order.
 
         Voxels only ever turn from free to occupied as the weight falls, so equal predictions are
         neighbours.
         """
         groups: list[tuple[Tensor, list[float]]] = []
-        most_frequent_occupied = self._most_frequent_occupied()
+
         for weight in weights:
-            prediction = self._decide(*most_frequent_occupied, weight)
+            prediction = self.labels(weight)
             if not groups or not torch.equal(prediction, groups[-1][0]):
                 groups.append((prediction, []))
             groups[-1][1].append(weight)
         return groups
-
-    def _most_frequent_occupied(self) -> tuple[UInt8[Tensor, "X Y Z"], Int[Tensor, "X Y Z"]]:
-        counts = self.counts.clone()
-        counts[self.free_index] = -1
-        occupied_count, occupied = counts.max(dim=0)
-        return occupied.to(torch.uint8), occupied_count
-
-    def _decide(
-        self,
-        occupied: UInt8[Tensor, "X Y Z"],
-        occupied_count: Int[Tensor, "X Y Z"],
-        free_weight: float,
-    ) -> UInt8[Tensor, "X Y Z"]:
-        wins = occupied_count >= free_weight * self.counts[self.free_index].double()
-        return torch.where(wins & (occupied_count > 0), occupied, self.free_index)

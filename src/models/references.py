@@ -50,14 +50,14 @@ class ListedReferences(NamedTuple):
     height: Int[Tensor, "r"]
 
     def pix_of_levels(self, strides: Float[Tensor, "levels"]) -> Float[Tensor, "2 levels r"]:
-        """x and y in each level's own pixels, with integers at their centres."""
+        """x and y in each level's own pixels, with integers at their centers."""
         return self.pix.T[:, None] / strides[:, None] - 0.5
 
 
 class PillarReferences(nn.Module):
-    """Projects ``num_heights`` points a pillar, at the z-centres of equal slices of the grid.
+    """Projects ``num_heights`` points a pillar, at the z-centers of equal slices of the grid.
 
-    The grid lies in the occ frame or, for a UAV whose height is told, in the ground frame.
+    The grid lies in the occ frame or, for a UAV whose height is given, in the ground frame.
     ``projection="attitude"`` is the paper's chain. ``"level"`` is the baseline's: the UAV is taken
     to be level, and the camera's mount is kept.
 

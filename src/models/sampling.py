@@ -14,21 +14,21 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int, Shaped
 from torch import Tensor
 
+# Feature maps, channels last, as rows of a table want them.
+Levels = Sequence[Float[Tensor, "b _ _ dim"]]
+# One number for each sample. The R places are last, which keeps the arithmetic vectorised.
+Samples = Float[Tensor, "heads points levels r"]
+
 
 def summed_samples(
-    levels: Sequence[Float[Tensor, "b _ _ dim"]],
-    x: Float[Tensor, "heads points levels r"],
-    y: Float[Tensor, "heads points levels r"],
-    weight: Float[Tensor, "heads points levels r"],
-    frame: Int[Tensor, "r"],
+    levels: Levels, x: Samples, y: Samples, weight: Samples, frame: Int[Tensor, "r"]
 ) -> Float[Tensor, "r dim"]:
     """``sum over points and levels of weight * level(x, y)`` at R places, head by head.
 
     ``levels`` are channels-last maps, whose channels are split among the heads. ``x`` and ``y`` are
-    pixels of the level, with integers at pixel centres; outside a level is zero. ``frame`` is whose
+    pixels of the level, with integers at pixel centers; outside a level is zero. ``frame`` is whose
     map of the B a place is in; where a graph is exported, the places of each frame must be equally
-    many and stand together. The many places are the last dimension, which keeps the arithmetic
-    vectorised.
+    many and stand together.
     """
     if torch.compiler.is_exporting():
         return summed_by_grid(levels, x, y, weight, frame)
@@ -36,25 +36,28 @@ def summed_samples(
 
 
 def summed_by_bags(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
-    """`summed_samples` as one weighted sum of the rows of a table."""
+    """Computes `summed_samples` as one weighted sum of the rows of a table."""
     heads, points = x.shape[:2]
     sizes = [level.shape[1:3] for level in levels]
     rows = bordered_rows(levels)
     batch_size, table_size, dim = rows.shape
+
     # A table for each head and frame.
     rows = rows.view(-1, heads, dim // heads).transpose(0, 1).flatten(0, 1)
     head = torch.arange(heads, dtype=torch.int32, device=x.device)
     base = (head[:, None, None, None] * batch_size + frame.to(torch.int32)) * table_size
+
     index, corner_weight = bilinear_corners(x, y, sizes, base)
     weights = (weight[:, None] * corner_weight).to(rows.dtype)
     index, weights = (Transposed.apply(entries.flatten(0, 3)) for entries in (index, weights))
+
     # What is summed for one place and head now stands together.
     bags = (x.shape[-1] * heads, 4 * points * len(levels))
     return SumOfRows.apply(rows, index.view(bags), weights.view(bags)).view(-1, dim)
 
 
 def summed_by_grid(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
-    """`summed_samples` as a `grid_sample` a level."""
+    """Computes `summed_samples` as a `grid_sample` a level."""
     heads, points = x.shape[:2]
     batch_size, dim = len(levels[0]), levels[0].shape[-1]
 
@@ -65,13 +68,10 @@ def summed_by_grid(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
     for number, level in enumerate(levels):
         height, width = level.shape[1:3]
         maps = level.unflatten(-1, (heads, -1)).permute(0, 3, 4, 1, 2).flatten(0, 1)
-        place = torch.stack(
-            [
-                (2 * by_frame(x[:, :, number]) + 1) / width - 1,
-                (2 * by_frame(y[:, :, number]) + 1) / height - 1,
-            ],
-            dim=-1,
-        )
+        # From pixels, with integers at their centers, to shares from -1 to 1 of the whole map.
+        place_x = (2 * by_frame(x[:, :, number]) + 1) / width - 1
+        place_y = (2 * by_frame(y[:, :, number]) + 1) / height - 1
+        place = torch.stack([place_x, place_y], dim=-1)
         sampled = F.grid_sample(maps, place.to(maps.dtype), align_corners=False)
         total = total + (sampled * by_frame(weight[:, :, number])[:, None]).sum(dim=-1)
     return total.view(batch_size, dim, -1).transpose(1, 2).flatten(0, 1)
@@ -83,7 +83,7 @@ class SumOfRows(torch.autograd.Function):
     Bags of different sizes come as in `embedding_bag`, with the last offset: ``index`` and
     ``weights`` are flat, and bag k is what lies from ``offsets[k]`` to ``offsets[k + 1]``.
 
-    Same as `embedding_bag`; its own backward for the rows is slow, so here it is another
+    The sum is `embedding_bag`'s. Its own backward for the rows is slow, so here that is another
     `embedding_bag`, over the entries sorted by row.
     """
 
@@ -96,42 +96,39 @@ class SumOfRows(torch.autograd.Function):
         offsets: Int[Tensor, "k+1"] | None = None,
     ) -> Float[Tensor, "k d"]:
         ctx.save_for_backward(rows, index, weights, offsets)
-        return F.embedding_bag(
-            index,
-            rows,
-            offsets,
-            mode="sum",
-            per_sample_weights=weights,
-            include_last_offset=offsets is not None,
-        )
+        has_last = offsets is not None
+        return _summed(index, rows, offsets, weights, include_last_offset=has_last)
 
     @staticmethod
     def backward(ctx, grad: Float[Tensor, "k d"]):
         rows, index, weights, offsets = ctx.saved_tensors
         grad = grad.contiguous()
+
         offsets, bag_of = _bags(index, offsets)
         flat_index, flat_weights = index.flatten(), weights.flatten()
         sorted_index, order = flat_index.sort()
         every_row = torch.arange(len(rows) + 1, dtype=index.dtype, device=index.device)
         row_offsets = torch.searchsorted(sorted_index, every_row, out_int32=True)
-        grad_rows = F.embedding_bag(
-            bag_of[order],
-            grad,
-            row_offsets.to(index.dtype),
-            mode="sum",
-            per_sample_weights=flat_weights[order],
-            include_last_offset=True,
+        row_offsets = row_offsets.to(index.dtype)
+        grad_rows = _summed(
+            bag_of[order], grad, row_offsets, flat_weights[order], include_last_offset=True
         )
+
         if not ctx.needs_input_grad[2]:
             return grad_rows, None, None, None
+        # The operator that PyTorch itself takes for the gradient of the weights.
         grad_weights = torch.ops.aten._embedding_bag_per_sample_weights_backward(
             grad, rows, flat_index, offsets, bag_of, 0
         )
         return grad_rows, None, grad_weights.view_as(weights), None
 
 
+def _summed(index, rows, offsets, weights, **options) -> Float[Tensor, "k d"]:
+    return F.embedding_bag(index, rows, offsets, mode="sum", per_sample_weights=weights, **options)
+
+
 def _bags(index: Tensor, offsets: Tensor | None) -> tuple[Int[Tensor, "k+1"], Int[Tensor, "n"]]:
-    """Offsets of the bags that `SumOfRows` takes, and the bag that each entry is in."""
+    """Returns the offsets of the bags that `SumOfRows` takes, and the bag that each entry is in."""
     if offsets is None:
         bags, entries = index.shape
         every_bag = torch.arange(bags + 1, dtype=index.dtype, device=index.device)
@@ -140,20 +137,15 @@ def _bags(index: Tensor, offsets: Tensor | None) -> tuple[Int[Tensor, "k+1"], In
     return offsets, every_bag.repeat_interleave(offsets.diff(), output_size=len(index))
 
 
-def bordered_rows(
-    levels: Sequence[Float[Tensor, "b h w dim"]],
-) -> Float[Tensor, "b s dim"]:
-    """One table of all levels, each with a border of zeros one cell wide."""
+def bordered_rows(levels: Levels) -> Float[Tensor, "b s dim"]:
+    """Returns one table of all levels, each with a border of zeros one cell wide."""
     return torch.cat([F.pad(level, (0, 0, 1, 1, 1, 1)).flatten(1, 2) for level in levels], dim=1)
 
 
 def bilinear_corners(
-    x: Float[Tensor, "heads points levels r"],
-    y: Float[Tensor, "heads points levels r"],
-    sizes: Sequence[tuple[int, int]],
-    base: Int[Tensor, "heads 1 1 r"],
+    x: Samples, y: Samples, sizes: Sequence[tuple[int, int]], base: Int[Tensor, "heads 1 1 r"]
 ) -> tuple[Int[Tensor, "heads 4 points levels r"], Float[Tensor, "heads 4 points levels r"]]:
-    """Rows of `bordered_rows` (int32) and weights of each place's four neighbours.
+    """Returns rows of `bordered_rows` (int32) and weights of each place's four neighbours.
 
     ``sizes`` are the levels' (height, width) without border; ``base`` is the row where the place's
     table starts. What lies outside a level falls on its border: zero.
@@ -161,11 +153,13 @@ def bilinear_corners(
     height, width = torch.tensor(sizes, dtype=torch.int32, device=x.device).T[..., None]
     cells = (height + 2) * (width + 2)
     start = cells.cumsum(0, dtype=torch.int32) - cells
+
     column, fraction_x = _split(x, width)
     row, fraction_y = _split(y, height)
     corner = (row + 1) * (width + 2) + column + (start + 1 + base)
     below = corner + (width + 2)
     index = torch.stack([corner, corner + 1, below, below + 1], dim=1)
+
     rest_x, rest_y = 1 - fraction_x, 1 - fraction_y
     weight = torch.stack(
         [rest_y * rest_x, rest_y * fraction_x, fraction_y * rest_x, fraction_y * fraction_x], dim=1
@@ -186,7 +180,7 @@ class Transposed(torch.autograd.Function):
 
 
 def _split(x: Tensor, size: Tensor) -> tuple[Tensor, Tensor]:
-    """Integer and fraction of a coordinate held in [-1, size], where the border is."""
+    """Returns integer and fraction of a coordinate held in [-1, size], where the border is."""
     held = torch.minimum(x.clamp(min=-1), size)
     floor = torch.minimum(held.detach().floor(), size - 1)
     return floor.to(torch.int32), held - floor

@@ -1,4 +1,4 @@
-"""Streaming inference: one frame and its pose at a time, as in flight."""
+"""Streaming inference: one frame and its transform at a time, as in flight."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -25,10 +25,11 @@ SHAPES = {
 
 
 class StreamFrame(NamedTuple):
-    """What arrives: an image, when and where it was taken, and how fast the UAV flew.
+    """One input of a stream: an image, when and where it was taken, and how fast the UAV flew.
 
-    ``image`` uint8 RGB [3, H, W]; ``world_from_body`` best in float64; the velocity is in the world
-    frame. ``clip`` names the flight: another one begins without history. NumPy arrays will do.
+    ``image`` is uint8 RGB [3, H, W], ``world_from_body`` best in float64, and the velocity in the
+    world frame. ``clip`` names the flight: another one begins without history. NumPy arrays will
+    do.
     """
 
     image: UInt8[Tensor, "3 h w"]
@@ -41,7 +42,7 @@ class StreamFrame(NamedTuple):
 
 
 class Past(NamedTuple):
-    """What a stream keeps of a frame."""
+    """The part of a frame that a stream keeps."""
 
     time_s: float
     world_from_body: Float[Tensor, "4 4"]
@@ -49,15 +50,15 @@ class Past(NamedTuple):
 
 
 class SkyOccStream:
-    """Occupancy logits of every frame of a stream, computed once each; the history is kept here.
+    """Computes the occupancy logits of every frame of a stream once, and keeps the history.
 
-    The same numbers as `SkyOcc.forward` on the queue of these frames. The camera may be faster than
-    the history: of what is kept, the frames ``history_step_s`` apart are taken, each within
+    The numbers are those of `SkyOcc.forward` on the queue of these frames. The camera may be faster
+    than the history: of the kept frames, those ``history_step_s`` apart are taken, each within
     ``tolerance_s``. The history is dropped where another clip begins, and where no frame came
     for longer than a history step.
 
     Args:
-        network: is put into evaluation; or an `ExportedStep`.
+        network: a network, which is put into evaluation, or an `ExportedStep`.
         history_step_s: seconds between the frames of a history, as the network was trained with.
         tolerance_s: how far from its time a past frame may have been taken.
 
@@ -81,7 +82,7 @@ class SkyOccStream:
 
     @classmethod
     def of(cls, path: str | Path, tolerance_s: float = 0.02) -> "SkyOccStream":
-        """A stream of the network in a checkpoint, at the history step of its training.
+        """Returns a stream of a checkpoint's network, at the history step of its training.
 
         Raises `UserError` as `Checkpoint` does.
         """
@@ -90,37 +91,38 @@ class SkyOccStream:
         return cls(checkpoint.network(), step_s, tolerance_s)
 
     def reset(self) -> None:
-        """Drop the history."""
+        """Drops the history."""
         self.past = []
 
     @torch.no_grad()
     def __call__(self, frame: StreamFrame) -> Float[Tensor, "9 x y z"]:
-        """Logits of a frame, in its occ frame.
+        """Returns the logits of a frame, in its occ frame.
 
         Raises `UserError`, and leaves the stream as it was, for a frame that is not later than the
-        last one of its clip, and for an image, a pose, a velocity or a camera of another shape or
-        type, or not finite.
+        last one of its clip, and for an image, a transform, a velocity or a camera of another
+        shape or type, or not finite.
         """
         frame = sound(frame)
         past, batch, history = self._prepared(frame)
+
         logits, pillars = self.network.step(batch, history)
         self._keep(past, Past(frame.time_s, frame.world_from_body, pillars))
         self.clip = frame.clip
         return logits[0]
 
     def arguments(self, frame: StreamFrame) -> tuple[dict[str, Tensor], History | None]:
-        """What the network's step would be called with; the stream stays as it is."""
+        """Returns what the network's step would be called with; the stream stays as it is."""
         return self._prepared(sound(frame))[1:]
 
     def _prepared(self, frame: StreamFrame) -> tuple[list[Past], dict[str, Tensor], History | None]:
-        """What of the past is still valid, and the arguments of the step."""
+        """Returns the part of the past that is still valid, and the arguments of the step."""
         past = self._still_valid(frame)
         chosen = [self._at(frame.time_s - age * self.step_s, past) for age in self.ages]
         batch = self._batch(frame, chosen)
         return past, batch, self._history(chosen, batch)
 
     def _still_valid(self, frame: StreamFrame) -> list[Past]:
-        """What is kept, as far as a frame may use it."""
+        """Returns the kept frames that a new frame may use: all of them, or none."""
         if not self.past or frame.clip != self.clip:
             return []
         gap_s = frame.time_s - self.past[-1].time_s
@@ -132,20 +134,22 @@ class SkyOccStream:
         return self.past if gap_s <= self.step_s + self.tolerance_s else []
 
     def _at(self, time_s: float, past: Sequence[Past]) -> Past | None:
-        """The frame that was taken then."""
+        """Returns the kept frame that was taken then, if there is one."""
         nearest = min(past, key=lambda frame: abs(frame.time_s - time_s), default=None)
         if nearest is None or abs(nearest.time_s - time_s) > self.tolerance_s:
             return None
         return nearest
 
     def _batch(self, frame: StreamFrame, chosen: Sequence[Past | None]) -> dict[str, Tensor]:
-        """A batch of one window, whose only image is the current one."""
-        poses = [(past or frame).world_from_body for past in chosen] + [frame.world_from_body]
+        """Returns a batch of one window, whose only image is the current one."""
+        # Where a past frame is missing, the current one fills its place: it is never read.
+        frames = [past or frame for past in chosen] + [frame]
+        world_from_body = torch.stack([each.world_from_body for each in frames])
         window = {
             "image": frame.image[None],
             "pix_from_camera": frame.pix_from_camera.float()[None],
             "body_from_camera": frame.body_from_camera.float(),
-            **ego_motion(torch.stack(poses), frame.velocity_mps),
+            **ego_motion(world_from_body, frame.velocity_mps),
         }
         device = self.network.device
         return {name: value[None].to(device) for name, value in window.items()}
@@ -167,7 +171,7 @@ class SkyOccStream:
 
 
 def sound(frame: StreamFrame) -> StreamFrame:
-    """The same frame with tensors for arrays, and numbers in float64.
+    """Returns a frame with tensors for arrays, and numbers in float64.
 
     Raises `UserError` for another shape or type, and for what is not finite.
     """

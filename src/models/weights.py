@@ -11,21 +11,20 @@ from torch import Tensor, nn
 
 from ..errors import UserError
 
+# torchvision's IMAGENET1K_V1 files, by depth; their names carry the hash's first 8 digits.
 PUBLISHED = {
     18: "https://download.pytorch.org/models/resnet18-f37072fd.pth",
     50: "https://download.pytorch.org/models/resnet50-0676ba61.pth",
 }
-"""torchvision's IMAGENET1K_V1 files, by depth; their names carry the hash's first 8 digits."""
-
 CLASSIFIER = "fc."
+# Under this key a file of task=pretrain, or a checkpoint, says where it comes from.
 ORIGIN = "skyshield"
-"""Under this key a file of task=pretrain, or a checkpoint, says where it comes from."""
 
 
 def load_weights(
     backbone: nn.Module, depth: int, weights: str | None, sha256: str | None = None
 ) -> None:
-    """Load a state dict with torchvision's names into a backbone; ``None`` leaves it as it is.
+    """Loads a state dict with torchvision's names into a backbone; ``None`` leaves it as it is.
 
     ``weights`` is a path, a URL (kept in torch's hub folder), or ``"imagenet"`` for the published
     file of that depth. The file must match ``sha256``, or the hash in its name
@@ -34,11 +33,13 @@ def load_weights(
     """
     if weights is None:
         return
+
     source = PUBLISHED[depth] if weights == "imagenet" else weights
     path = _download(source) if "://" in source else Path(source)
     if not path.is_file():
         raise UserError(f"model.backbone.weights: no file {path}; give a path, a URL or 'imagenet'")
     _verify(path, sha256)
+
     try:
         state, _ = read_encoder(path)
         kept = {k: v for k, v in state.items() if not k.startswith(CLASSIFIER)}
@@ -52,9 +53,9 @@ def load_weights(
 
 
 def read_encoder(path: Path) -> tuple[dict[str, Tensor], dict]:
-    """The state dict of an encoder's file, and what a file of task=pretrain says of its training.
+    """Returns the state dict of an encoder's file, and where a file of task=pretrain comes from.
 
-    Raises `UserError` for a file that is none.
+    Raises `UserError` for a file that holds no weights.
     """
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
@@ -82,9 +83,11 @@ def _download(url: str) -> Path:
 
 
 def _verify(path: Path, sha256: str | None) -> None:
+    # torchvision's convention: a file's name ends in the first digits of its hash.
     in_name = re.search(r"-([0-9a-f]{8,64})\.pth$", path.name)
     expected = sha256 or (in_name and in_name[1])
     actual = hashlib.sha256(path.read_bytes()).hexdigest()
+
     if not expected:
         raise UserError(
             f"model.backbone.weights_sha256: {path.name} carries no hash in its name; set this to "

@@ -22,7 +22,7 @@ from ..sim.clip_maker import ClipMaker, ClipPlan
 from ..sim.pilot import STEP_HZ
 from ..sim.scene import Scene
 from ..sim.staging import generator_for, place_of
-from ..sim.weather import WEATHERS, weather_named
+from ..sim.weather import Weather
 from ..sim.world import World
 
 SIZE_PIX = (960, 544)
@@ -74,7 +74,8 @@ def street_shot(sim: Mapping, town: str) -> Shot:
     steps = range(0, len(poses), STEP_HZ)
     with World(scene, pinhole(*PREVIEW_PIX, hfov_rad), *PREVIEW_PIX) as world:
         previews = [
-            world.render(step, torch.from_numpy(poses[step]), WEATHERS["cloudy"]) for step in steps
+            world.render(step, torch.from_numpy(poses[step]), Weather.of(sim, "cloudy"))
+            for step in steps
         ]
     richest = max(range(len(steps)), key=lambda n: entropy(previews[n].class_id))
     pose = torch.from_numpy(poses[steps[richest]])
@@ -90,7 +91,7 @@ def entropy(class_id: UInt8[np.ndarray, "h w"]) -> float:
 
 
 def photograph(
-    shot: Shot, weathers: Iterable[str], seed: int
+    shot: Shot, weathers: Iterable[str], sim: Mapping
 ) -> dict[str, UInt8[np.ndarray, "h w 3"]]:
     """The picture of a shot under each weather. Raises `UserError` for an unknown one."""
     pictures = {}
@@ -99,8 +100,8 @@ def photograph(
         shot.scene, shot.pix_from_camera, *SIZE_PIX, depth_range_m=shot.depth_range_m
     ) as world:
         for name in weathers:
-            weather = weather_named(name)
+            weather = Weather.of(sim, name)
             rendering = world.render(shot.step, shot.world_from_camera, weather)
-            rng = generator_for(seed, "portrait", name)
+            rng = generator_for(sim["seed"], "portrait", name)
             pictures[name] = apply_weather(rendering, viewpoint, weather, rng)
     return pictures

@@ -7,7 +7,9 @@ def overrides_of(manifest: Mapping) -> list[str]:
     """The words of the command line that name this very data set, whatever the defaults are."""
     sim, held_out = manifest["sim"], manifest["held_out"]
     words = ["task=generate", f"scale={manifest['scale']}"]
-    words += [word for key, value in sim.items() for word in _assignments(f"sim.{key}", value)]
+    # The values of the weathers are files of the configuration, too many for a command line.
+    settings = {key: value for key, value in sim.items() if key != "weather"}
+    words += [word for key, value in settings.items() for word in _assignments(f"sim.{key}", value)]
     words += [f"data.{part}_clips={_plain(held_out[part])}" for part in ("val", "test")]
     # Not of the data: but a step that the capture rate does not divide is refused.
     if (0.2 * sim["capture_hz"]) % 1:

@@ -1,4 +1,4 @@
-"""What sky, water, fog, rain and the sensor do to a rendered picture: one pass over its pixels."""
+"""Sky, water, fog, rain and the sensor, painted over a rendered picture."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -16,22 +16,19 @@ from .value_noise import value_noise
 from .weather import Color, Weather
 from .world import Rendering
 
+# Width of a typical puddle.
 PUDDLE_M = 4.0
-"""Width of a typical puddle."""
-
+# Rows around the mirrored one that wet ground blends, as it is no clean mirror; for 448 rows.
 MIRROR_ROWS = (-6, -3, 0, 3, 6)
-"""Rows around the mirrored one that wet ground blends, as it is no clean mirror; for 448 rows."""
-
+# Height over which the light of street lamps fades.
 LAMP_HEIGHT_M = 6.0
-"""Height over which the light of street lamps fades."""
-
+# Grass is ground too, but does not shine: how fast shine goes as green exceeds red and blue.
 GREEN_IS_DULL = 12.0
-"""Grass is ground too, but does not shine: how fast shine goes as green exceeds red and blue."""
 
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """Where the camera is, and where it looks through each pixel.
+    """The place of the camera, and its direction through each pixel.
 
     ``world_from_pix`` takes (u, v, 1) to the direction in the world whose z-depth is 1 m.
     """
@@ -48,7 +45,7 @@ class Viewpoint:
 
 
 class _Air(NamedTuple):
-    """Of a weather, what the kernels need, as they need it."""
+    """The part of a weather that the kernels need, as they need it."""
 
     fog_per_m: float
     fog_color: Color
@@ -63,28 +60,35 @@ def apply_weather(
     weather: Weather,
     rng: np.random.Generator,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The rendered picture under a weather. The sky turns with the camera; water lies on ground."""
+    """Returns a rendered picture under a weather.
+
+    The sky turns with the camera, and water lies on the ground.
+    """
     rgb, depth_m = rendering.rgb, rendering.depth_m
     place_m = viewpoint.place_m.astype(np.float32)
     world_from_pix = viewpoint.world_from_pix.astype(np.float32)
     image = np.empty(rgb.shape, dtype=np.float32)
+
+    # Water darkens every surface, whatever lights it: both kinds of light shrink alike.
     dry = tuple(share * (1 - weather.wetness) / 255 for share in weather.exposure)
     lamps = tuple(share * (1 - weather.wetness) / 255 for share in weather.lamps)
     air = _Air(weather.fog_per_m, weather.fog_color, dry, lamps, Sky.of(weather))
     _fill(image, rgb, depth_m, place_m, world_from_pix, air)
+
     if weather.wetness > 0:
         pix_from_world = np.linalg.inv(viewpoint.world_from_pix).astype(np.float32)
         ground = rendering.class_id == GROUND
         image = _wet(image, rgb, depth_m, ground, place_m, world_from_pix, pix_from_world, air)
     if weather.rain > 0:
         draw_rain(image, weather, rng)
+
     seed = rng.integers(2**63)
     return _exposed(image, seed, weather.read_noise, weather.shot_noise)
 
 
 @njit(inline="always")
 def _look(world_from_pix, row, column):
-    """Direction through a pixel's centre, unit length, and its length at a z-depth of 1 m."""
+    """Returns the unit direction through a pixel's center, and its length at a z-depth of 1 m."""
     u, v = np.float32(column + 0.5), np.float32(row + 0.5)
     x = world_from_pix[0, 0] * u + world_from_pix[0, 1] * v + world_from_pix[0, 2]
     y = world_from_pix[1, 0] * u + world_from_pix[1, 1] * v + world_from_pix[1, 2]
@@ -95,8 +99,10 @@ def _look(world_from_pix, row, column):
 
 @njit
 def _fill(image, rgb, depth_m, place_m, world_from_pix, air):
-    """Lit surfaces seen through fog, and the sky where there are none. Beer-Lambert: what is left
-    of the light, and the fog's own in the place of the rest."""
+    """Paints lit surfaces as seen through fog, and the sky where there are none.
+
+    Beer-Lambert: a part of the light is left, and the fog's own takes the place of the rest.
+    """
     height, width = depth_m.shape
     for row in range(height):
         for column in range(width):
@@ -105,12 +111,14 @@ def _fill(image, rgb, depth_m, place_m, world_from_pix, air):
                 for k, value in enumerate(sky_at(x, y, z, air.sky)):
                     image[row, column, k] = value
                 continue
+
             range_m = depth_m[row, column] * length
             left = np.exp(-np.float32(air.fog_per_m) * np.float32(range_m))
             near_lamps = np.float32(0)
             if max(air.lamps) > 0:
                 high_m = np.float32(max(place_m[2] + z * range_m, np.float32(0)))
                 near_lamps = np.exp(-high_m / np.float32(LAMP_HEIGHT_M))
+
             for k in range(3):
                 light = np.float32(air.exposure[k]) + np.float32(air.lamps[k]) * near_lamps
                 fog = np.float32(air.fog_color[k])
@@ -119,7 +127,7 @@ def _fill(image, rgb, depth_m, place_m, world_from_pix, air):
 
 @njit
 def _wet(image, rgb, depth_m, ground, place_m, world_from_pix, pix_from_world, air):
-    """Ground that mirrors what stands above the horizon, after Fresnel; puddles mirror most."""
+    """Lets ground mirror what stands above the horizon, after Fresnel; puddles mirror most."""
     shining = image.copy()
     height, width = depth_m.shape
     for row in range(height):
@@ -127,15 +135,19 @@ def _wet(image, rgb, depth_m, ground, place_m, world_from_pix, pix_from_world, a
             x, y, z, length = _look(world_from_pix, row, column)
             if not ground[row, column] or z >= 0:
                 continue
+
             range_m = np.float32(depth_m[row, column]) * length
             puddle = _puddle(place_m[0] + x * range_m, place_m[1] + y * range_m, range_m)
             red, green, blue = rgb[row, column]
             greenness = (np.float32(green) - max(red, blue)) / np.float32(255)
             dull = min(max(np.float32(GREEN_IS_DULL) * greenness, np.float32(0)), np.float32(1))
+
+            # Schlick's form of Fresnel's law for water: 2 % straight down, all of it at grazing.
             grazing = (1 + z) * (1 + z)
             mirrored = np.float32(0.02) + np.float32(0.98) * grazing * grazing * (1 + z)
             share = (1 - dull) * mirrored * (np.float32(0.45) + np.float32(0.55) * puddle)
             share = share * np.exp(-np.float32(air.fog_per_m) * range_m)
+
             darker = 1 - np.float32(0.3) * puddle * (1 - dull)
             above = _mirrored(image, pix_from_world, x, y, -z)
             for k in range(3):
@@ -146,7 +158,7 @@ def _wet(image, rgb, depth_m, ground, place_m, world_from_pix, pix_from_world, a
 
 @njit
 def _puddle(x_m, y_m, range_m):
-    """How much of a puddle lies at a place of the world, 0 to 1; far off they run together."""
+    """Returns the share of puddle at a place of the world; far off they run together."""
     field = value_noise(x_m / PUDDLE_M, y_m / PUDDLE_M, 2)
     inside = min(max((field - np.float32(0.52)) * np.float32(12), np.float32(0)), np.float32(1))
     sharp = np.exp(-range_m / np.float32(40))
@@ -155,12 +167,17 @@ def _puddle(x_m, y_m, range_m):
 
 @njit
 def _mirrored(image, pix_from_world, x, y, z):
-    """What the picture shows in a direction, blurred along columns; at its border, the border's."""
+    """Returns what the picture shows in a direction, blurred along columns.
+
+    Beyond the border it is what the border shows.
+    """
     height, width = image.shape[:2]
     u = pix_from_world[0, 0] * x + pix_from_world[0, 1] * y + pix_from_world[0, 2] * z
     v = pix_from_world[1, 0] * x + pix_from_world[1, 1] * y + pix_from_world[1, 2] * z
     w = pix_from_world[2, 0] * x + pix_from_world[2, 1] * y + pix_from_world[2, 2] * z
+    # Behind the camera: far outside the picture instead of mirrored through its center.
     w = max(w, np.float32(1e-3))
+
     column = int(min(max(u / w, np.float32(0)), np.float32(width - 1)))
     red = green = blue = np.float32(0)
     for step in MIRROR_ROWS:
@@ -175,12 +192,16 @@ def _mirrored(image, pix_from_world, x, y, z):
 
 @njit
 def _exposed(image, seed, read_noise, shot_noise):
-    """The sensor: read noise everywhere, and shot noise, whose variance is in proportion to the
-    light; both are given at the gain that the weather asks for."""
+    """Adds the sensor's noise: read noise everywhere, and shot noise.
+
+    The variance of shot noise is in proportion to the light. Both are given at the gain that the
+    weather asks for.
+    """
     height, width = image.shape[:2]
     picture = np.empty(image.shape, dtype=np.uint8)
     read, shot = np.float32(read_noise**2), np.float32(shot_noise**2)
     counter = np.uint64(seed)
+
     for row in range(height):
         for column in range(width):
             for k in range(3):
@@ -194,13 +215,15 @@ def _exposed(image, seed, read_noise, shot_noise):
 
 @njit(inline="always")
 def _normal(counter):
-    """SplitMix64 of a counter, and the sum of its four 16-bit parts, scaled to variance 1.
+    """Returns a nearly normal number of variance 1 from a counter.
 
-    Numpy's exact normals take longer than all the rest of the weather.
+    It is the sum of the four 16-bit parts of SplitMix64. NumPy's exact normals take longer than all
+    the rest of the weather.
     """
     mixed = (counter ^ (counter >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     mixed = mixed ^ (mixed >> np.uint64(31))
+
     part = np.uint64(0xFFFF)
     total = (mixed & part) + ((mixed >> np.uint64(16)) & part)
     total += ((mixed >> np.uint64(32)) & part) + (mixed >> np.uint64(48))

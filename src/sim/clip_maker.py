@@ -23,7 +23,7 @@ from .scene import Scene
 from .sensors import scan
 from .staging import ClipPlan, generator_for, stage_clip
 from .traffic import TrafficConfig
-from .weather import weather_named
+from .weather import Weather
 from .world import Rendering, World
 
 # No sensor is mounted farther than this from the UAV's center.
@@ -169,7 +169,7 @@ class ClipMaker:
         self, plan: ClipPlan, observation: Observation, on_image: OnImage
     ) -> Iterator[FrontView]:
         """Renders every frame, hands its image over, and yields the camera's measurements."""
-        weather = weather_named(plan.weather)
+        weather = Weather.of(self.sim, plan.weather)
         camera = self.pix_from_camera, *self.size
         # The annotation uses the very transforms that readers of the clip's files will compute.
         transforms = poses_of(observation.frames)

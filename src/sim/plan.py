@@ -12,7 +12,7 @@ from ..geometry import VoxelGrid
 from .clip_maker import ClipMaker, ClipPlan
 from .renderer import require_known
 from .towns import builder_of
-from .weather import WEATHERS
+from .weather import Weather
 
 # The least value of each number that has one.
 AT_LEAST = {"seed": 0, "clips_per_town": 1, "lidar_rays": 1, "camera_stride": 1, "range_m": 1}
@@ -36,10 +36,10 @@ def plan_clips(sim: Mapping) -> list[ClipPlan]:
 
 def check_settings(sim: Mapping) -> None:
     """Refuses settings that cannot be generated, before any work starts."""
-    for key, known in (("weathers", WEATHERS),):
-        unknown = [name for name in sim[key] if name not in known]
-        if unknown or not sim[key]:
-            raise UserError(f"sim.{key}: {unknown or 'empty'}; there are {', '.join(known)}")
+    if not sim["weathers"]:
+        raise UserError("sim.weathers: empty; name one weather or more")
+    for name in sim["weathers"]:
+        Weather.of(sim, name)
     if not sim["towns"]:
         raise UserError("sim.towns: empty; name one town or more")
     for name in sim["towns"]:

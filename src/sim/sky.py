@@ -8,15 +8,17 @@ from ..jit import njit
 from .value_noise import value_noise
 from .weather import Color, Weather
 
+# Thickness of the layer of fog through which the sky is seen.
 HAZE_TOP_M = 60.0
-"""Thickness of the layer of fog through which the sky is seen."""
-
+# Width of a typical cloud, in heights of the clouds above the ground.
 CLOUD_SIZE = 0.55
-"""Width of a typical cloud, in heights of the clouds above the ground."""
 
 
 class Sky(NamedTuple):
-    """Colours in sRGB, 0 to 1. ``towards`` is the unit vector to the sun."""
+    """The sky of a weather as the kernels need it: colors in sRGB, 0 to 1.
+
+    ``towards`` is the unit vector to the sun.
+    """
 
     horizon: Color
     zenith: Color
@@ -43,13 +45,19 @@ class Sky(NamedTuple):
 
 @njit
 def sky_at(x: float, y: float, z: float, sky: Sky) -> tuple[float, float, float]:
-    """Colour in a direction, a unit vector of the world; below the horizon that of the horizon, but
-    for the sun's glow."""
+    """Returns the color in a direction, which is a unit vector of the world.
+
+    Below the horizon it is that of the horizon, but for the sun's glow.
+    """
     rise = min(max(np.float32(z), np.float32(0)), np.float32(1))
     cloud = _cloud(x, y, rise, sky)
+
+    # The glow falls with the angle to the sun; the way through the haze grows as 1 / rise.
     along = x * sky.towards[0] + y * sky.towards[1] + z * sky.towards[2]
     glow = np.exp(np.float32(-9) * (1 - np.float32(along)))
     haze = np.exp(-np.float32(sky.fog_per_m * HAZE_TOP_M) / max(rise, np.float32(0.02)))
+
+    # The root brings most of the gradient near the horizon, where a real sky has it.
     height = np.sqrt(rise)
     return (
         _mixed(0, height, cloud, glow, haze, sky),
@@ -60,7 +68,7 @@ def sky_at(x: float, y: float, z: float, sky: Sky) -> tuple[float, float, float]
 
 @njit(inline="always")
 def _mixed(k, height, cloud, glow, haze, sky):
-    """One colour: the gradient, the sun's glow over it, clouds before both, haze before all."""
+    """Mixes one color: the gradient, the sun's glow over it, clouds and then haze before both."""
     horizon, zenith = np.float32(sky.horizon[k]), np.float32(sky.zenith[k])
     value = horizon + (zenith - horizon) * height
     value += np.float32(sky.glow[k]) * glow
@@ -72,13 +80,16 @@ def _mixed(k, height, cloud, glow, haze, sky):
 
 @njit
 def _cloud(x, y, rise, sky):
-    """How much of a cloud is in a direction, 0 to 1; they fade into the haze of the horizon."""
+    """Returns the share of cloud in a direction; clouds fade into the haze of the horizon."""
     if sky.cloud_cover <= 0 or rise <= 0:
         return np.float32(0)
+
+    # The direction meets the clouds' plane at this distance, in typical clouds.
     far = 1 / ((rise + np.float32(0.12)) * np.float32(CLOUD_SIZE))
     # Every sun has its own clouds.
     shift = np.float32(31 * sky.towards[0])
     field = value_noise(x * far + shift, y * far, 3)
+
     edge = np.float32(0.75 - 0.5 * sky.cloud_cover)
     thick = min(max((field - edge) * np.float32(5), np.float32(0)), np.float32(1))
     return thick * min(rise * np.float32(8), np.float32(1))

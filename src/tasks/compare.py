@@ -18,7 +18,7 @@ from rich.table import Table
 from ..errors import UserError
 from ..metrics.intervals import resamplings, score_differences, score_intervals
 from ..metrics.protocol import require_same_protocol
-from ..metrics.suite import FLAT
+from ..metrics.suite import import_metrics
 from ..metrics.tally import Tally
 from ..report.ladder import ANCHORS
 from ..report.scores import write_table
@@ -37,6 +37,7 @@ def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = (
     are compared without the sensitivity. Raises `UserError` for fewer than two runs, for runs of
     other protocols, clips or labels, and for a pattern that no scored clip is like.
     """
+    import_metrics(cfg.suite)
     tallies = _tallies(list(map(str, runs)))
     _require_comparable(tallies)
     if clips:
@@ -146,7 +147,9 @@ def _differences(tallies: dict[str, Tally]) -> pd.DataFrame:
     weights = resamplings(len(rows), settings["resamples"], generator)
     lines = []
     for name, tally in tallies.items():
-        for metric in (each for each in FLAT if each in reference.tables and each in tally.tables):
+        for metric in (each for each in reference.tables if each in tally.tables):
+            if not suite.metric(metric).in_score_table:
+                continue
             ours, theirs = (
                 {key: table[rows] for key, table in each.tables[metric].items()}
                 for each in (reference, tally)

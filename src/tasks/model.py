@@ -49,12 +49,10 @@ def module_of(
     cfg: DictConfig, data: SkyShieldData, network: SkyOcc, origin: Origin
 ) -> OccupancyModule:
     """A network with its loss and its scores."""
-    loss = instantiate(cfg.loss)
-    rule = loss.keywords["class_weights"]
     scores = instantiate(cfg.metric)
     return OccupancyModule(
         network,
-        loss(class_weights=None if rule is None else rule(origin.class_counts)),
+        instantiate(cfg.loss, class_counts=origin.class_counts),
         lambda: scores(data.grid),
         cfg.optimizer,
         suite_of(cfg, data),
@@ -64,9 +62,10 @@ def module_of(
 
 
 def require_buildable(cfg: DictConfig) -> None:
-    """Builds the configured network and its scores once and drops them: what is wrong with them is
-    said before any data are generated or read."""
+    """Builds the configured network, its loss and its scores once and drops them: what is wrong
+    with them is said before any data are generated or read."""
     with torch.random.fork_rng(devices=[]):
         instantiate(cfg.model)
+        instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES)
     grid = VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True))
-    ScoreSuite(grid, [], *score_settings(cfg))
+    ScoreSuite(grid, [], score_settings(cfg)[1])

@@ -39,7 +39,7 @@ def _drawn(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:
         first = first or street
         shots = {"from above": aerial_shot(sim, town), "from the UAV": street}
         pictures = [
-            (f"{town.replace('_', ' ')}, {name}", photograph(shot, ["clear"], sim["seed"])["clear"])
+            (f"{town.replace('_', ' ')}, {name}", photograph(shot, ["clear"], sim)["clear"])
             for name, shot in shots.items()
         ]
         path = folder / "towns" / f"{town}.jpg"
@@ -47,7 +47,7 @@ def _drawn(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:
         yield path
     shown = [
         (name.replace("_", " "), picture)
-        for name, picture in photograph(first, sim["weathers"], sim["seed"]).items()
+        for name, picture in photograph(first, sim["weathers"], sim).items()
     ]
     rows = [shown[k : k + WEATHER_COLUMNS] for k in range(0, len(shown), WEATHER_COLUMNS)]
     write_sheet(rows, folder / "weathers.jpg", WEATHER_WIDTH_PIX, MAX_WEATHER_BYTES)

@@ -12,6 +12,7 @@ from rich.console import Console
 from ..atomic import replacing
 from ..errors import UserError
 from ..failures import closest
+from ..metrics.suite import import_metrics
 from ..report.attitude import SCORE, draw_attitude
 from ..report.attitude_evidence import AttitudeEvidence
 from ..report.attitude_tables import attitude_tables
@@ -59,6 +60,7 @@ def report(
     `UserError` where no run is finished, a run cannot be read, or runs may not be put beside each
     other and ``mixed`` does not allow it.
     """
+    import_metrics(cfg.suite)
     folder, ladder = Path(out), ladder_named(list(rungs))
     _require_place(folder)
     if strange := [seed for seed in seeds if type(seed) is not int]:

@@ -36,11 +36,10 @@ def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> N
     samples = _sound_samples(pairing, folder, allow_missing)
     metric, suite = score_settings(cfg)
     name = str(pairing.facts.get("name", folder.name))
-    scored = ScoreSuite(pairing.grid, clips_of(samples), metric, suite)
+    scored = ScoreSuite(pairing.grid, clips_of(samples), suite)
     with_logits = _count(scored, samples, pairing, name)
-    if 0 < with_logits < len(samples):
-        scored.by_clip["calibration"].reset()
-        say(f"{folder}: has logits of {with_logits} of {len(samples)} frames, so no calibration")
+    if partly := ", ".join(scored.forget_partly_fed()):
+        say(f"{folder}: has logits of {with_logits} of {len(samples)} frames, so no {partly}")
     protocol = Protocol.of(
         pairing.dataset, part, len(samples), pairing.grid, pairing.mask, metric, suite
     )

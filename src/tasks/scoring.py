@@ -7,7 +7,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from ..data.datamodule import SkyShieldData
 from ..metrics.protocol import SUPERVISED, Protocol
-from ..metrics.suite import ScoreSuite
+from ..metrics.suite import ScoreSuite, import_metrics
 from ..metrics.tally import Tally
 
 
@@ -23,12 +23,13 @@ def parts_of(unseen: Collection[str]) -> dict[str, Callable[[str], bool]]:
 def score_settings(cfg: DictConfig) -> tuple[dict, dict]:
     """``metric`` and ``suite`` as plain data: all that says how scores are computed."""
     metric, suite = (OmegaConf.to_container(cfg[key], resolve=True) for key in ("metric", "suite"))
+    import_metrics(suite)
     return metric, suite
 
 
 def suite_of(cfg: DictConfig, data: SkyShieldData) -> ScoreSuite:
     """The configured scores of the test split."""
-    return ScoreSuite(data.grid, clips_of(data.split["test"]), *score_settings(cfg))
+    return ScoreSuite(data.grid, clips_of(data.split["test"]), score_settings(cfg)[1])
 
 
 def clips_of(samples: Sequence[tuple[str, int]]) -> list[str]:

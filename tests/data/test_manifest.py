@@ -27,7 +27,9 @@ def test_every_setting_that_shapes_the_data_changes_the_folder(mini_sim, tmp_pat
     for key, value in mini_sim.items():
         if key in ("workers", "dry_run"):
             continue
-        other = {"seed": 1, "save_aux": False}.get(key, [value, "changed"])
+        other = {"seed": 1, "save_aux": False, "weather": {"clear": {}}}.get(
+            key, [value, "changed"]
+        )
         digests.add(DatasetSpec.of("mini", mini_sim | {key: other}).digest)
     deeper = mini_sim | {"image": mini_sim["image"] | {"hfov_deg": 91.0}}
     digests.add(DatasetSpec.of("mini", deeper).digest)

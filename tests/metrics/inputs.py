@@ -1,6 +1,7 @@
-"""What the tests of several metrics are made of: marks, logits, rays, a line of voxels, scores."""
+"""What the tests of several metrics share: marks, logits, rays, a line of voxels, settings."""
 
 import torch
+from omegaconf import OmegaConf
 
 from src.geometry import VoxelGrid
 from src.ontology import FREE
@@ -35,6 +36,14 @@ def random_rays(seed, frames=4, n=12):
     towards = torch.rand(frames, n, 3, generator=rng, dtype=torch.float64)
     towards = towards * torch.tensor([24.0, 24.0, 16.0]) + torch.tensor([0.0, -12.0, -8.0])
     return origin_m, torch.nn.functional.normalize(towards - origin_m[:, None], dim=-1)
+
+
+def with_metrics(metric, suite):
+    """These settings of a suite, and the entries of the metrics of `conf/suite/default.yaml`."""
+    entries = OmegaConf.load("conf/suite/default.yaml").metrics
+    metric = metric | {"_target_": "src.metrics.OccupancyScores"}
+    cfg = OmegaConf.create({"metric": metric, "suite": {**suite, "metrics": entries}})
+    return OmegaConf.to_container(cfg.suite, resolve=True)
 
 
 def updated(metric, *batches):

@@ -25,12 +25,13 @@ from src.models import (
     SkyOcc,
 )
 from src.models.ground import GroundVolume
+from src.models.losses import OccupancyLoss, cross_entropy, lovasz
 from src.models.references import References, padded_index
 from src.ontology import UNKNOWN
 
 GRID = VoxelGrid(shape=(10, 10, 6))
+# A volume of the same pillars, on the ground.
 VOLUME = VoxelGrid((0, -25, -5), (50, 25, 15), (10, 10, 4))
-"""Of the same pillars, on the ground."""
 IMAGE_SIZE = (96, 64)
 LIFTS = ("deformable", "bilinear", "lss")
 
@@ -67,6 +68,32 @@ def build_network(
         ground=ground,
         **network,
     )
+
+
+def build_loss(class_weights=None, lovasz_weight=1.0):
+    """The paper's loss, Eq. 10."""
+    terms = {
+        "cross_entropy": functools.partial(cross_entropy, class_weights=class_weights),
+        "lovasz": functools.partial(lovasz, weight=lovasz_weight),
+    }
+    return OccupancyLoss(terms)
+
+
+def loss_of(network, batch, loss=None):
+    """The paper's loss of a batch, with its graph."""
+    return (loss or build_loss())(network(batch), batch["semantics"])["total"]
+
+
+def losses_while_training(network, batch, steps, lr):
+    """The loss of one batch before each of some steps of training on it."""
+    optimizer = torch.optim.AdamW(network.parameters(), lr)
+    losses = []
+    for _ in range(steps):
+        optimizer.zero_grad()
+        losses.append(loss_of(network, batch))
+        losses[-1].backward()
+        optimizer.step()
+    return losses
 
 
 def build_references(pix, valid, room=None):

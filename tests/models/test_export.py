@@ -43,8 +43,8 @@ def require_same_stream(network, graph, clips):
     """Frames with no history, some, all of it, and none again after a gap."""
     streams = [SkyOccStream(each, HISTORY_STEP_S) for each in (network, graph)]
     for number in (0, 1, 2, 3, 4, 5, 6, 7, 8, 15, 17):
-        ours, theirs = (stream(frame_of(clips, "town/a", number)) for stream in streams)
-        torch.testing.assert_close(theirs, ours, atol=1e-4, rtol=1e-4)
+        logits, exported = (stream(frame_of(clips, "town/a", number)) for stream in streams)
+        torch.testing.assert_close(exported, logits, atol=1e-4, rtol=1e-4)
 
 
 @pytest.mark.slow
@@ -89,7 +89,7 @@ def test_other_lifts_export_too(tmp_path, clips, lift):
 def test_an_image_of_another_size_is_refused(both, clips, name):
     frame = frame_of(clips, "town/a", 0)
     stream = SkyOccStream(ExportedStep(both[1], name), HISTORY_STEP_S)
-    with pytest.raises(UserError, match="image: 64x64, and the graph is for 96x64; export it aga"):
+    with pytest.raises(UserError, match=r"image: 64x64, .* 96x64"):
         stream(frame._replace(image=frame.image[:, :, :64]))
 
 
@@ -108,29 +108,22 @@ def test_a_broken_file_is_refused(both, tmp_path, name):
         (tmp_path / file).write_bytes((both[1] / file).read_bytes())
     whole = (tmp_path / FORMATS[name]).read_bytes()
     (tmp_path / FORMATS[name]).write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(UserError, match=rf"{FORMATS[name]}: cannot be read .*; export it again"):
+    with pytest.raises(UserError, match=rf"{FORMATS[name]}: "):
         ExportedStep(tmp_path, name)
 
 
 def test_a_folder_without_graphs_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"skyocc\.onnx: no exported graph; make it with task=exp"):
+    with pytest.raises(UserError, match=r"skyocc\.onnx: .*task=export"):
         ExportedStep(tmp_path, "onnx")
 
 
-def test_an_unknown_format_is_refused_before_the_work(tmp_path):
-    with pytest.raises(UserError, match=r"task\.formats: 'tflite'; there are onnx, torch"):
-        export_step(None, {}, None, tmp_path, ["onnx", "tflite"], {})
-
-
-@pytest.mark.parametrize(
-    ("formats", "said"),
-    [(["onnx", "tflite"], "'tflite'; there are onnx, torch"), ([], "empty; give some of onnx")],
-)
-def test_formats_that_there_are_not_are_refused(formats, said):
-    with pytest.raises(UserError, match=rf"task\.formats: {said}"):
+@pytest.mark.parametrize("formats", [["onnx", "tflite"], ["tensorrt"], []])
+def test_formats_that_there_are_not_are_refused_before_the_work(tmp_path, formats):
+    refused = pytest.raises(UserError, match=rf"task\.formats: .*{''.join(formats[-1:])}")
+    with refused:
         require_formats(formats)
-
-
-def test_a_format_that_there_is_not_cannot_be_opened(tmp_path):
-    with pytest.raises(UserError, match=r"task\.formats: 'tensorrt'; there are onnx, torch"):
-        ExportedStep(tmp_path, "tensorrt")
+    with refused:
+        export_step(None, {}, None, tmp_path, formats, {})
+    for name in formats[-1:]:
+        with refused:
+            ExportedStep(tmp_path, name)

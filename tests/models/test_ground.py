@@ -47,10 +47,10 @@ def test_a_frame_of_the_past_is_seen_from_its_own_height():
     """A UAV that has sunk by 2 m since then was 2 m higher."""
     network, batch = build_network(volume=VOLUME), build_batch(frames=2)
     batch["occ_from_past_occ"][:, 0, 2, 3] = 2.0
-    past = network._encode(batch, 0).references
+    past = network.encode(batch, 0).references
     higher = {**batch, "height_m": batch["height_m"] + 2.0}
     higher["occ_from_body"] = batch["occ_from_body"].flip(1)
-    torch.testing.assert_close(past.pix, network._encode(higher, -1).references.pix)
+    torch.testing.assert_close(past.pix, network.encode(higher, -1).references.pix)
 
 
 @pytest.mark.parametrize("other", [VoxelGrid((0, -2, -1), (2, 2, 7), (2, 4, 8)), VOLUME])

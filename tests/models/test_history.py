@@ -22,7 +22,7 @@ def history_of(pillars, occ_from_past_occ):
 
 
 def ramp():
-    """Past pillars that hold their own centre: bilinear sampling keeps a linear map exact."""
+    """Past pillars that hold their own center: bilinear sampling keeps a linear map exact."""
     return GRID.centers()[:, :, 0, :2].flatten(0, 1)[None, None]
 
 

@@ -1,3 +1,6 @@
+import math
+from functools import partial
+
 import pytest
 import torch
 
@@ -5,11 +8,14 @@ from src.errors import UserError
 from src.models.losses import (
     OccupancyLoss,
     _lovasz_slope,
+    cross_entropy,
+    lovasz,
     lovasz_softmax,
     safety_weights,
     weighted_cross_entropy,
 )
 from src.ontology import BUILDING, FREE, GROUND, THIN_STRUCTURE, UNKNOWN, VRU
+from tests.models.synthetic import build_loss
 
 
 def random_case(seed=0, shape=(2, 3, 4, 5), classes=range(9), unknown=0.3):
@@ -28,7 +34,7 @@ def voxels(logits, target):
 
 
 def slow_lovasz(logits, target):
-    """The Lovasz extension by its definition: the Jaccard loss of growing sets of errors."""
+    """The Lovász extension by its definition: the Jaccard loss of growing sets of errors."""
     cases = voxels(logits, target)
     losses = []
     for class_id in sorted({label for _, label in cases}):
@@ -127,7 +133,7 @@ def test_weights_of_one_are_no_weights():
 def test_nothing_supervised_is_zero_with_a_graph():
     logits, target = random_case(unknown=2.0)
     logits.requires_grad_()
-    parts = OccupancyLoss(torch.ones(9), lovasz_weight=1.0)(logits, target)
+    parts = build_loss(torch.ones(9))(logits, target)
     assert {name: part.item() for name, part in parts.items()} == {
         "cross_entropy": 0.0,
         "lovasz": 0.0,
@@ -139,7 +145,7 @@ def test_nothing_supervised_is_zero_with_a_graph():
 
 def test_unknown_voxels_change_nothing():
     logits, target = random_case(seed=3)
-    loss = OccupancyLoss(torch.arange(1.0, 10.0), lovasz_weight=1.0)
+    loss = build_loss(torch.arange(1.0, 10.0))
     before = loss(logits, target)["total"]
     spoilt = torch.where(target[:, None] == UNKNOWN, torch.nan, logits)
     torch.testing.assert_close(loss(spoilt, target)["total"], before)
@@ -148,12 +154,12 @@ def test_unknown_voxels_change_nothing():
 def test_total_is_cross_entropy_plus_weighted_lovasz():
     logits, target = random_case(seed=4)
     weight = torch.arange(1.0, 10.0)
-    parts = OccupancyLoss(weight, lovasz_weight=0.5)(logits, target)
+    parts = build_loss(weight, 0.5)(logits, target)
     torch.testing.assert_close(
         parts["total"],
         weighted_cross_entropy(logits, target, weight) + 0.5 * lovasz_softmax(logits, target),
     )
-    assert set(OccupancyLoss(weight)(logits, target)) == {"cross_entropy", "total"}
+    assert set(build_loss(weight, 0.0)(logits, target)) == {"cross_entropy", "total"}
 
 
 def test_safety_weights_follow_their_rule():
@@ -172,3 +178,55 @@ def test_safety_weights_follow_their_rule():
 def test_safety_weights_refuse_what_are_no_counts(counts):
     with pytest.raises(UserError, match="voxel counts"):
         safety_weights(counts)
+    terms = {"mine": partial(cross_entropy, class_weights=partial(safety_weights))}
+    with pytest.raises(UserError, match=r"^loss\.terms\.mine\.class_weights: voxel counts"):
+        OccupancyLoss(terms, counts)
+
+
+def mean_margin(scores, labels, scale=1.0, offset=None):
+    """A term of one's own: how far the label's score lies below the best one."""
+    best = scores.max(dim=0).values - scores.gather(0, labels[None])[0]
+    return scale * best.mean() + (0 if offset is None else offset.sum())
+
+
+def test_a_term_of_ones_own_joins_the_sum_with_its_settings_and_class_counts():
+    logits, target = random_case(seed=5)
+    mine = partial(mean_margin, weight=0.25, scale=2.0, offset=partial(torch.tensor, dtype=float))
+    loss = OccupancyLoss({"cross_entropy": cross_entropy, "mine": mine}, class_counts=[1] * 9)
+    values = loss(logits, target)
+    kept = target != UNKNOWN
+    own = mean_margin(logits.movedim(1, -1)[kept].T, target[kept].long(), scale=2.0) + 9
+    torch.testing.assert_close(values["mine"], own.double(), rtol=1e-6, atol=0)
+    expected = weighted_cross_entropy(logits, target, None) + 0.25 * own
+    torch.testing.assert_close(values["total"], expected.double(), rtol=1e-6, atol=0)
+    assert loss.state_dict() == {}
+    assert loss.to("meta").terms[1].offset.is_meta
+
+
+@pytest.mark.parametrize("weight", [-1, math.nan, math.inf, "much", True])
+def test_a_weight_that_is_none_is_refused(weight):
+    with pytest.raises(UserError, match=r"^loss\.terms\.lovasz\.weight: "):
+        OccupancyLoss({"lovasz": partial(lovasz, weight=weight)})
+
+
+@pytest.mark.parametrize(
+    ("terms", "key"),
+    [
+        ({}, "loss.terms: "),
+        ({"lovasz": partial(lovasz, weight=0)}, "loss.terms: "),
+        ({"mine": None}, "loss.terms.mine: "),
+        ({"mine": {"weight": 1.0}}, "loss.terms.mine: "),
+        ({"total": lovasz}, "loss.terms.total: "),
+        ({"mine": partial(mean_margin, scala=2.0)}, "loss.terms.mine.scala: .*'scale'"),
+        ({"mine": partial(mean_margin, offset=partial(max))}, "loss.terms.mine.offset: "),
+    ],
+)
+def test_what_is_no_sum_of_terms_is_refused_by_its_key(terms, key):
+    with pytest.raises(UserError, match=f"^{key}"):
+        OccupancyLoss(terms)
+
+
+def test_a_term_must_give_one_number():
+    logits, target = random_case()
+    with pytest.raises(UserError, match=r"^loss\.terms\.mine: "):
+        OccupancyLoss({"mine": lambda scores, labels: scores.mean(dim=0)})(logits, target)

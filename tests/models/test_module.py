@@ -1,5 +1,7 @@
 """The LightningModule: steps, schedule, and what happens when the loss is not finite."""
 
+from types import SimpleNamespace
+
 import lightning
 import pytest
 import torch
@@ -92,7 +94,7 @@ def build(broken_calls=()):
     return OccupancyModule(Shift(), MeanLogit(broken_calls), Hits, OPTIMIZER, Seen())
 
 
-def train(module, folder, epochs=3, **options):
+def train(module, folder, epochs=3, *callbacks):
     checkpoint = lightning.pytorch.callbacks.ModelCheckpoint(
         folder, "best", "val/kar_miou", mode="max", save_last=True
     )
@@ -100,12 +102,11 @@ def train(module, folder, epochs=3, **options):
         accelerator="cpu",
         max_epochs=epochs,
         logger=False,
-        callbacks=[checkpoint],
+        callbacks=[checkpoint, *callbacks],
         enable_progress_bar=False,
         enable_model_summary=False,
         num_sanity_val_steps=0,
         log_every_n_steps=1,
-        **options,
     )
     loader = DataLoader(samples(), batch_size=2)
     trainer.fit(module, loader, DataLoader(samples(4), batch_size=2))
@@ -126,17 +127,7 @@ def test_the_rate_rises_over_the_warm_up_and_ends_at_zero(tmp_path):
         def on_train_batch_start(self, trainer, module, batch, index):
             rates.append(trainer.optimizers[0].param_groups[0]["lr"])
 
-    module = build()
-    trainer = lightning.Trainer(
-        accelerator="cpu",
-        max_epochs=5,
-        logger=False,
-        callbacks=[Recorder()],
-        enable_checkpointing=False,
-        enable_progress_bar=False,
-        enable_model_summary=False,
-    )
-    trainer.fit(module, DataLoader(samples(), batch_size=2))
+    train(build(), tmp_path, 5, Recorder())
     # A quarter of the 20 steps on a line up, then half a cosine.
     assert rates[:6] == pytest.approx([0.1 / 6 * n for n in range(1, 6)] + [0.1])
     assert rates[5:] == sorted(rates[5:], reverse=True)
@@ -146,7 +137,7 @@ def test_the_rate_rises_over_the_warm_up_and_ends_at_zero(tmp_path):
 
 def test_weight_decay_spares_biases_and_norms():
     module = build()
-    module._schedule = lambda optimizer: None
+    module._trainer = SimpleNamespace(estimated_stepping_batches=4)
     decayed, spared = module.configure_optimizers()["optimizer"].param_groups
     assert [p.ndim for p in decayed["params"]] == [2]
     assert decayed["weight_decay"] == OPTIMIZER["weight_decay"]

@@ -7,12 +7,12 @@ import torch
 from torch.optim import AdamW
 
 from src.metrics import OccupancyScores
-from src.models import OccupancyLoss, losses
+from src.models import losses
 from src.models.memory import PillarMemory
 from src.models.module import OccupancyModule
 from src.models.stream import SkyOccStream
 from src.tasks.export import made_up_flight
-from tests.models.synthetic import GRID, LIFTS, VOLUME, build_batch, build_network
+from tests.models.synthetic import GRID, LIFTS, VOLUME, build_batch, build_loss, build_network
 from tests.simulated_cuda import CUDA, SimulatedCuda, simulated_cuda
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*self.log:UserWarning", "ignore:.*CUDA is not")
@@ -57,7 +57,7 @@ def stepped(module, batch):
 def step_on(device, **settings):
     """A training step on the CPU, or on the simulated device with what the host waited for."""
     weights = torch.rand(9, generator=torch.Generator().manual_seed(0))
-    loss = OccupancyLoss(weights, lovasz_weight=1.0)
+    loss = build_loss(weights)
     batch = build_batch()
     if device == "cpu":
         return *stepped(build_module(loss, **settings), batch), None
@@ -119,7 +119,7 @@ def test_a_tensor_left_on_the_cpu_is_noticed(monkeypatch):
 
 
 def test_a_tensor_that_is_no_buffer_is_noticed():
-    module = build_module(OccupancyLoss(), volume=VOLUME)
+    module = build_module(build_loss(None, 0.0), volume=VOLUME)
     heights_m = module.network.ground._buffers.pop("z_m")
     module.network.ground.z_m = heights_m
     with simulated_cuda(), pytest.raises(RuntimeError, match="found cuda:0 and cpu"):

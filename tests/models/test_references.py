@@ -19,7 +19,7 @@ def tilted(roll_rad, pitch_rad):
     return rigid(rotation, torch.zeros(1, 3))
 
 
-def test_points_are_at_pillar_centres_and_middles_of_equal_slices():
+def test_points_are_at_pillar_centers_and_middles_of_equal_slices():
     points = PillarReferences(GRID, 4, "attitude").points
     assert points.shape == (100, 4, 3)
     torch.testing.assert_close(points[0, :, 2], torch.tensor([-16.25, -8.75, -1.25, 6.25]))

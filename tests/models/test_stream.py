@@ -106,27 +106,6 @@ def test_a_frame_out_of_order_is_refused_and_changes_nothing(clips, network):
     stream(frame_of(clips, "town/a", 0))
 
 
-@pytest.mark.parametrize(
-    "name", ["world_from_body", "velocity_mps", "pix_from_camera", "body_from_camera"]
-)
-@pytest.mark.parametrize("value", [torch.nan, torch.inf])
-def test_what_is_not_finite_is_refused_and_changes_nothing(clips, network, name, value):
-    stream = SkyOccStream(network, HISTORY_STEP_S)
-    stream(frame_of(clips, "town/a", 0))
-    frame = frame_of(clips, "town/a", 2)
-    broken = getattr(frame, name).clone()
-    broken[-1] = value
-    with pytest.raises(UserError, match=rf"{name}: not finite at 0\.4 s"):
-        stream(frame._replace(**{name: broken}))
-    close(stream(frame), batch_logits(network, clips, "town/a", 2))
-
-
-@pytest.mark.parametrize("image", [torch.zeros(3, 64, 96), torch.zeros(64, 96, 3).byte()])
-def test_an_image_of_another_kind_is_refused(clips, network, image):
-    with pytest.raises(UserError, match="image: "):
-        SkyOccStream(network, HISTORY_STEP_S)(frame_of(clips, "town/a", 0, image=image))
-
-
 def test_arrays_and_single_precision_will_do(clips, network):
     stream, other = (SkyOccStream(network, HISTORY_STEP_S) for _ in range(2))
     for number in (0, 2):
@@ -137,18 +116,29 @@ def test_arrays_and_single_precision_will_do(clips, network):
         close(other(frame._replace(image=frame.image.numpy(), **arrays)), expected)
 
 
+def spoilt(name, value):
+    """A frame's tensor whose last entries are not finite."""
+    tensor = torch.zeros(SHAPES[name])
+    tensor[-1] = value
+    return tensor
+
+
 @pytest.mark.parametrize(
-    ("name", "value", "given"),
+    ("name", "value", "message"),
     [
+        *((name, spoilt(name, torch.nan), "0.4 s") for name in SHAPES),
+        *((name, spoilt(name, torch.inf), "0.4 s") for name in SHAPES),
         ("world_from_body", torch.eye(4)[:3], r"\[3, 4\]; give \[4, 4\]"),
         ("velocity_mps", torch.zeros(2), r"\[2\]; give \[3\]"),
         ("pix_from_camera", torch.eye(4), r"\[4, 4\]; give \[3, 3\]"),
+        ("image", torch.zeros(3, 64, 96), r"float32 \[3, 64, 96\]"),
+        ("image", torch.zeros(64, 96, 3).byte(), r"uint8 \[64, 96, 3\]"),
     ],
 )
-def test_another_shape_is_refused_and_changes_nothing(clips, network, name, value, given):
+def test_a_broken_frame_is_refused_and_changes_nothing(clips, network, name, value, message):
     stream = SkyOccStream(network, HISTORY_STEP_S)
     stream(frame_of(clips, "town/a", 0))
     frame = frame_of(clips, "town/a", 2)
-    with pytest.raises(UserError, match=f"{name}: {given}"):
+    with pytest.raises(UserError, match=f"{name}: .*{message}"):
         stream(frame._replace(**{name: value}))
     close(stream(frame), batch_logits(network, clips, "town/a", 2))

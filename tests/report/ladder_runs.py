@@ -14,6 +14,7 @@ from src.report.results import write_results
 from src.report.scored_runs import read_run
 from src.report.scores import result_rows
 from src.tasks.scoring import parts_of
+from tests.metrics.inputs import with_metrics
 
 GRID = VoxelGrid((0.0, -10.0, -6.0), (24.0, 10.0, 6.0), (6, 5, 3))
 CLIPS = [f"town/clip{n:02d}" for n in range(6)]
@@ -43,7 +44,9 @@ RIGHT = {"baseline": 0.3, "attitude": 0.4, "weights": 0.5, "skyocc": 0.6}
 
 def protocol(dataset="tiny-0123", **metric):
     frames = sum(FRAMES)
-    return Protocol.of(dataset, "test", frames, GRID, SUPERVISED, METRIC | metric, SUITE)
+    metric = METRIC | metric
+    suite = with_metrics(metric, SUITE)
+    return Protocol.of(dataset, "test", frames, GRID, SUPERVISED, metric, suite)
 
 
 def truth(frames, seed):
@@ -64,7 +67,7 @@ def predicted(target, right, seed):
 def tally(name, predict, labels=0, of=None, cameras=True, frames_of=FRAMES):
     """What ``predict(target, clip number)`` counts on every clip."""
     of = of or protocol()
-    suite = ScoreSuite(GRID, CLIPS, of.metric, of.suite)
+    suite = ScoreSuite.of(of, CLIPS)
     level = torch.tensor([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
     lens = torch.tensor([[32.0, 0, 32], [0, 32, 16], [0, 0, 1]])
     for n, (clip, frames) in enumerate(zip(CLIPS, frames_of)):

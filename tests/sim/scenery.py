@@ -10,8 +10,8 @@ from src.sim.fusion import ActorMap, StaticMap
 from src.sim.scene import Scene, SceneActor, parts_of
 from src.sim.sensors import scan
 from src.sim.solid import Solid
-from src.sim.weather import WEATHERS
 from src.sim.world import World
+from tests.sim.weathers import WEATHERS
 
 WIDTH, HEIGHT = 96, 64
 PIX_FROM_CAMERA = pinhole(WIDTH, HEIGHT, np.deg2rad(90))

@@ -8,7 +8,6 @@ import pytest
 from src.ontology import BUILDING, CAR, GROUND, SKY, VEGETATION
 from src.sim.air import LAMP_HEIGHT_M, Viewpoint, apply_weather
 from src.sim.sky import Sky, sky_at
-from src.sim.weather import WEATHERS
 from src.sim.world import Rendering
 from tests.sim.scenery import (
     BODY_FROM_CAMERA,
@@ -18,6 +17,7 @@ from tests.sim.scenery import (
     camera_rays,
     pose,
 )
+from tests.sim.weathers import WEATHERS
 
 PLAIN = replace(
     WEATHERS["clear"],

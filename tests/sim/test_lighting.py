@@ -9,7 +9,6 @@ import pytest
 from src.ontology import BUILDING
 from src.sim.lighting import cast_shadows, illuminate, surface_normals
 from src.sim.scene import Scene, parts_of
-from src.sim.weather import WEATHERS
 from tests.sim.scenery import (
     HEIGHT,
     WIDTH,
@@ -22,6 +21,7 @@ from tests.sim.scenery import (
     view_of,
     world_of,
 )
+from tests.sim.weathers import WEATHERS
 
 CLEAR = replace(WEATHERS["clear"], ambient=0.3)
 NO_SHADOW = replace(CLEAR, shadow=False)
@@ -99,7 +99,7 @@ def test_what_is_turned_away_from_the_light_is_not_darkened_twice():
     assert (shaded[(view.class_id != BUILDING) & np.isfinite(view.depth_m)] < 200).any()
 
 
-def test_bare_colours_are_lit_by_the_slope_of_their_face_and_its_shadows():
+def test_bare_colors_are_lit_by_the_slope_of_their_face_and_its_shadows():
     lit, view, places_m = relit(illuminate, UNDER_SLAB, CLEAR)
     unshaded, _, _ = relit(illuminate, UNDER_SLAB, NO_SHADOW)
     on_ground = (np.abs(places_m[..., 2]) < 0.02) & np.isfinite(view.depth_m)

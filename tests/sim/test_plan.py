@@ -7,7 +7,7 @@ from src.errors import UserError
 from src.sim.generate import generate
 from src.sim.plan import plan_clips
 from src.sim.towns import town_names
-from src.sim.weather import WEATHERS
+from tests.sim.weathers import WEATHERS
 
 
 @pytest.mark.parametrize(

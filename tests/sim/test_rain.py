@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from src.sim.rain import LENGTH, STREAK_COLOR, draw_rain
-from src.sim.weather import WEATHERS
+from tests.sim.weathers import WEATHERS
 
 HEIGHT, WIDTH = 64, 96
 RAIN = replace(WEATHERS["rain"], rain=4.0, exposure=(1.0, 1.0, 1.0))
@@ -49,7 +49,7 @@ def test_all_streaks_of_a_frame_share_a_wind():
     assert np.corrcoef(left, right)[0, 1] > 0.9
 
 
-def test_streaks_only_come_nearer_to_their_colour_and_the_night_dims_it():
+def test_streaks_only_come_nearer_to_their_color_and_the_night_dims_it():
     color = np.array(STREAK_COLOR, dtype=np.float32)
     day = rained(RAIN)
     dark = rained(replace(RAIN, exposure=(0.1, 0.2, 0.3)))

@@ -1,4 +1,4 @@
-"""What colour the sky has in a direction."""
+"""The color of the sky in a direction."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from src.sim.sky import Sky, sky_at
-from src.sim.weather import WEATHERS
+from tests.sim.weathers import WEATHERS
 
 BARE = replace(WEATHERS["clear"], fog_per_m=0.0, cloud_cover=0.0, glow=(0.0, 0.0, 0.0))
 RNG = np.random.default_rng(0)

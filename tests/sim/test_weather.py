@@ -1,12 +1,16 @@
 """Light and weather as plain data."""
 
-from dataclasses import replace
+import math
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 
 from src.errors import UserError
-from src.sim.weather import WEATHERS, weather_named
+from src.sim.weather import Weather
+from tests.sim.weathers import VALUES, WEATHERS
+from tests.synthetic import compose_config
 
 
 def test_the_light_is_a_unit_vector_from_above_and_says_everything():
@@ -30,9 +34,53 @@ def test_the_light_is_where_its_angles_say():
 
 def test_there_are_ten_weathers_and_all_differ():
     assert len(WEATHERS) == len(set(WEATHERS.values())) == 10
-    assert all(weather_named(name) is weather for name, weather in WEATHERS.items())
+    assert set(compose_config().sim.weathers) == set(WEATHERS)
+
+
+def test_every_value_of_a_weather_is_composed_and_can_be_overridden():
+    sim = OmegaConf.to_container(compose_config("sim.weather.fog.fog_per_m=0.08").sim, resolve=True)
+    assert all(
+        set(sim["weather"][n]) == {field.name for field in fields(Weather)} for n in WEATHERS
+    )
+    assert Weather.of(sim, "rain") == WEATHERS["rain"]
+    assert Weather.of(sim, "fog") == replace(WEATHERS["fog"], fog_per_m=0.08)
+
+
+def test_whole_numbers_become_floats():
+    values = VALUES["clear"] | {"rain": 0, "lamps": [0, 0, 0]}
+    weather = Weather.of({"weather": {"clear": values}}, "clear")
+    assert weather == WEATHERS["clear"]
+    assert [type(value) for value in (weather.rain, *weather.lamps)] == [float] * 4
 
 
 def test_an_unknown_weather_is_answered_with_the_known_ones():
-    with pytest.raises(UserError, match=r"hail.*clear.*night"):
-        weather_named("hail")
+    with pytest.raises(UserError, match=r"sim\.weathers.*'nigth'.*'night'\?.*clear.*night"):
+        Weather.of({"weather": VALUES}, "nigth")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"fogg_per_m": 1.0}, r"fogg_per_m.*'fog_per_m'\?.*rain"),
+        ({"rain": "much"}, r"rain: 'much'.*0 to 1000"),
+        ({"rain": -1}, r"rain: -1 "),
+        ({"rain": math.nan}, r"rain: nan "),
+        ({"rain": True}, r"rain: True "),
+        ({"shadow": 1}, r"shadow: 1 "),
+        ({"ambient": 0}, r"ambient: 0 "),
+        ({"light_elevation_rad": 2.0}, r"light_elevation_rad: 2\.0 "),
+        ({"glow": 0.5}, r"glow: 0\.5 .*red"),
+        ({"glow": [0.5, 0.5]}, r"glow: \[0\.5, 0\.5\] "),
+        ({"glow": [0.5, 0.5, 128]}, r"glow: 128 "),
+    ],
+)
+def test_a_weather_that_cannot_be_made_is_refused_by_its_key(change, message):
+    weathers = {"mine": VALUES["clear"] | change}
+    with pytest.raises(UserError, match=rf"^sim\.weather\.mine\.{message}"):
+        Weather.of({"weather": weathers}, "mine")
+
+
+def test_a_weather_says_everything():
+    values = {name: value for name, value in VALUES["clear"].items() if name != "rain"}
+    with pytest.raises(UserError, match=r"^sim\.weather\.mine\.rain: "):
+        Weather.of({"weather": {"mine": values}}, "mine")

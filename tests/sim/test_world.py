@@ -7,9 +7,9 @@ from src.ontology import BUILDING, GROUND, SKY, THIN_STRUCTURE, VEGETATION
 from src.sim.camera import FAR_M
 from src.sim.scene import Scene, parts_of
 from src.sim.textures import CAR_PAINT, PALETTE
-from src.sim.weather import WEATHERS
 from tests.sim import scenery
 from tests.sim.scenery import actor, body_at, ground, render, solid, view_of, world_of
+from tests.sim.weathers import WEATHERS
 
 PLAIN = PALETTE[0]
 RED = CAR_PAINT[0]

@@ -1,37 +1,19 @@
 """The arithmetic of the scores: pure functions of tensors, on any device."""
+# ruff: noqa: F401 (what others import from here)
 
-from .codes import MAX_CLASSES, bad_id, check_classes, check_shapes, encode, labels_of, target_rule
+from .codes import (
+    Labels,
+    Logits,
+    Mask,
+    Preds,
+    Velocity,
+    check_classes,
+    check_shapes,
+    encode,
+    labels_of,
+)
+from .confusion import Frames, confusion_tables, is_compiled
 from .iou import geometric_iou, iou_compute, mean_iou, precision_compute, recall_compute
-from .penalty import FIXED_POINT, Penalty, distance_shells, speeds, ttc_penalty
+from .kar_mean_iou import kar_mean_iou
+from .penalty import FIXED_POINT, Penalty, distance_shells, speeds
 from .rays import camera_rays, first_met
-from .tables import BACKENDS, Classes, Space, compiled, confusion_tables
-from .tube import grown, swept_tube
-
-__all__ = [
-    "BACKENDS",
-    "FIXED_POINT",
-    "MAX_CLASSES",
-    "Classes",
-    "Penalty",
-    "Space",
-    "bad_id",
-    "camera_rays",
-    "check_classes",
-    "check_shapes",
-    "compiled",
-    "confusion_tables",
-    "distance_shells",
-    "encode",
-    "first_met",
-    "geometric_iou",
-    "grown",
-    "iou_compute",
-    "labels_of",
-    "mean_iou",
-    "precision_compute",
-    "recall_compute",
-    "speeds",
-    "swept_tube",
-    "target_rule",
-    "ttc_penalty",
-]

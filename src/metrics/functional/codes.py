@@ -1,4 +1,4 @@
-"""One byte per voxel, ``target * 16 + prediction``, and everything that is refused on the way."""
+"""One byte per voxel, ``16 * target + prediction``, and everything that is refused on the way."""
 
 import torch
 from jaxtyping import Bool, Float, Int, UInt8
@@ -6,22 +6,24 @@ from torch import Tensor
 
 from ...errors import UserError
 
-MAX_CLASSES = 15
-"""Four bits hold a class id, and their last value stands for a voxel that is not counted."""
+# A batch: class ids of any integer dtype, or scores of the classes; velocities or speeds in m/s.
+Labels = Int[Tensor, "b X Y Z"]
+Logits = Float[Tensor, "b c X Y Z"]
+Preds = Labels | Logits
+Velocity = Float[Tensor, "b 3"] | Float[Tensor, "b"]
+Mask = Bool[Tensor, "b X Y Z"]
 
+# Four bits hold a class id, and their last value stands for a voxel that is not counted.
+MAX_CLASSES = 15
 CODES = 256
 _UNCOUNTED = 255
 _NO_CLASS = 254
 
 
 def encode(
-    labels: Int[Tensor, "b X Y Z"],
-    target: Int[Tensor, "b X Y Z"],
-    mask: Bool[Tensor, "b X Y Z"] | None,
-    num_classes: int,
-    ignore_index: int,
+    labels: Labels, target: Labels, mask: Mask | None, num_classes: int, ignore_index: int
 ) -> UInt8[Tensor, "b X Y Z"]:
-    """One byte per voxel: ``target * 16 + prediction``, or 255 where nothing is counted.
+    """Returns one byte per voxel: ``16 * target + prediction``, or 255 where nothing is counted.
 
     Counted is every voxel whose target is not ``ignore_index`` and which the mask, if there is one,
     holds. Raises `UserError` for class ids at counted voxels outside 0 to ``num_classes - 1``.
@@ -29,11 +31,13 @@ def encode(
     known = _target_bytes(target, ignore_index)
     if mask is not None:
         known = known | (mask.view(torch.uint8) - 1)
+
     # 255 wraps to 0 here, and below it has a high bit that no class has. Comparing, selecting and
     # masking would be several times slower than arithmetic on bytes.
-    _check_ids(*target_rule(num_classes, ignore_index), known + 1, num_classes + 1)
+    last = num_classes - 1
+    _check_ids("target", f"0 to {last} or {ignore_index}", known + 1, num_classes + 1)
     labels = _bytes(labels)
-    _check_ids(*preds_rule(num_classes), labels & ((known >> 7) - 1), num_classes)
+    _check_ids("preds", f"0 to {last}", labels & ((known >> 7) - 1), num_classes)
     return (known << 4) | labels | (known >> 4)
 
 
@@ -44,7 +48,7 @@ def check_shapes(
     shape: tuple[int, int, int],
     num_classes: int,
 ) -> None:
-    """Raise `UserError` for shapes that do not fit each other or the grid's ``shape``, and for
+    """Raises `UserError` for shapes that do not fit each other or the grid's ``shape``, and for
     dtypes that are neither labels nor logits, or of a mask that is not bool."""
     if target.ndim != 4 or tuple(target.shape[1:]) != shape:
         raise UserError(
@@ -54,13 +58,12 @@ def check_shapes(
         raise UserError(f"target: {target.dtype} holds no class ids; give an integer dtype")
     if preds.dtype == torch.bool or preds.is_complex():
         raise UserError(f"preds: {preds.dtype} is neither integer labels nor float logits")
-    classes = (num_classes,) if preds.is_floating_point() else ()
-    if preds.shape != (len(target), *classes, *shape):
-        kind = "logits" if classes else "labels"
-        raise UserError(
-            f"preds: {kind} of shape {list(preds.shape)} do not fit the target, "
-            f"which asks for {[len(target), *classes, *shape]}"
-        )
+
+    kind, classes = ("logits", [num_classes]) if preds.is_floating_point() else ("labels", [])
+    asked = [len(target), *classes, *shape]
+    if list(preds.shape) != asked:
+        raise UserError(f"preds: {kind} of shape {list(preds.shape)} must be {asked}")
+
     for name, mask in masks.items():
         if mask is not None and (mask.dtype != torch.bool or mask.shape != target.shape):
             raise UserError(
@@ -70,7 +73,7 @@ def check_shapes(
 
 
 def check_classes(num_classes: int, ignore_index: int, free_index: int | None = None) -> None:
-    """Raise `UserError` for ids that cannot be told apart."""
+    """Raises `UserError` for ids that cannot be told apart."""
     if not 2 <= num_classes <= MAX_CLASSES:
         raise UserError(f"num_classes: {num_classes} must be 2 to {MAX_CLASSES}")
     if free_index is not None and not 0 <= free_index < num_classes:
@@ -79,10 +82,11 @@ def check_classes(num_classes: int, ignore_index: int, free_index: int | None = 
         raise UserError(f"ignore_index: {ignore_index} is a class; give another number")
 
 
-def labels_of(
-    preds: Int[Tensor, "b X Y Z"] | Float[Tensor, "b c X Y Z"],
-) -> Int[Tensor, "b X Y Z"]:
-    """Labels as they are, of logits the class of the highest. Raises `UserError` for NaN."""
+def labels_of(preds: Preds) -> Labels:
+    """Returns labels as they are, and of logits the class of the highest.
+
+    Raises `UserError` for NaN.
+    """
     if not preds.is_floating_point():
         return preds
     # `max` along a strided dimension is several times faster than `argmax` on the CPU.
@@ -92,22 +96,7 @@ def labels_of(
     return labels
 
 
-def target_rule(num_classes: int, ignore_index: int) -> tuple[str, str]:
-    """What is checked of a target, and what it may hold."""
-    return "target", f"0 to {num_classes - 1} or {ignore_index}"
-
-
-def preds_rule(num_classes: int) -> tuple[str, str]:
-    """What is checked of predicted labels, and what they may hold."""
-    return "preds", f"0 to {num_classes - 1}"
-
-
-def bad_id(name: str, allowed: str) -> UserError:
-    """The error of a class id that is none."""
-    return UserError(f"{name}: holds a class id at a counted voxel that is not {allowed}")
-
-
-def _target_bytes(target: Int[Tensor, "b X Y Z"], ignore_index: int) -> UInt8[Tensor, "b X Y Z"]:
+def _target_bytes(target: Labels, ignore_index: int) -> UInt8[Tensor, "b X Y Z"]:
     if ignore_index == _UNCOUNTED:
         return _bytes(target)
     target = target.long()
@@ -116,6 +105,7 @@ def _target_bytes(target: Int[Tensor, "b X Y Z"], ignore_index: int) -> UInt8[Te
 
 
 def _bytes(ids: Int[Tensor, "*v"]) -> UInt8[Tensor, "*v"]:
+    """Casts class ids to bytes; what does not fit becomes an id that is never valid."""
     if ids.dtype == torch.uint8 or ids.numel() == 0:
         return ids.to(torch.uint8)
     ids = ids.long()
@@ -127,4 +117,4 @@ def _bytes(ids: Int[Tensor, "*v"]) -> UInt8[Tensor, "*v"]:
 
 def _check_ids(name: str, allowed: str, ids: UInt8[Tensor, "*v"], bound: int) -> None:
     if ids.numel() and ids.amax() >= bound:
-        raise bad_id(name, allowed)
+        raise UserError(f"{name}: holds a class id at a counted voxel that is not {allowed}")

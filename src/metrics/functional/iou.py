@@ -1,19 +1,20 @@
 """Scores as pure functions of [target, prediction] tables; leading dimensions are kept."""
 
-import torch
-from jaxtyping import Bool, Float, Int64
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 from .penalty import FIXED_POINT
 
+Table = Int64[Tensor, "*n c c"]
+
 
 def iou_compute(
-    count: Int64[Tensor, "*n c c"],
-    excess: Int64[Tensor, "*n c c"] | None = None,
+    count: Table,
+    excess: Table | None = None,
     false_positives: bool = True,
     false_negatives: bool = True,
 ) -> Float[Tensor, "*n c"]:
-    """IoU of every class; with the table of excess penalties, its KAR-IoU (App. A.4).
+    """Returns the IoU of every class; with the table of excess penalties, its KAR-IoU.
 
     ::
 
@@ -25,6 +26,7 @@ def iou_compute(
     hits = count.diagonal(dim1=-2, dim2=-1)
     errors = (count.sum(-2) + count.sum(-1) - 2 * hits).double()
     if excess is not None:
+        # Column c holds the false positives of class c, row c its false negatives.
         kinds = ((-2, false_positives), (-1, false_negatives))
         errors = errors + sum(
             excess.sum(dim).double() / FIXED_POINT for dim, penalized in kinds if penalized
@@ -32,45 +34,33 @@ def iou_compute(
     return hits.double() / (hits.double() + errors)
 
 
-def precision_compute(
-    count: Int64[Tensor, "*n c c"], excess: Int64[Tensor, "*n c c"] | None = None
-) -> Float[Tensor, "*n c"]:
-    """TP / (TP + sum of p_i over FP) of every class; NaN where it was never predicted. float64."""
+def precision_compute(count: Table, excess: Table) -> Float[Tensor, "*n c"]:
+    """Returns TP / (TP + sum of p_i over FP) of every class; NaN where it was never predicted."""
     return _share(count, excess, -2)
 
 
-def recall_compute(
-    count: Int64[Tensor, "*n c c"], excess: Int64[Tensor, "*n c c"] | None = None
-) -> Float[Tensor, "*n c"]:
-    """TP / (TP + sum of p_i over FN) of every class; NaN where it never was. float64."""
+def recall_compute(count: Table, excess: Table) -> Float[Tensor, "*n c"]:
+    """Returns TP / (TP + sum of p_i over FN) of every class; NaN where it never was."""
     return _share(count, excess, -1)
 
 
-def _share(
-    count: Int64[Tensor, "*n c c"], excess: Int64[Tensor, "*n c c"] | None, dim: int
-) -> Float[Tensor, "*n c"]:
+def _share(count: Table, excess: Table, dim: int) -> Float[Tensor, "*n c"]:
     hits = count.diagonal(dim1=-2, dim2=-1).double()
-    whole = count.sum(dim).double()
-    if excess is not None:
-        whole = whole + excess.sum(dim).double() / FIXED_POINT
-    return hits / whole
+    return hits / (count.sum(dim).double() + excess.sum(dim).double() / FIXED_POINT)
 
 
 def mean_iou(iou: Float[Tensor, "*n c"], without: int | None = None) -> Float[Tensor, "*n"]:
-    """Mean over the classes that are not NaN, without one of them if asked; NaN if none is left."""
+    """Returns the mean over the classes that are not NaN, ``without`` one of them if asked; NaN if
+    none is left."""
     kept = [class_id for class_id in range(iou.shape[-1]) if class_id != without]
     return iou[..., kept].nanmean(dim=-1)
 
 
-def geometric_iou(count: Int64[Tensor, "*n c c"], free_index: int) -> Float[Tensor, "*n"]:
-    """IoU of what is occupied, whatever its class; NaN where nothing is, nor was predicted."""
-    occupied = torch.arange(count.shape[-1], device=count.device) != free_index
-    hits = _sum(count, occupied, occupied)
-    errors = _sum(count, occupied, ~occupied) + _sum(count, ~occupied, occupied)
-    return hits / (hits + errors)
-
-
-def _sum(
-    count: Int64[Tensor, "*n c c"], rows: Bool[Tensor, "c"], columns: Bool[Tensor, "c"]
-) -> Float[Tensor, "*n"]:
-    return count[..., rows, :][..., columns].sum((-2, -1)).double()
+def geometric_iou(count: Table, free_index: int) -> Float[Tensor, "*n"]:
+    """Returns the IoU of what is occupied, whatever its class; NaN where nothing is, nor was
+    predicted."""
+    free = count[..., free_index, free_index]
+    union = count.sum((-2, -1)) - free
+    missed = count[..., :, free_index].sum(-1) - free
+    phantom = count[..., free_index, :].sum(-1) - free
+    return (union - missed - phantom).double() / union.double()

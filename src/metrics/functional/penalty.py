@@ -1,21 +1,22 @@
-"""The penalty of an error by its worst-case time to collision (Sec. 3.3 and App. A.4 of the paper).
+"""The penalty of an error by its worst-case time to collision, as a table by distance.
 
-In sums an excess penalty ``p - 1`` is a multiple of ``1 / FIXED_POINT``, held as int64, so sums
-over batches, ranks and devices agree to the last bit in any order. Rounding moves a voxel's weight,
-which is at least 1, by at most 3e-8. A sum overflows after ``2**63 / (FIXED_POINT *
-penalty_scale)`` errors at zero distance, 2.7e11 with the paper's parameters: 100 times the paper's
-test set, all of it wrong.
+`kar_mean_iou` has the formula with the paper's equations. In sums an excess penalty ``p - 1`` is a
+multiple of ``1 / FIXED_POINT``, held as int64, so sums over batches, ranks and devices agree to the
+last bit in any order. Rounding moves a voxel's weight, which is at least 1, by at most 3e-8. A sum
+overflows after ``2**63 / (FIXED_POINT * penalty_scale)`` errors at zero distance, 2.7e11 with the
+paper's parameters: 100 times the paper's test set, all of it wrong.
 """
 
 import math
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int, Int64, Num
+from jaxtyping import Float, Int, Int64
 from torch import Tensor
 
 from ...errors import UserError
 from ...geometry import VoxelGrid
+from .codes import Velocity
 
 FIXED_POINT = 2**24
 
@@ -24,12 +25,15 @@ FIXED_POINT = 2**24
 class Penalty:
     """Parameters of the penalty; the defaults are the paper's (Table 5).
 
-    With x a voxel's centre in the occ frame and v the UAV's velocity::
+    With x a voxel's center in the occ frame and v the UAV's velocity::
 
         ttc = |x| / max(|v|, min_speed_mps)
         p   = 1 + [ttc <= horizon_s] * penalty_scale * exp(-decay_per_s * ttc)
 
     Raises `UserError` for a value with which it would not be a penalty.
+
+    >>> [round(1 + float(Penalty().excess(torch.tensor(m), 2.0)), 3) for m in (1.0, 3.0, 5.0)]
+    [2.81, 2.482, 2.213]
     """
 
     horizon_s: float = 5.0
@@ -46,11 +50,11 @@ class Penalty:
             raise UserError(f"min_speed_mps: {self.min_speed_mps} must be a finite number above 0")
 
     def ttc_s(self, distance_m: Float[Tensor, "*v"], speed_mps: float) -> Float[Tensor, "*v"]:
-        """Worst-case time to collision: as if every direction were the one of flight."""
+        """Returns the worst-case time to collision: every direction counts as that of flight."""
         return distance_m / max(speed_mps, self.min_speed_mps)
 
     def excess(self, distance_m: Float[Tensor, "*v"], speed_mps: float) -> Float[Tensor, "*v"]:
-        """How much more than 1 an error at a distance weighs."""
+        """Returns how much more than 1 an error at a distance weighs."""
         ttc_s = self.ttc_s(distance_m, speed_mps)
         near = ttc_s <= self.horizon_s
         return near * self.penalty_scale * torch.exp(-self.decay_per_s * ttc_s)
@@ -58,40 +62,15 @@ class Penalty:
     def excess_table(
         self, shell_m: Float[Tensor, "s"], speeds_mps: list[float]
     ) -> Int64[Tensor, "b s"]:
-        """`excess` of every frame at every distance, in units of 1 / FIXED_POINT."""
+        """Returns `excess` of every frame at every distance, in units of 1 / FIXED_POINT."""
         table = torch.empty(len(speeds_mps), len(shell_m), dtype=torch.int64)
         for row, speed_mps in zip(table, speeds_mps):
             row[:] = torch.round(self.excess(shell_m, speed_mps) * FIXED_POINT)
         return table
 
 
-def ttc_penalty(
-    grid: VoxelGrid,
-    velocity: Float[Tensor, "b 3"] | Float[Tensor, "b"],
-    horizon_s: float = 5.0,
-    decay_per_s: float = 0.5,
-    penalty_scale: float = 2.0,
-    min_speed_mps: float = 5.0,
-) -> Float[Tensor, "b X Y Z"]:
-    """Weight p of an error at every voxel (`Penalty`).
-
-    ``velocity`` holds vectors or speeds in m/s. The result is float64, on the CPU.
-
-    >>> grid = VoxelGrid(lower_m=(0, -1, -1), upper_m=(20, 1, 1), shape=(10, 1, 1))
-    >>> [round(p, 3) for p in ttc_penalty(grid, torch.tensor([2.0]))[0, :, 0, 0].tolist()[:3]]
-    [2.81, 2.482, 2.213]
-    """
-    penalty = Penalty(horizon_s, decay_per_s, penalty_scale, min_speed_mps)
-    distance_m = _distance_m(grid)
-    speeds_mps = speeds(velocity, batch=len(velocity))
-    weights = distance_m.new_empty(len(speeds_mps), *grid.shape)
-    for row, speed_mps in zip(weights, speeds_mps):
-        row[:] = 1 + penalty.excess(distance_m, speed_mps)
-    return weights
-
-
-def speeds(velocity: Num[Tensor, "b 3"] | Num[Tensor, "b"], batch: int) -> list[float]:
-    """Speed in m/s of every frame of a batch, from its velocities or speeds.
+def speeds(velocity: Velocity, batch: int) -> list[float]:
+    """Returns the speed in m/s of every frame of a batch, from its velocities or speeds.
 
     Raises `UserError` for another shape and for a number that is not finite.
     """
@@ -103,23 +82,21 @@ def speeds(velocity: Num[Tensor, "b 3"] | Num[Tensor, "b"], batch: int) -> list[
     components = velocity.detach().double()
     rows = (components if velocity.ndim == 2 else components[:, None]).tolist()
     speeds_mps = [math.hypot(*row) for row in rows]
-    if not all(math.isfinite(speed_mps) for speed_mps in speeds_mps):
+    if not all(map(math.isfinite, speeds_mps)):
         raise UserError("velocity: holds NaN or infinity; give finite velocities in m/s")
     return speeds_mps
 
 
 def distance_shells(grid: VoxelGrid) -> tuple[Float[Tensor, "s"], Int[Tensor, "v"]]:
-    """The distinct distances of voxel centres from the UAV in metres, ascending, and each voxel's.
+    """Returns the distinct distances of voxel centers from the UAV in metres, ascending, and which
+    of them each voxel has.
 
     The paper's 600,000 voxels have but 6,559 distances, so a frame's penalties are a small table.
-    It is computed on the CPU and at the same place in memory order whatever the batch: an
-    exponential may differ in its last bit between devices, and between the middle and the end of a
-    vectorised loop.
+    It is computed on the CPU and at one place in memory order whatever the batch: an exponential
+    may differ in its last bit between devices, and between the middle and the end of a vectorised
+    loop.
     """
-    rounded_m = _distance_m(grid).flatten().round(decimals=9)
+    distance_m = grid.centers(torch.float64).square().sum(-1).sqrt()
+    rounded_m = distance_m.flatten().round(decimals=9)
     shell_m, shell = torch.unique(rounded_m, return_inverse=True)
     return shell_m, shell.to(torch.int32)
-
-
-def _distance_m(grid: VoxelGrid) -> Float[Tensor, "X Y Z"]:
-    return grid.centers(torch.float64).square().sum(-1).sqrt()

@@ -27,16 +27,19 @@ def _march_one(codes, origin, ray, free_index, classes, distances):
     i, step_i, t_i, width_i = start(origin[0], ray[0], t, size_x)
     j, step_j, t_j, width_j = start(origin[1], ray[1], t, size_y)
     k, step_k, t_k, width_k = start(origin[2], ray[2], t, size_z)
+
     while 0 <= i < size_x and 0 <= j < size_y and 0 <= k < size_z:
         code = codes[i, j, k]
         if code != UNCOUNTED:
-            predicted, truth = code & 15, code >> 4
+            predicted, true = code & 15, code >> 4
             if distances[0] == np.inf and predicted != free_index:
                 classes[0], distances[0] = predicted, t
-            if distances[1] == np.inf and truth != free_index:
-                classes[1], distances[1] = truth, t
+            if distances[1] == np.inf and true != free_index:
+                classes[1], distances[1] = true, t
             if distances[0] != np.inf and distances[1] != np.inf:
                 return
+
+        # On into the neighbour whose face the ray meets first.
         if t_i < t_j and t_i < t_k:
             t, i, t_i = t_i, i + step_i, t_i + width_i
         elif t_j < t_k:

@@ -7,8 +7,8 @@ from torch import Tensor
 
 from ...geometry import VoxelGrid, inverse, unproject
 
+# What a ray meets that leaves the grid.
 NOTHING = 255
-"""What a ray meets that leaves the grid."""
 
 
 def camera_rays(
@@ -17,10 +17,10 @@ def camera_rays(
     size_pix: tuple[int, int],
     rays: tuple[int, int] = (100, 56),
 ) -> tuple[Float[Tensor, "b 3"], Float[Tensor, "b n 3"]]:
-    """Origins and unit directions, in the occ frame, of evenly spaced rays through an image.
+    """Returns origins and unit directions, in the occ frame, of evenly spaced rays of an image.
 
     ``size_pix`` is the image's width and height, ``rays`` their number across and down: each goes
-    through the centre of its part of the image. float64, row by row.
+    through the center of its part of the image. float64, row by row.
     """
     across, down = (
         (torch.arange(count, dtype=torch.float64) + 0.5) * side / count
@@ -29,6 +29,7 @@ def camera_rays(
     v, u = torch.meshgrid(down, across, indexing="ij")
     pix = torch.stack([u, v], dim=-1).reshape(-1, 2)
     pix = pix.to(camera_from_occ.device).expand(len(camera_from_occ), -1, 2)
+
     points = unproject(pix, torch.ones_like(pix[..., 0]), pix_from_camera.double())
     occ_from_camera = inverse(camera_from_occ.double())
     directions = points @ occ_from_camera[:, :3, :3].transpose(-1, -2)
@@ -42,16 +43,20 @@ def first_met(
     grid: VoxelGrid,
     free_index: int,
 ) -> tuple[UInt8[np.ndarray, "2 n"], Float[np.ndarray, "2 n"]]:
-    """Class and distance in metres of the first occupied voxel on every ray: predicted, then true.
+    """Returns class and distance in metres of the first occupied voxel on every ray: predicted,
+    then true.
 
     ``codes`` are those of `encode`; voxels that it does not count are passed through in both. The
     distance is to where the ray enters the voxel; 0 where it starts in it. On the CPU.
     """
+    # Only here: importing the compiler takes a second.
     from .ray_kernels import march
 
-    lower_m = np.array(grid.lower_m)
-    origin = (origin_m.double().cpu().numpy() - lower_m) / grid.voxel_m
+    # In voxels, as the march wants them. Directions keep their length in metres, so that what it
+    # returns are metres.
+    origin = (origin_m.double().cpu().numpy() - np.array(grid.lower_m)) / grid.voxel_m
     rays = np.ascontiguousarray(directions.double().cpu().numpy()) / grid.voxel_m
+
     classes = np.full((2, len(rays)), NOTHING, dtype=np.uint8)
     distances_m = np.full((2, len(rays)), np.inf)
     march(codes.cpu().contiguous().numpy(), origin, rays, free_index, classes, distances_m)
