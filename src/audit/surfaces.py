@@ -23,7 +23,8 @@ def surface_areas(
 ) -> Float[np.ndarray, "X Y Z 8"]:
     """Returns the area in square metres of each class's surface in every voxel.
 
-    Voxels are grown by ``margin_m`` on every side. All surfaces that are drawn count, also where one solid runs into another.
+    Voxels are grown by ``margin_m`` on every side. All surfaces that are drawn count, also where
+    one solid runs into another.
     """
     lower_m, upper_m = np.array([grid.lower_m, grid.upper_m], dtype=np.float64)
     low, high = triangles_occ.min(axis=1), triangles_occ.max(axis=1)
