@@ -11,10 +11,8 @@ from ..geometry import VoxelGrid
 from ..jit import njit
 from ..ontology import OCCUPIED
 
+# A triangle that six planes have cut has at most nine corners.
 MOST_CORNERS = 12
-"""Of a triangle that six planes have cut there are at most nine left."""
-
-Corners = Float[np.ndarray, "c 3"]
 
 
 def surface_areas(
@@ -23,12 +21,14 @@ def surface_areas(
     grid: VoxelGrid,
     margin_m: float = 0.0,
 ) -> Float[np.ndarray, "X Y Z 8"]:
-    """Area in square metres of each class's surface in every voxel, grown by ``margin_m``.
+    """Returns the area in square metres of each class's surface in every voxel.
 
-    All surfaces that are drawn count, also where one solid runs into another.
+    Voxels are grown by ``margin_m`` on every side. All surfaces that are drawn count, also where
+    one solid runs into another.
     """
     lower_m, upper_m = np.array([grid.lower_m, grid.upper_m], dtype=np.float64)
     low, high = triangles_occ.min(axis=1), triangles_occ.max(axis=1)
+
     near = ((high > lower_m - margin_m) & (low < upper_m + margin_m)).all(axis=1)
     areas_m2 = np.zeros((*grid.shape, len(OCCUPIED)))
     triangles = np.ascontiguousarray(triangles_occ[near], dtype=np.float64)
@@ -37,16 +37,11 @@ def surface_areas(
 
 
 @njit
-def _add_areas(
-    areas_m2: Float[np.ndarray, "X Y Z 8"],
-    triangles: Float[np.ndarray, "f 3 3"],
-    class_id: UInt8[np.ndarray, "f"],
-    lower_m: Float[np.ndarray, "3"],
-    voxel_m: float,
-    margin_m: float,
-) -> None:
-    nx, ny, nz = areas_m2.shape[:3]
+def _add_areas(areas, triangles, classes, lower_m, voxel_m, margin_m):
+    nx, ny, nz = areas.shape[:3]
+    # A triangle, its part in a slab along x, of that the part along y, and of that along z.
     pieces = np.empty((4, MOST_CORNERS, 3))
+
     for f in range(len(triangles)):
         pieces[0, :3] = triangles[f]
         for x in range(*_span(pieces[0], 3, 0, lower_m, voxel_m, margin_m, nx)):
@@ -55,22 +50,15 @@ def _add_areas(
                 at_y = _slab(pieces, 1, at_x, 1, lower_m[1] + y * voxel_m, voxel_m, margin_m)
                 for z in range(*_span(pieces[2], at_y, 2, lower_m, voxel_m, margin_m, nz)):
                     at_z = _slab(pieces, 2, at_y, 2, lower_m[2] + z * voxel_m, voxel_m, margin_m)
-                    areas_m2[x, y, z, class_id[f]] += _area(pieces[3], at_z)
+                    areas[x, y, z, classes[f]] += _area(pieces[3], at_z)
 
 
 @njit
-def _span(
-    piece: Corners,
-    corners: int,
-    axis: int,
-    lower_m: Float[np.ndarray, "3"],
-    voxel_m: float,
-    margin_m: float,
-    count: int,
-) -> tuple[int, int]:
-    """The voxels along an axis that a polygon reaches: first, and one after the last."""
+def _span(piece, corners, axis, lower_m, voxel_m, margin_m, count):
+    """Returns the voxels along an axis that a polygon reaches: first, and one after the last."""
     if corners < 3:
         return 0, 0
+
     low, high = np.inf, -np.inf
     for k in range(corners):
         low, high = min(low, piece[k, axis]), max(high, piece[k, axis])
@@ -80,15 +68,7 @@ def _span(
 
 
 @njit
-def _slab(
-    pieces: Float[np.ndarray, "4 c 3"],
-    level: int,
-    corners: int,
-    axis: int,
-    low_m: float,
-    voxel_m: float,
-    margin_m: float,
-) -> int:
+def _slab(pieces, level, corners, axis, low_m, voxel_m, margin_m):
     """Cuts the polygon of a level down to one slab of voxels, for the next level."""
     between = np.empty((MOST_CORNERS, 3))
     kept = _cut(pieces[level], corners, axis, low_m - margin_m, 1.0, between)
@@ -96,33 +76,35 @@ def _slab(
 
 
 @njit
-def _cut(piece: Corners, corners: int, axis: int, at_m: float, side: float, kept: Corners) -> int:
-    """The part of a convex polygon on one side of a plane; returns its number of corners.
+def _cut(piece, corners, axis, at_m, side, kept):
+    """Keeps the part of a convex polygon on one side of a plane; returns its number of corners.
 
     A polygon that lies in the plane belongs to the upper side alone, as a voxel's lower face does.
     """
     count = 0
     for k in range(corners):
-        here, there = piece[k], piece[(k + 1) % corners]
-        a, b = side * (here[axis] - at_m), side * (there[axis] - at_m)
+        corner, following = piece[k], piece[(k + 1) % corners]
+        a, b = side * (corner[axis] - at_m), side * (following[axis] - at_m)
         if a > 0 or (a == 0 and (side > 0 or not _lies_in(piece, corners, axis, at_m))):
-            kept[count] = here
+            kept[count] = corner
             count += 1
+
+        # An edge that crosses the plane leaves a corner in it.
         if (a > 0 and b < 0) or (a < 0 and b > 0):
-            kept[count] = here + a / (a - b) * (there - here)
+            kept[count] = corner + a / (a - b) * (following - corner)
             kept[count, axis] = at_m
             count += 1
     return count
 
 
 @njit
-def _lies_in(piece: Corners, corners: int, axis: int, at_m: float) -> bool:
+def _lies_in(piece, corners, axis, at_m):
     return (piece[:corners, axis] == at_m).all()
 
 
 @njit
-def _area(piece: Corners, corners: int) -> float:
-    """Half the length of the sum of the cross products of a fan of triangles."""
+def _area(piece, corners):
+    """Returns half the length of the sum of the cross products of a fan of triangles."""
     total = np.zeros(3)
     for k in range(1, corners - 1):
         u, v = piece[k] - piece[0], piece[k + 1] - piece[0]

@@ -24,14 +24,17 @@ from ..ontology import OCCUPIED
 from ..sim.scene import Scene
 from .surfaces import surface_areas
 
+# A class is truly in a voxel when its surface there exceeds this share of a voxel's face.
 FACE_SHARE = 0.01
-"""A class is truly in a voxel when its surface there exceeds this share of a voxel's face."""
 
+# A label is a phantom only where no surface of its class is within this distance of its voxel.
 TOLERANCE_M = 1e-3
-"""A label is a phantom only where no surface of its class is within this distance of its voxel."""
 
+# Every pixel has 4 x 4 rays, evenly spread: thin structures are narrower than a pixel.
 RAYS_A_SIDE = 4
-"""Of every pixel: 4 x 4 rays, evenly spread."""
+
+# For each voxel, by class.
+OfClasses = Bool[np.ndarray, "X Y Z 8"]
 
 
 @dataclass(frozen=True)
@@ -46,96 +49,97 @@ class Camera:
 
     @property
     def place_m(self) -> Float[np.ndarray, "3"]:
-        """The camera's centre in the world."""
+        """The camera's center in the world."""
         return (self.world_from_body @ self.body_from_camera)[:3, 3].numpy()
 
 
 @dataclass(frozen=True)
-class Truth:
-    """Of one frame: which classes each voxel holds, which come within 1 mm of it, which of its
-    surfaces the camera sees, whether it sees as far as the voxel's centre, and whether that centre
-    is in the image."""
+class SurfaceTruth:
+    """The surfaces of one frame: which classes each voxel holds, which come within 1 mm of it,
+    which of its surfaces the camera sees, whether it sees as far as the voxel's center, and whether
+    that center is in the image."""
 
-    holds: Bool[np.ndarray, "X Y Z 8"]
-    touches: Bool[np.ndarray, "X Y Z 8"]
-    seen: Bool[np.ndarray, "X Y Z 8"]
-    centre_seen: Bool[np.ndarray, "X Y Z"]
+    holds: OfClasses
+    touches: OfClasses
+    seen: OfClasses
+    center_seen: Bool[np.ndarray, "X Y Z"]
     inside: Bool[np.ndarray, "X Y Z"]
 
     @classmethod
-    def of(cls, scene: Scene, step: int, camera: Camera, grid: VoxelGrid) -> "Truth":
-        """The scene as it is at a step of the simulation."""
-        occ_from_world = inverse(world_from_occ(camera.world_from_body)).numpy()
+    def of(cls, scene: Scene, step: int, camera: Camera, grid: VoxelGrid) -> "SurfaceTruth":
+        """Looks at the scene as it is at a step of the simulation."""
+        occ_from_world = inverse(world_from_occ(camera.world_from_body))
         triangles_m, class_id = triangles_of(scene, step)
-        triangles_occ = triangles_m @ occ_from_world[:3, :3].T + occ_from_world[:3, 3]
+        triangles_occ = transform(occ_from_world, torch.from_numpy(triangles_m)).numpy()
+
         areas_m2 = surface_areas(triangles_occ, class_id, grid)
         near_m2 = surface_areas(triangles_occ, class_id, grid, TOLERANCE_M)
         seen = seen_surfaces(scene, step, camera, grid, occ_from_world)
-        centre_seen, inside = seen_centres(scene, step, camera, grid)
-        return cls(areas_m2 > FACE_SHARE * grid.voxel_m**2, near_m2 > 0, seen, centre_seen, inside)
+        center_seen, inside = seen_centers(scene, step, camera, grid)
+        return cls(areas_m2 > FACE_SHARE * grid.voxel_m**2, near_m2 > 0, seen, center_seen, inside)
 
 
 def triangles_of(
     scene: Scene, step: int
 ) -> tuple[Float[np.ndarray, "f 3 3"], UInt8[np.ndarray, "f"]]:
-    """All triangles of a scene at a step, in the world (float64), and their classes."""
-    static = [part.mesh.vertices_m[part.mesh.faces] for part in scene.static]
-    classes = [np.full(len(part.mesh.faces), part.class_id, np.uint8) for part in scene.static]
-    for body in scene.actors:
-        pose, triangles_m = body.world_from_actor[step], body.triangles_m.astype(np.float64)
-        static.append(triangles_m @ pose[:3, :3].T + pose[:3, 3])
-        classes.append(np.full(len(triangles_m), body.class_id, np.uint8))
-    none = np.zeros((0, 3, 3)), np.zeros(0, np.uint8)
-    return np.concatenate([none[0], *static]), np.concatenate([none[1], *classes])
+    """Returns all triangles of a scene at a step, in the world (float64), and their classes."""
+    triangles_m, classes = [np.zeros((0, 3, 3))], [np.zeros(0, np.uint8)]
+    for part in scene.static:
+        triangles_m.append(part.mesh.vertices_m[part.mesh.faces])
+        classes.append(np.full(len(part.mesh.faces), part.class_id, np.uint8))
+
+    for actor in scene.actors:
+        world_from_actor, own_m = actor.world_from_actor[step], actor.triangles_m.astype(np.float64)
+        triangles_m.append(own_m @ world_from_actor[:3, :3].T + world_from_actor[:3, 3])
+        classes.append(np.full(len(own_m), actor.class_id, np.uint8))
+    return np.concatenate(triangles_m), np.concatenate(classes)
 
 
 def seen_surfaces(
-    scene: Scene,
-    step: int,
-    camera: Camera,
-    grid: VoxelGrid,
-    occ_from_world: Float[np.ndarray, "4 4"],
-) -> Bool[np.ndarray, "X Y Z 8"]:
-    """The classes in every voxel that some of the camera's rays meet first."""
+    scene: Scene, step: int, camera: Camera, grid: VoxelGrid, occ_from_world: torch.Tensor
+) -> OfClasses:
+    """Returns the classes in every voxel that some of the camera's rays meet first."""
     directions = rays_of(camera)
-    origins_m = np.broadcast_to(camera.place_m, directions.shape)
-    hits = scene.cast(step, origins_m, directions)
+    hits = scene.cast(step, np.broadcast_to(camera.place_m, directions.shape), directions)
     met = hits.actor_id >= 0
     points_m = camera.place_m + directions[met] * hits.distance_m[met, None].astype(np.float64)
-    points_occ = points_m @ occ_from_world[:3, :3].T + occ_from_world[:3, 3]
-    index, within = grid.index_of(torch.from_numpy(points_occ))
+
+    index, within = grid.index_of(transform(occ_from_world, torch.from_numpy(points_m)))
     seen = np.zeros((*grid.shape, len(OCCUPIED)), dtype=bool)
-    within = within.numpy()
-    seen[(*index.numpy()[within].T, hits.class_id[met][within])] = True
+    seen[(*index[within].numpy().T, hits.class_id[met][within.numpy()])] = True
     return seen
 
 
 def rays_of(camera: Camera) -> Float[np.ndarray, "n 3"]:
-    """Unit directions in the world through `RAYS_A_SIDE` squared places of every pixel."""
+    """Returns unit directions in the world through `RAYS_A_SIDE` squared places of every pixel."""
     u, v = (
         (torch.arange(side * RAYS_A_SIDE, dtype=torch.float64) + 0.5) / RAYS_A_SIDE
         for side in (camera.width, camera.height)
     )
     pix = torch.cartesian_prod(u, v)
     through = unproject(pix, torch.ones(len(pix), dtype=pix.dtype), camera.pix_from_camera)
+
     through = through / through.norm(dim=-1, keepdim=True)
     world_from_camera = camera.world_from_body @ camera.body_from_camera
     return (through @ world_from_camera[:3, :3].T).numpy()
 
 
-def seen_centres(
+def seen_centers(
     scene: Scene, step: int, camera: Camera, grid: VoxelGrid
 ) -> tuple[Bool[np.ndarray, "X Y Z"], Bool[np.ndarray, "X Y Z"]]:
-    """Voxels to whose centre the camera has a clear line of sight, and those in the image."""
-    centres = grid.centers(torch.float64).reshape(-1, 3)
+    """Returns the voxels to whose center the camera has a clear line of sight, and those in the
+    image."""
+    centers = grid.centers(torch.float64).reshape(-1, 3)
     chain = camera_from_occ(camera.world_from_body, camera.body_from_camera)
-    pix, depth_m = project(centres, chain, camera.pix_from_camera)
+    pix, depth_m = project(centers, chain, camera.pix_from_camera)
     inside = in_image(pix, depth_m, camera.width, camera.height).numpy()
-    centres_m = transform(world_from_occ(camera.world_from_body), centres).numpy()
-    away_m = centres_m[inside] - camera.place_m
+
+    # A center is seen where the ray towards it meets nothing before it.
+    centers_m = transform(world_from_occ(camera.world_from_body), centers).numpy()
+    away_m = centers_m[inside] - camera.place_m
     distance_m = np.linalg.norm(away_m, axis=1)
     origins_m = np.broadcast_to(camera.place_m, away_m.shape)
     hits = scene.cast(step, origins_m, away_m / distance_m[:, None])
-    seen = np.zeros(len(centres), dtype=bool)
+    seen = np.zeros(len(centers), dtype=bool)
     seen[inside] = hits.distance_m > distance_m
     return seen.reshape(grid.shape), inside.reshape(grid.shape)

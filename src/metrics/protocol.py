@@ -53,6 +53,7 @@ class Protocol:
     ) -> "Protocol":
         """Describes settings as they are configured; keys of ``metric`` that begin with ``_`` are
         Hydra's and stay out."""
+        # As JSON has them: lists, not tuples.
         sides = {name: list(value) for name, value in dataclasses.asdict(grid).items()}
         arguments = {key: value for key, value in metric.items() if not key.startswith("_")}
         return cls(dataset, part, frames, sides, mask, arguments, dict(suite))

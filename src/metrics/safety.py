@@ -17,9 +17,8 @@ from .tables import Scores, Tables
 # The columns of the table ``frames``: what the tube of a frame truly was, and what was predicted.
 BLOCKED, MISSED, CLEAR, STOPPED = range(4)
 
-# Of one frame: class ids, and which voxels are known or belong to a shape.
+# Of one frame: class ids.
 Volume = Int[Tensor, "X Y Z"]
-Shape = Bool[Tensor, "X Y Z"]
 
 
 class SafetyScores(PenalizedConfusion):
@@ -106,12 +105,11 @@ class SafetyScores(PenalizedConfusion):
 
         known = target != self.ignore_index
         known = known if mask is None else known & mask
-        frames = []
-        for n in range(len(target)):
-            tube = self._tube(labels[n], target[n], known[n], velocity[n])
-            thin = self._thin(labels[n], target[n], known[n])
-            frames.append((tube, _outcome(tube), thin))
-        return tables | self.stacked(("tube", "frames", "thin"), frames)
+        frames = zip(labels, target, known, velocity)
+        tables |= self.stacked(("tube",), [(self._tube(*frame),) for frame in frames])
+        tables["frames"] = _outcomes(tables["tube"])
+        tables["thin"] = self._thin(labels, target, known)
+        return tables
 
     def scores(self, tables: Tables) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
@@ -135,7 +133,11 @@ class SafetyScores(PenalizedConfusion):
         return self.penalty.ttc_s(self.shell_m, speed_mps) > self.penalty.horizon_s
 
     def _tube(
-        self, labels: Volume, target: Volume, known: Shape, velocity: Float[Tensor, "3"]
+        self,
+        labels: Volume,
+        target: Volume,
+        known: Bool[Tensor, "X Y Z"],
+        velocity: Float[Tensor, "3"],
     ) -> Int64[Tensor, "2 2"]:
         box, inside = swept_tube(self.grid, velocity, self.tube_s, self.tube_radius_m)
         inside = inside.to(target.device) & known[box]
@@ -143,24 +145,22 @@ class SafetyScores(PenalizedConfusion):
         predicted = labels[box][inside] != self.free_index
         return torch.bincount(2 * truly.long() + predicted, minlength=4).view(2, 2)
 
-    def _thin(self, labels: Volume, target: Volume, known: Shape) -> Int64[Tensor, "3"]:
+    def _thin(self, labels: F.Labels, target: F.Labels, known: F.Mask) -> Int64[Tensor, "b 3"]:
         true = known & (target == self.thin_index)
         predicted = known & (labels == self.thin_index)
         near = grown(predicted, self.thin_tolerance)
-        return torch.stack([true.sum(), (true & predicted).sum(), (true & near).sum()])
+        voxels = (true, true & predicted, true & near)
+        return torch.stack([each.sum((1, 2, 3)) for each in voxels], dim=1)
 
 
-def _outcome(tube: Int64[Tensor, "2 2"]) -> Int64[Tensor, "4"]:
-    """Returns what the tube of one frame means for the flight; zeros where none of it is known."""
-    outcome = tube.new_zeros(4)
-    predicted = tube[:, 1].sum() > 0
-    if tube[1].sum() > 0:
-        outcome[BLOCKED] = 1
-        outcome[MISSED] = ~predicted
-    elif tube[0].sum() > 0:
-        outcome[CLEAR] = 1
-        outcome[STOPPED] = predicted
-    return outcome
+def _outcomes(tube: Int64[Tensor, "b 2 2"]) -> Int64[Tensor, "b 4"]:
+    """Returns what the tubes of frames mean for the flight; zeros where none of it is known."""
+    blocked = tube[:, 1].sum(-1) > 0
+    clear = ~blocked & (tube[:, 0].sum(-1) > 0)
+    predicted = tube[:, :, 1].sum(-1) > 0
+    # In the order of BLOCKED, MISSED, CLEAR, STOPPED.
+    outcomes = (blocked, blocked & ~predicted, clear, clear & predicted)
+    return torch.stack(outcomes, dim=1).long()
 
 
 def swept_tube(
@@ -195,12 +195,12 @@ def swept_tube(
     return box, distance2 <= radius_m**2
 
 
-def grown(shape: Shape, voxels: int) -> Shape:
+def grown(shape: F.Mask, voxels: int) -> F.Mask:
     """Returns all within some voxels of a shape, diagonals included."""
     for _ in range(voxels):
-        for axis in range(3):
-            wider = shape.clone()
-            size = shape.shape[axis]
+        # One axis after the other: the corners follow from the faces.
+        for axis in (1, 2, 3):
+            wider, size = shape.clone(), shape.shape[axis]
             wider.narrow(axis, 1, size - 1).logical_or_(shape.narrow(axis, 0, size - 1))
             wider.narrow(axis, 0, size - 1).logical_or_(shape.narrow(axis, 1, size - 1))
             shape = wider

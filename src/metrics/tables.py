@@ -108,6 +108,7 @@ class VoxelMetric(TableMetric):
         self.num_classes = num_classes
         self.ignore_index = ignore_index
         self.free_index = free_index
+
         # Distances are no buffer: a cast of the whole module to half precision must not round them.
         self.shell_m, shell = F.distance_shells(grid)
         self.register_buffer("shell", shell, persistent=False)

@@ -11,8 +11,8 @@ import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 
 from ..atomic import replacing
-from ..audit.agreement import Agreement
-from ..audit.truth import Camera, Truth
+from ..audit.agreement import SurfaceAgreement
+from ..audit.truth import Camera, SurfaceTruth
 from ..data.clip import Clip
 from ..data.manifest import DatasetSpec, missing_clips, read_manifest, require_same_data
 from ..errors import UserError
@@ -37,7 +37,7 @@ def audit(cfg: DictConfig, frames_per_clip: int, out: str | None) -> None:
     root, spec = root_of(cfg), spec_of(cfg)
     _require_rebuildable(root, spec)
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
-    plans, total = plan_clips(sim), Agreement()
+    plans, total = plan_clips(sim), SurfaceAgreement()
     workers = min(len(plans), sim["workers"] or default_workers())
     job = partial(audit_clip, sim, root, frames_per_clip)
     results = mapped(job, workers, plans)
@@ -49,16 +49,16 @@ def audit(cfg: DictConfig, frames_per_clip: int, out: str | None) -> None:
     say(f"{total.frames} frames of {root}: {folder / 'audit.md'}")
 
 
-def audit_clip(sim: Mapping, root: Path, frames_per_clip: int, plan: ClipPlan) -> Agreement:
+def audit_clip(sim: Mapping, root: Path, frames_per_clip: int, plan: ClipPlan) -> SurfaceAgreement:
     """Builds one clip's scene again and compares its labels with it."""
-    maker, clip, agreement = ClipMaker(sim, root), Clip(root / plan.clip_id), Agreement()
+    maker, clip, agreement = ClipMaker(sim, root), Clip(root / plan.clip_id), SurfaceAgreement()
     _, scene = maker.stage(plan)
     count = min(frames_per_clip, len(clip))
     for frame in np.unique(np.linspace(0, len(clip) - 1, count).round().astype(int)).tolist():
         meta = clip.meta
         mount = meta.body_from_camera, meta.pix_from_camera, meta.width, meta.height
         camera = Camera(clip.world_from_body[frame], *mount)
-        truth = Truth.of(scene, maker.step_of(frame), camera, meta.grid)
+        truth = SurfaceTruth.of(scene, maker.step_of(frame), camera, meta.grid)
         agreement.add(clip.semantics(frame), truth)
     return agreement
 
@@ -76,7 +76,7 @@ def _require_rebuildable(root: Path, spec: DatasetSpec) -> None:
         raise UserError(f"{root}: {len(missing)} clips are missing; run task=generate first")
 
 
-def _write(folder: Path, total: Agreement, root: Path, sim: Mapping) -> None:
+def _write(folder: Path, total: SurfaceAgreement, root: Path, sim: Mapping) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     table = total.table()
     with replacing(folder / "audit.csv") as temporary:

@@ -34,8 +34,8 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
     for key in taken:
         adopted[key] = own[key]
     adopted.trainer.precision = own["trainer"]["precision"]
-    # The arguments of metrics repeat shared settings, which the command may set.
-    adopted.suite.metrics = {**own["suite"].get("metrics", {}), **cfg.suite.metrics}
+    # Arguments of metrics refer to shared settings, which the command may set: not their values.
+    adopted.suite.metrics = OmegaConf.merge(own["suite"].get("metrics", {}), cfg.suite.metrics)
 
     # What the checkpoint does not say, or the command says itself.
     unsaid = [key for key in NOT_SHAPING if key.partition(".")[0] in taken]

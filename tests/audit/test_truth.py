@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from src.audit.agreement import Agreement
-from src.audit.truth import RAYS_A_SIDE, Camera, Truth, rays_of
+from src.audit.agreement import SurfaceAgreement
+from src.audit.truth import RAYS_A_SIDE, Camera, SurfaceTruth, rays_of
 from src.geometry import VoxelGrid
 from src.ontology import BUILDING, CAR, CLASSES, FREE, GROUND, UNKNOWN, VEGETATION
 from tests.sim.scenery import (
@@ -41,7 +41,7 @@ def stage():
 
 @pytest.fixture(scope="module")
 def truth(stage):
-    return Truth.of(stage.scene, 0, camera_at(HERE), GRID)
+    return SurfaceTruth.of(stage.scene, 0, camera_at(HERE), GRID)
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def labels(stage):
 
 
 def agreement_of(semantics, truth):
-    agreement = Agreement()
+    agreement = SurfaceAgreement()
     agreement.add(semantics, truth)
     return agreement.table().set_index(["scope", "class"])
 
@@ -67,8 +67,8 @@ def test_seen_is_a_part_of_what_is_there_and_nothing_hidden(truth):
     hidden = truth.holds[..., BUILDING] & ~truth.seen[..., BUILDING]
     assert hidden.sum() > 100, "the back of the wall, and what the screen hides"
     # Along a line of sight to a voxel's centre nothing is met, so its own centre is in the open.
-    assert truth.centre_seen.sum() > 5000
-    assert (truth.centre_seen & ~truth.inside).sum() == 0
+    assert truth.center_seen.sum() > 5000
+    assert (truth.center_seen & ~truth.inside).sum() == 0
 
 
 def test_sound_labels_agree_with_the_truth(truth, labels):
@@ -83,10 +83,10 @@ def test_sound_labels_agree_with_the_truth(truth, labels):
 
 def test_a_ghost_is_found_and_counted_for_its_class(truth, labels):
     lying = labels.semantics.copy()
-    air = truth.centre_seen & ~truth.touches.any(axis=-1)
+    air = truth.center_seen & ~truth.touches.any(axis=-1)
     spots = np.argwhere(air)[:7]
     lying[tuple(spots.T)] = CAR
-    agreement = Agreement()
+    agreement = SurfaceAgreement()
     agreement.add(lying, truth)
     assert agreement.moving_ghosts == 7
     table = agreement.table().set_index(["scope", "class"])
@@ -123,7 +123,7 @@ def test_a_wrong_name_costs_the_class_but_not_the_occupancy(truth, labels):
 
 
 def test_counts_of_frames_add_up(truth, labels):
-    one, two = Agreement(), Agreement()
+    one, two = SurfaceAgreement(), SurfaceAgreement()
     one.add(labels.semantics, truth)
     two.add(labels.semantics, truth)
     two.join(one)

@@ -5,8 +5,17 @@ import torch
 
 from src.geometry import VoxelGrid
 from src.metrics import Calibration, KARBreakdown, RayIoU
+from src.metrics.suite import ScoreSuite
 from src.ontology import CAR, FREE
-from tests.metrics.inputs import coins, random_logits, random_rays
+from tests.metrics.inputs import (
+    CLIPS,
+    SUITE,
+    coins,
+    one_hot,
+    random_logits,
+    random_rays,
+    truth_of,
+)
 
 SHAPE = (6, 5, 3)
 
@@ -70,3 +79,13 @@ def batch_for(random_batch, sparse_batch):
         return batch
 
     return make
+
+
+@pytest.fixture
+def scored(grid, random_batch):
+    """A suite that has counted logits of two of its three clips."""
+    suite = ScoreSuite(grid, CLIPS, SUITE)
+    for seed, clip in enumerate(CLIPS[:2]):
+        preds, target, velocity = random_batch(seed)
+        suite.update(one_hot(preds), truth_of(target, velocity, [clip] * len(target)))
+    return suite

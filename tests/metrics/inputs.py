@@ -6,6 +6,31 @@ from omegaconf import OmegaConf
 from src.geometry import VoxelGrid
 from src.ontology import FREE
 
+CLIPS = ["town/clip00", "town/clip01", "town/clip02"]
+METRIC = {
+    "num_classes": 9,
+    "free_index": 8,
+    "ignore_index": 255,
+    "horizon_s": 5.0,
+    "decay_per_s": 0.5,
+    "penalty_scale": 2.0,
+    "min_speed_mps": 5.0,
+}
+SHARED = {
+    "ttc_edges_s": [1.0, 5.0],
+    "distance_edges_m": [5.0, 10.0],
+    "tube_radius_m": 3.0,
+    "tube_s": 2.0,
+    "thin_tolerance": 1,
+    "calibration_bins": 5,
+    "ray_thresholds_m": [1.0, 4.0],
+    "rays": [6, 4],
+    "sensitivity": {"horizon_s": [2.5, 5.0]},
+    "resamples": 50,
+    "level": 0.9,
+    "seed": 0,
+}
+
 LINE = VoxelGrid(lower_m=(0, -1, -1), upper_m=(20, 1, 1), shape=(10, 1, 1))  # 1, 3, 5 ... m away
 
 
@@ -44,6 +69,29 @@ def with_metrics(metric, suite):
     metric = metric | {"_target_": "src.metrics.OccupancyScores"}
     cfg = OmegaConf.create({"metric": metric, "suite": {**suite, "metrics": entries}})
     return OmegaConf.to_container(cfg.suite, resolve=True)
+
+
+SUITE = with_metrics(METRIC, SHARED)
+
+
+def truth_of(target, velocity, clips):
+    """The ground truth of a batch, which a level camera of 64 by 32 pixels sees."""
+    level = torch.tensor([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+    lens = torch.tensor([[32.0, 0, 32], [0, 32, 16], [0, 0, 1]])
+    return {
+        "clip": clips,
+        "semantics": target,
+        "velocity_mps": velocity,
+        "visible": target < 4,
+        "camera_from_occ": level.expand(len(target), 4, 4),
+        "pix_from_camera": lens.expand(len(target), 3, 3),
+        "size_pix": (64, 32),
+    }
+
+
+def one_hot(labels):
+    """Logits of these labels."""
+    return torch.nn.functional.one_hot(labels.long(), 9).movedim(-1, 1).float()
 
 
 def updated(metric, *batches):

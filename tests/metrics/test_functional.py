@@ -5,15 +5,15 @@ import math
 import pytest
 import torch
 
+from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.metrics import functional as F
 
-PAPER = {"horizon_s": 5.0, "decay_per_s": 0.5, "penalty_scale": 2.0, "min_speed_mps": 5.0}
-LINE = VoxelGrid(lower_m=(0, -1, -1), upper_m=(60, 1, 1), shape=(30, 1, 1))  # 1, 3, 5 ... m away
+DISTANCE_M = torch.arange(1.0, 60.0, 2.0, dtype=torch.float64)
 
 
 def penalties(speed_mps, **parameters):
-    return F.ttc_penalty(LINE, torch.tensor([speed_mps]), **(PAPER | parameters))[0, :, 0, 0]
+    return 1 + F.Penalty(**parameters).excess(DISTANCE_M, speed_mps)
 
 
 def test_the_penalty_follows_appendix_a4():
@@ -36,13 +36,6 @@ def test_a_slow_uav_is_taken_to_fly_at_the_minimum_speed():
     assert not torch.equal(penalties(0.0), penalties(6.0))
 
 
-def test_every_axis_counts_for_the_distance():
-    grid = VoxelGrid(lower_m=(0, -6, -4), upper_m=(10, 6, 4), shape=(5, 6, 4))
-    penalty = F.ttc_penalty(grid, torch.tensor([[0.0, 7.0, 0.0]]), **PAPER)
-    distance_m = math.sqrt(9.0**2 + 5.0**2 + 3.0**2)
-    assert float(penalty[0, 4, 0, 3]) == pytest.approx(1 + 2 * math.exp(-0.5 * distance_m / 7))
-
-
 def test_shells_give_back_the_distance_of_every_voxel():
     grid = VoxelGrid((0, -20, -16), (40, 20, 8), (25, 25, 15))
     shell_m, shell = F.distance_shells(grid)
@@ -52,14 +45,19 @@ def test_shells_give_back_the_distance_of_every_voxel():
 
 
 def test_the_fixed_point_table_is_the_penalty_to_its_last_unit():
-    grid = VoxelGrid((0, -5, -4), (10, 5, 2), (10, 10, 6))
-    velocity = torch.tensor([[3.0, 4.0, 0.5], [0.0, 0.0, 0.0], [20.0, 0.0, 1.0]])
-    shell_m, shell = F.distance_shells(grid)
-    table = F.Penalty(**PAPER).excess_table(shell_m, F.speeds(velocity, batch=3))
-    exact = F.ttc_penalty(grid, velocity, **PAPER).flatten(1) - 1
-    error = (table[:, shell].double() / F.FIXED_POINT - exact).abs().max()
+    shell_m, speeds_mps = DISTANCE_M + 0.1, [5.5, 0.0, 20.0]
+    table = F.Penalty().excess_table(shell_m, speeds_mps)
+    exact = torch.stack([F.Penalty().excess(shell_m, speed) for speed in speeds_mps])
+    error = (table.double() / F.FIXED_POINT - exact).abs().max()
     assert table.dtype == torch.int64
     assert 0 < float(error) < 0.51 / F.FIXED_POINT
+
+
+def tables_of(labels, target, excess, num_classes, backend):
+    """Both tables of one frame, whose voxels are all at distances of their own."""
+    shell = torch.arange(target.numel(), dtype=torch.int32)
+    frames = F.Frames(labels, target, shell, torch.tensor([excess]), num_classes, 255)
+    return [table[0, 0, 0] for table in F.confusion_tables(frames, backend)]
 
 
 @pytest.mark.parametrize("backend", ["numba", "torch"])
@@ -68,10 +66,8 @@ def test_the_tables_are_indexed_by_target_then_prediction(backend):
     preds = torch.tensor([2, 8, 8, 3], dtype=torch.uint8).view(1, 4, 1, 1)
     codes = F.encode(preds, target, None, num_classes=9, ignore_index=255)
     assert codes.flatten().tolist() == [2 * 16 + 2, 2 * 16 + 8, 7 * 16 + 8, 255]
-    shell = torch.tensor([0, 1, 2, 3], dtype=torch.int32)
-    space = F.Space(shell, torch.tensor([[10, 20, 30, 40]]))
-    tables = F.confusion_tables(preds, target, None, None, space, F.Classes(9, 255), backend)
-    count, penalty = (table[0, 0, 0] for table in tables)
+
+    count, penalty = tables_of(preds, target, [10, 20, 30, 40], 9, backend)
     expected_count, expected_penalty = torch.zeros(2, 9, 9, dtype=torch.int64)
     expected_count[2, 2] = expected_count[2, 8] = expected_count[7, 8] = 1
     expected_penalty[2, 8], expected_penalty[7, 8] = 20, 30
@@ -82,14 +78,18 @@ def test_the_tables_are_indexed_by_target_then_prediction(backend):
 @pytest.mark.parametrize("backend", ["numba", "torch"])
 def test_fifteen_classes_fit_in_a_byte(backend):
     every = torch.arange(15, dtype=torch.uint8)
-    target, preds = torch.meshgrid(every, every, indexing="ij")
-    batch = (1, 15, 15, 1)
-    space = F.Space(torch.zeros(225, dtype=torch.int32), torch.tensor([[3]]))
-    labels = (preds.reshape(batch), target.reshape(batch))
-    tables = F.confusion_tables(*labels, None, None, space, F.Classes(15, 255), backend)
-    count, penalty = (table[0, 0, 0] for table in tables)
+    labels = torch.cartesian_prod(every, every).T.contiguous()
+    target, preds = labels.view(2, 1, 15, 15, 1)
+    count, penalty = tables_of(preds, target, [3] * 225, 15, backend)
     assert torch.equal(count, torch.ones(15, 15, dtype=torch.int64))
     assert torch.equal(penalty, 3 * (1 - torch.eye(15, dtype=torch.int64)))
+
+
+def test_a_backend_that_there_is_not_is_refused():
+    with pytest.raises(UserError, match=r"^backend: 'cupy'"):
+        F.is_compiled("cupy", torch.device("cpu"))
+    with pytest.raises(UserError, match=r"^backend: numba.* cuda"):
+        F.is_compiled("numba", torch.device("cuda"))
 
 
 def test_mean_iou_leaves_out_nan_and_the_class_asked_for():

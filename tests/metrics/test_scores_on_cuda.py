@@ -4,7 +4,7 @@ import torch
 
 from src.metrics import KARMeanIoU, OccupancyScores
 from src.metrics.suite import ScoreSuite
-from tests.metrics.test_suite import METRIC, SUITE, truth_of
+from tests.metrics.inputs import SUITE, one_hot, truth_of
 from tests.simulated_cuda import CUDA, simulated_cuda
 
 
@@ -25,9 +25,9 @@ def test_scores_count_on_the_device(grid, random_batch):
 
 def test_the_whole_suite_counts_on_the_device(grid, random_batch):
     preds, target, velocity = random_batch(0)
-    logits = torch.nn.functional.one_hot(preds.long(), 9).movedim(-1, 1).float()
+    logits = one_hot(preds)
     truth = truth_of(target, velocity, ["a"] * len(target))
-    suites = [ScoreSuite(grid, ["a"], METRIC, SUITE) for _ in range(2)]
+    suites = [ScoreSuite(grid, ["a"], SUITE) for _ in range(2)]
     suites[0].update(logits, truth)
     with simulated_cuda():
         suites[1].to(CUDA)

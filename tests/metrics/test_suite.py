@@ -1,172 +1,207 @@
-"""All metrics together, by clip, and the tally that keeps them on disk."""
+"""All metrics together, by clip: those of the configuration, and one of somebody's own."""
+
+import sys
 
 import numpy as np
 import pytest
 import torch
+from omegaconf import OmegaConf
 
 from src.errors import UserError
 from src.metrics import KARMeanIoU, OccupancyScores
 from src.metrics.protocol import SUPERVISED, Protocol
-from src.metrics.suite import ScoreSuite, intervals_of
+from src.metrics.suite import ScoreSuite, import_metrics, intervals_of
 from src.metrics.tally import Tally
-
-CLIPS = ["town/clip00", "town/clip01", "town/clip02"]
-METRIC = {
-    **{"_target_": "of Hydra", "num_classes": 9, "free_index": 8, "ignore_index": 255},
-    **{"horizon_s": 5.0, "decay_per_s": 0.5, "penalty_scale": 2.0, "min_speed_mps": 5.0},
-}
-SUITE = {
-    **{"ttc_edges_s": [1.0, 5.0], "distance_edges_m": [5.0, 10.0]},
-    **{"tube_radius_m": 3.0, "tube_s": 2.0, "thin_tolerance": 1, "calibration_bins": 5},
-    **{"ray_thresholds_m": [1.0, 4.0], "rays": [6, 4], "sensitivity": {"horizon_s": [2.5, 5.0]}},
-    **{"resamples": 50, "level": 0.9, "seed": 0},
-}
-
-
-def truth_of(target, velocity, clips):
-    level = torch.tensor([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
-    lens = torch.tensor([[32.0, 0, 32], [0, 32, 16], [0, 0, 1]])
-    return {
-        "clip": clips,
-        "semantics": target,
-        "velocity_mps": velocity,
-        "visible": target < 4,
-        "camera_from_occ": level.expand(len(target), 4, 4),
-        "pix_from_camera": lens.expand(len(target), 3, 3),
-        "size_pix": (64, 32),
-    }
+from tests.metrics.inputs import CLIPS, METRIC, SUITE, one_hot, scores_of, truth_of, updated
+from tests.synthetic import compose_config
 
 
 @pytest.fixture
-def scored(grid, random_batch):
-    suite = ScoreSuite(grid, CLIPS, METRIC, SUITE)
-    for seed, clip in enumerate(CLIPS[:2]):
-        preds, target, velocity = random_batch(seed)
-        logits = torch.nn.functional.one_hot(preds.long(), 9).movedim(-1, 1).float()
-        suite.update(logits, truth_of(target, velocity, [clip] * len(target)))
-    return suite
+def suite(grid):
+    return ScoreSuite(grid, CLIPS, SUITE)
 
 
 @pytest.fixture
-def tally(scored, grid):
-    protocol = Protocol.of("mini-0", "test", 8, grid, SUPERVISED, METRIC, SUITE)
-    return Tally("mine", protocol, CLIPS, [4, 4, 0], scored.tables())
+def batch(random_batch):
+    """Labels and the ground truth of four frames of the first clip."""
+    preds, target, velocity = random_batch(0)
+    return preds, truth_of(target, velocity, CLIPS[:1] * 4)
+
+
+def names_in(tables):
+    """The metrics that have counted something."""
+    return {name for name, of in tables.items() if any(table.any() for table in of.values())}
 
 
 def test_every_metric_has_counted(scored):
     names = ["occupancy", "breakdown", "safety", "rays", "calibration", "sensitivity"]
     assert list(scored.tables()) == names
+    assert names_in(scored.tables()) == set(names)
     assert all(not t[2].any() for tables in scored.tables().values() for t in tables.values())
 
 
 def test_scores_of_a_clip_are_those_of_its_frames(scored, grid, random_batch):
-    alone = OccupancyScores(grid)
-    alone.update(*random_batch(1))
-    expected = {name: float(value) for name, value in alone.compute().items()}
-    found = scored.scores(lambda clip: clip == CLIPS[1])
-    assert {name: found[name] for name in expected} == expected
-    assert found["all/kar_miou"] == expected["kar_miou"]
+    expected = scores_of(OccupancyScores(grid), random_batch(1))
+    scores = scored.scores(lambda clip: clip == CLIPS[1])
+    assert {name: scores[name] for name in expected} == expected
+    assert scores["all/kar_miou"] == expected["kar_miou"]
 
 
-def test_names_of_scores_do_not_collide(scored):
-    names = [
-        name for metric in scored.by_clip.values() for name in metric.metric.scores(metric.tables())
-    ]
-    assert len(names) == len(set(names))
+def test_the_sensitivity_alone_stays_out_of_the_table_of_scores(scored):
+    listed = scored.scores()
+    for name, by_clip in scored.by_clip.items():
+        scores = by_clip.metric.scores(by_clip.tables())
+        assert (scores.keys() <= listed.keys()) == (name != "sensitivity")
+    intervals = intervals_of(scored, scored.tables(), [0, 1], 5, seed=0, level=0.9)
+    assert list(intervals) == list(listed)
 
 
-def test_labels_without_logits_or_cameras_leave_these_scores_out(grid, random_batch):
-    suite = ScoreSuite(grid, CLIPS, METRIC, SUITE)
-    preds, target, velocity = random_batch(0)
-    truth = truth_of(target, velocity, CLIPS[:1] * 4)
+def test_labels_without_logits_or_cameras_leave_these_scores_out(suite, batch):
+    preds, truth = batch
     suite.update(preds, {key: truth[key] for key in ("clip", "semantics", "velocity_mps")})
     assert list(suite.tables()) == ["occupancy", "breakdown", "safety", "sensitivity"]
     assert "nll" not in suite.scores()
 
 
-def test_logits_beside_labels_serve_the_calibration_alone(grid, random_batch):
-    suite = ScoreSuite(grid, CLIPS, METRIC, SUITE)
-    preds, target, velocity = random_batch(0)
-    logits = torch.zeros(4, 9, *grid.shape)
-    suite.update(preds, truth_of(target, velocity, CLIPS[:1] * 4), logits)
-    alone = KARMeanIoU(grid)
-    alone.update(preds, target, velocity)
-    assert suite.scores()["kar_miou"] == float(alone.compute())
+def test_logits_beside_labels_serve_the_calibration_alone(suite, batch, grid, random_batch):
+    suite.update(*batch, torch.zeros(4, 9, *grid.shape))
+    alone = updated(KARMeanIoU(grid), random_batch(0)).compute()
+    assert suite.scores()["kar_miou"] == float(alone)
     assert suite.scores()["nll"] == pytest.approx(np.log(9), abs=1e-5)
 
 
-def test_a_tally_reads_back_and_scores_the_same(tally, scored, tmp_path):
-    tally.write(tmp_path / "tallies" / "mine.npz")
-    again = Tally.read(tmp_path / "tallies" / "mine.npz")
-    assert (again.name, again.clips, again.frames) == (tally.name, tally.clips, tally.frames)
-    assert again.protocol.difference(tally.protocol) is None
-    for metric, tables in tally.tables.items():
-        for name, table in tables.items():
-            assert torch.equal(again.tables[metric][name], table)
-    rows = again.rows()
-    assert rows == [0, 1]
-    intervals = intervals_of(again.suite(), again.tables, rows, 50, seed=0, level=0.9)
-    for name, score in scored.scores().items():
-        assert intervals[name].value == pytest.approx(score, abs=1e-6, nan_ok=True)
-        if not np.isnan(score):
-            assert intervals[name].low - 1e-9 <= intervals[name].value
+def test_metrics_that_missed_a_batch_can_be_forgotten(suite, batch):
+    preds, truth = batch
+    suite.update(one_hot(preds), truth)
+    assert suite.forget_partly_fed() == []
+    suite.update(preds, truth)
+    assert suite.forget_partly_fed() == ["calibration"]
+    assert "calibration" not in suite.tables()
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        *(("level", level) for level in (0, 1, 95)),
-        *(("rays", rays) for rays in ([6], [6, 4, 2], [6, 0], [6.5, 4])),
-        ("resamples", 0),
-    ],
-)
-def test_settings_that_would_fail_after_the_counting_are_refused_before(grid, key, value):
-    with pytest.raises(UserError, match=rf"^suite\.{key}: "):
-        ScoreSuite(grid, CLIPS, METRIC, SUITE | {key: value})
-
-
-@pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all"])
-def test_a_broken_tally_is_one_clear_error(tmp_path, content):
-    path = tmp_path / "mine.npz"
-    path.write_bytes(content)
-    with pytest.raises(UserError, match="cannot be read") as error:
-        Tally.read(path)
-    assert str(path) in str(error.value)
-
-
-def test_a_missing_tally_says_what_to_do(tmp_path):
-    with pytest.raises(UserError, match="no such file; give the command of its run again"):
-        Tally.read(tmp_path / "mine.npz")
-
-
-def test_an_archive_of_something_else_is_refused(tmp_path):
-    np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    with pytest.raises(UserError, match="cannot be read"):
-        Tally.read(tmp_path / "other.npz")
-
-
-def test_a_data_set_without_a_label_scores_nan_and_no_error(grid, random_batch):
-    suite = ScoreSuite(grid, CLIPS, METRIC, SUITE)
-    preds, target, velocity = random_batch(0)
-    unknown = torch.full_like(target, 255)
-    suite.update(preds, truth_of(unknown, velocity, CLIPS[:1] * 4))
+def test_a_dataset_without_a_label_scores_nan_and_no_error(suite, batch):
+    preds, truth = batch
+    suite.update(preds, truth | {"semantics": torch.full_like(preds, 255)})
     assert np.isnan(suite.scores()["kar_miou"])
     assert "occupancy" in suite.tables()
 
 
-def test_a_damaged_tally_is_named_in_one_line_whatever_is_broken(tally, tmp_path):
+# ---------------------------------------------------------------------------- its configuration
+
+
+def with_entry(name, **entry):
+    return SUITE | {"metrics": SUITE["metrics"] | {name: entry}}
+
+
+CALIBRATION = "src.metrics.Calibration"
+RAYS = SUITE["metrics"]["rays"]
+
+
+@pytest.mark.parametrize(
+    ("message", "settings"),
+    [
+        *((r"suite.level: ", SUITE | {"level": level}) for level in (0, 1, 95)),
+        ("suite.resamples: 0", SUITE | {"resamples": 0}),
+        *(
+            ("rays: .*suite.metrics.rays", with_entry("rays", **RAYS | {"rays": rays}))
+            for rays in ([6], [6, 4, 2], [6, 0], [6.5, 4])
+        ),
+        ("bins: 0 .*suite.metrics.mine", with_entry("mine", _target_=CALIBRATION, bins=0)),
+        (".*`bin` .suite.metrics.mine", with_entry("mine", _target_=CALIBRATION, bin=3)),
+        ("suite.metrics.mine: ece .*calibration", with_entry("mine", _target_=CALIBRATION)),
+        ("suite.metrics.mine: .*origin_m", with_entry("mine", _target_="src.metrics.RayIoU")),
+        *(
+            (f"suite.metrics.mine._target_: {target}", with_entry("mine", _target_=target))
+            for target in ("src.metrics.Nothing", "torch.nn.Linear", "nowhere.Mine", "Mine")
+        ),
+    ],
+)
+def test_settings_that_would_fail_after_the_counting_are_refused_before(grid, message, settings):
+    with pytest.raises(UserError, match=rf"^{message}"):
+        ScoreSuite(grid, CLIPS, settings)
+
+
+def test_a_module_that_there_is_not_is_refused_by_its_key():
+    with pytest.raises(UserError, match=r"^suite.metrics.mine._target_: .*nowhere"):
+        import_metrics(with_entry("mine", _target_="nowhere.Mine"))
+
+
+def test_shared_settings_reach_every_metric_that_has_them(grid):
+    cfg = compose_config("metric.horizon_s=3.5", "suite.calibration_bins=7", "suite.rays=[5,3]")
+    suite = ScoreSuite(grid, CLIPS, OmegaConf.to_container(cfg.suite, resolve=True))
+    for name in ("occupancy", "breakdown", "safety"):
+        assert suite.metric(name).penalty.horizon_s == 3.5
+    calibration = suite.metric("calibration")
+    assert (calibration.bubble.horizon_s, calibration.bins) == (3.5, 7)
+    assert suite.metric("rays").rays == (5, 3)
+    assert len(suite.metric("sensitivity").penalties) == 81
+
+
+# ------------------------------------------------------------------------- a metric of one's own
+
+CLASS = '''
+import torch
+
+from src.metrics import TableMetric
+
+
+class FreeShare(TableMetric):
+    """The share of the voxels of a mask that are predicted free."""
+
+    def __init__(self, grid, free=8):
+        super().__init__({"voxels": (2,)})
+        self.free = free
+
+    def frame_tables(self, preds, visible):
+        free = visible & (preds == self.free)
+        return {"voxels": torch.stack([free.sum((1, 2, 3)), visible.sum((1, 2, 3))], dim=1)}
+
+    def scores(self, tables):
+        return {"free_share": tables["voxels"][..., 0] / tables["voxels"][..., 1]}
+'''
+ENTRY = "defaults: [default, _self_]\nmetrics:\n  mine: { _target_: my_metrics.FreeShare }\n"
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """The settings of a suite with a metric that is one file and three lines of configuration."""
+    (tmp_path / "my_metrics.py").write_text(CLASS)
+    (tmp_path / "suite").mkdir()
+    (tmp_path / "suite/mine.yaml").write_text(ENTRY)
+    monkeypatch.syspath_prepend(tmp_path)
+    cfg = compose_config("suite=mine", f"hydra.searchpath=[file://{tmp_path}]")
+    yield OmegaConf.to_container(cfg.suite, resolve=True) | {"rays": [6, 4]}
+    sys.modules.pop("my_metrics", None)
+
+
+def test_ones_own_metric_is_counted_saved_resampled_and_scored(own, grid, batch, tmp_path):
+    import_metrics(own)
+    suite, (preds, truth) = ScoreSuite(grid, CLIPS, own), batch
+    suite.update(preds, truth)
+    free = float((preds[truth["visible"]] == 8).double().mean())
+    assert suite.scores()["free_share"] == pytest.approx(free)
+
+    protocol = Protocol.of("mini-0", "test", 4, grid, SUPERVISED, METRIC, own)
     path = tmp_path / "mine.npz"
-    tally.write(path)
-    whole = path.read_bytes()
-    rng, said = np.random.default_rng(0), []
-    for _ in range(60):
-        damaged = bytearray(whole)
-        damaged[rng.integers(len(whole))] ^= 1 << int(rng.integers(8))
-        path.write_bytes(damaged)
-        try:
-            Tally.read(path)
-        except UserError as error:
-            said.append(str(error))
-    assert len(said) > 40
-    assert all(line.startswith(f"{path}: cannot be read") for line in said)
-    assert not any("\n" in line for line in said)
+    Tally("mine", protocol, CLIPS, [4, 0, 0], suite.tables()).write(path)
+    again = Tally.read(path)
+    intervals = intervals_of(again.suite(), again.tables, again.rows(), 5, seed=0, level=0.9)
+    assert intervals["free_share"].value == pytest.approx(free)
+
+
+def test_one_that_needs_what_the_batch_has_not_is_not_fed(own, grid, batch):
+    import_metrics(own)
+    suite, (preds, truth) = ScoreSuite(grid, CLIPS, own), batch
+    del truth["visible"]
+    suite.update(preds, truth)
+    assert "mine" not in suite.tables()
+    assert "kar_miou" in suite.scores()
+
+
+def test_a_file_of_counts_imports_nothing(own, grid):
+    protocol = Protocol.of("mini-0", "test", 4, grid, SUPERVISED, METRIC, own)
+    with pytest.raises(UserError, match=r"^suite.metrics.mine._target_: my_metrics.FreeShare"):
+        ScoreSuite.of(Protocol.from_json(protocol.to_json()), CLIPS)
+    assert "my_metrics" not in sys.modules
+    import_metrics(own)
+    assert ScoreSuite.of(protocol, CLIPS).metric("mine").free == 8

@@ -59,9 +59,9 @@ def files_below(folder):
 
 
 def test_its_own_configuration_is_used_where_the_command_says_nothing(configured, run):
-    cfg = configured("task=predict", "data.batch_size=3", "suite.resamples=7", "threads=1")
+    cfg = configured("task=predict", "data.batch_size=3", "suite.rays=[6,4]", "threads=1")
     assert (cfg.name, cfg.scale_name, cfg.model.encoder.dim) == ("skyocc", "tiny", 16)
-    assert (cfg.data.batch_size, cfg.suite.resamples, cfg.threads) == (3, 7, 1)
+    assert (cfg.data.batch_size, cfg.suite.metrics.rays.rays, cfg.threads) == (3, [6, 4], 1)
     assert cfg.paths.run.endswith("/runs/tiny/skyocc/seed0")
     assert root_of(cfg).name == run[2].name
     assert trained(cfg, "predict")[1].path == run[1]

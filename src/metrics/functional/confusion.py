@@ -18,10 +18,6 @@ from .codes import CODES, Labels, Mask, encode
 
 BACKENDS = ("auto", "numba", "torch")
 
-# One counter of the compiled pass for the most frequent voxels, free and right, would make each
-# increment wait for the one before.
-LANES = 4
-
 Tables = tuple[Int64[Tensor, "b m k c c"], Int64[Tensor, "b m k c c"]]
 
 
@@ -98,9 +94,7 @@ def _by_numba(frames: Frames) -> tuple[Int64[Tensor, "b t"], Int64[Tensor, "b t"
     from .kernels import count_frame
 
     size = int(np.prod(frames.shape))
-    lanes = LANES if size == CODES else 1
-    count = torch.zeros(len(frames.target), lanes, size, dtype=torch.int64)
-    penalty = torch.zeros(len(frames.target), size, dtype=torch.int64)
+    count, penalty = torch.zeros(2, len(frames.target), size, dtype=torch.int64)
 
     shell, classes = frames.shell.numpy(), (frames.num_classes, frames.ignore_index)
     for n in range(len(frames.target)):
@@ -109,7 +103,7 @@ def _by_numba(frames: Frames) -> tuple[Int64[Tensor, "b t"], Int64[Tensor, "b t"
         space = (shell, _flat(frames.bins, n), frames.n_bins, frames.excess[n].numpy())
         if not count_frame(*ids, *flags, *space, *classes, count[n].numpy(), penalty[n].numpy()):
             _encoded(frames)  # raises, naming what is wrong
-    return count.sum(1), penalty
+    return count, penalty
 
 
 def _encoded(frames: Frames) -> Tensor:

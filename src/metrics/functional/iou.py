@@ -25,6 +25,7 @@ def iou_compute(
     """
     hits = count.diagonal(dim1=-2, dim2=-1)
     errors = (count.sum(-2) + count.sum(-1) - 2 * hits).double()
+
     if excess is not None:
         # Column c holds the false positives of class c, row c its false negatives.
         kinds = ((-2, false_positives), (-1, false_negatives))

@@ -16,9 +16,9 @@ def count_frame(
     This is `kar_mean_iou` voxel by voxel, up to the division: the comments name its lines. A cell
     of the tables is ``16 * target + prediction``, after the cells of lower bins and, for voxels
     that are ``marked``, after all that are not. ``mask``, ``marked`` and ``bins`` may each be None.
-    ``count`` has one row or a power of two of them, whose sum is the count.
     """
-    lanes = len(count)
+    # Most voxels are free and right: increments of one counter would wait for each other.
+    parts = np.zeros((4, CODES), np.int64)
     for i in range(len(target)):
         # known = target != ignore_index; known = known & mask
         t = np.int64(target[i])
@@ -37,8 +37,15 @@ def count_frame(
             cell += CODES * n_bins
 
         # hits, and the 1 in weight = 1 + round(excess * FIXED_POINT) / FIXED_POINT
-        count[i & (lanes - 1), cell] += 1
+        if bins is None and marked is None:
+            parts[i & 3, cell] += 1
+        else:
+            count[cell] += 1
         # errors = weight[true ^ predicted].sum(), in units of 1 / FIXED_POINT
         if t != p:
             penalty[cell] += excess[shell[i]]
+
+    for part in parts:
+        for cell in range(CODES):
+            count[cell] += part[cell]
     return True

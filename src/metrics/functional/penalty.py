@@ -79,6 +79,7 @@ def speeds(velocity: Velocity, batch: int) -> list[float]:
             f"velocity: shape {list(velocity.shape)} does not fit a batch of {batch}; "
             f"give [{batch}, 3] velocities or [{batch}] speeds in m/s"
         )
+
     components = velocity.detach().double()
     rows = (components if velocity.ndim == 2 else components[:, None]).tolist()
     speeds_mps = [math.hypot(*row) for row in rows]
