@@ -113,7 +113,14 @@ def transform(
     b_from_a: Float[Tensor, "*batch 4 4"], points_a: Float[Tensor, "*batch n 3"]
 ) -> Float[Tensor, "*batch n 3"]:
     """Points of frame a, expressed in frame b."""
-    return points_a @ b_from_a[..., :3, :3].transpose(-1, -2) + b_from_a[..., None, :3, 3]
+    return rotate(b_from_a, points_a) + b_from_a[..., None, :3, 3]
+
+
+def rotate(
+    b_from_a: Float[Tensor, "*batch 4 4"], directions_a: Float[Tensor, "*batch n 3"]
+) -> Float[Tensor, "*batch n 3"]:
+    """Directions of frame a, expressed in frame b."""
+    return directions_a @ b_from_a[..., :3, :3].swapaxes(-1, -2)
 
 
 def yaw_of(world_from_body: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch"]:

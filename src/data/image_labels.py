@@ -11,8 +11,7 @@ from torch.utils.data import Dataset
 from ..geometry import VoxelGrid, camera_from_occ, pixel_centres
 from ..jit import njit
 from ..ontology import FREE
-from ..rays import rays_in_grid
-from ..voxel_march import first_hit
+from ..voxels import first_hit, rays_in_grid
 from .batches import Key
 from .dataset import OccupancyDataset
 
@@ -88,9 +87,8 @@ def _march(
     classes: Int64[np.ndarray, "n"],
     depth_m: Float[np.ndarray, "n"],
 ) -> None:
-    cell = np.empty(3, np.int64)
     for n in range(len(directions)):
-        distance, axis = first_hit(occupied, origin, directions[n], cell)
+        cell, distance, axis = first_hit(occupied, origin, directions[n])
         if axis >= 0:
-            classes[n] = semantics[cell[0], cell[1], cell[2]]
+            classes[n] = semantics[cell]
             depth_m[n] = distance

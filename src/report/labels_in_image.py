@@ -5,7 +5,7 @@ from jaxtyping import UInt8
 
 from ..geometry import VoxelGrid, pixel_centres
 from ..ontology import FREE
-from ..rays import rays_in_grid
+from ..voxels import rays_in_grid
 from .raycast import VOXEL, cast
 from .view import Frustum
 from .voxels import PALETTE, SUN

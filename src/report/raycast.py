@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from ..jit import njit
-from ..voxel_march import first_hit
+from ..voxels import first_hit
 
 MISS, VOXEL, FLOOR = 0, 1, 2
 
@@ -62,20 +62,19 @@ def cast(
 
 @njit(error_model="numpy")
 def _cast(occupied, origin, directions, sun, floor, hits):
-    cell = np.empty(3, np.int64)
-    scratch = np.empty(3, np.int64)
+    before = np.empty(3, np.int64)
     point = np.empty(3)
     for n in range(len(directions)):
         direction = directions[n]
-        distance, axis = first_hit(occupied, origin, direction, cell)
+        cell, distance, axis = first_hit(occupied, origin, direction)
         if axis >= 0:
             side = -1 if direction[axis] > 0 else 1
             for a in range(3):
                 point[a] = origin[a] + distance * direction[a]
             hits.kind[n] = VOXEL
-            hits.voxel[n] = cell
+            hits.voxel[n, 0], hits.voxel[n, 1], hits.voxel[n, 2] = cell
             hits.axis[n], hits.side[n] = axis, side
-            hits.edge[n], hits.openness[n] = _face(occupied, point, cell, axis, side, scratch)
+            hits.edge[n], hits.openness[n] = _face(occupied, point, cell, axis, side, before)
         else:
             side = 1
             distance = (floor - origin[2]) / direction[2] if direction[2] != 0.0 else -1.0
@@ -89,7 +88,7 @@ def _cast(occupied, origin, directions, sun, floor, hits):
         # A point on a face may round into either voxel; a step off the face decides.
         point[axis] += 1e-4 * side
         lit = sun[axis] * side > 0
-        hits.sunlit[n] = lit and first_hit(occupied, point, sun, scratch)[1] < 0
+        hits.sunlit[n] = lit and first_hit(occupied, point, sun)[2] < 0
 
 
 @njit(error_model="numpy")
