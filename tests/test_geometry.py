@@ -1,6 +1,7 @@
 """Signs, the projection chain and the voxel grid, against answers worked out without them."""
 
 import math
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -277,6 +278,34 @@ def test_leading_batch_dimensions() -> None:
             alone = g.camera_from_occ(world_from_body[b, frame], body_from_camera[b, 0])
             expected, _ = g.project(POINTS_OCC, alone, PIX_FROM_CAMERA)
             torch.testing.assert_close(pix[b, frame], expected)
+
+
+@pytest.mark.parametrize(
+    ("function", "inputs"),
+    [
+        (g.rotation_from_euler, f64([0.3, -0.2, 0.9])),
+        (g.quat_from_euler, f64([0.3, -0.2, 0.9])),
+        (g.rotation_from_quat, (f64([[0.1, 0.2, -0.3, 0.9]]),)),
+        (g.euler_from_rotation, (pose(*ATTITUDE_RAD)[:3, :3],)),
+        (g.rigid, (pose(*ATTITUDE_RAD)[:3, :3], f64([3.0, 4.0, 5.0]))),
+        (g.inverse, (pose(*ATTITUDE_RAD),)),
+        (g.world_from_occ, (pose(*ATTITUDE_RAD),)),
+        (g.transform, (pose(*ATTITUDE_RAD), POINTS_OCC)),
+        (g.rotate, (pose(*ATTITUDE_RAD), POINTS_OCC)),
+        (g.project, (POINTS_OCC, g.inverse(BODY_FROM_CAMERA), PIX_FROM_CAMERA)),
+        (g.unproject, (POINTS_OCC[:, :2], POINTS_OCC[:, 2], PIX_FROM_CAMERA)),
+        (g.in_image, (POINTS_OCC[:, :2], POINTS_OCC[:, 2], WIDTH, HEIGHT)),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_numpy_arrays_give_arrays_of_the_same_numbers(function: Callable, inputs: tuple) -> None:
+    plain = [value.numpy() if isinstance(value, Tensor) else value for value in inputs]
+    arrays, tensors = function(*plain), function(*inputs)
+    arrays, tensors = (v if isinstance(v, tuple) else (v,) for v in (arrays, tensors))
+    for array, tensor in zip(arrays, tensors, strict=True):
+        assert isinstance(array, np.ndarray)
+        assert array.dtype == tensor.numpy().dtype
+        np.testing.assert_allclose(array, tensor, atol=1e-14)
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])

@@ -16,6 +16,7 @@ from ..geometry import (
     in_image,
     inverse,
     project,
+    rotate,
     transform,
     unproject,
     world_from_occ,
@@ -67,7 +68,7 @@ class Truth:
         """The scene as it is at a step of the simulation."""
         occ_from_world = inverse(world_from_occ(camera.world_from_body)).numpy()
         triangles_m, class_id = triangles_of(scene, step)
-        triangles_occ = triangles_m @ occ_from_world[:3, :3].T + occ_from_world[:3, 3]
+        triangles_occ = transform(occ_from_world, triangles_m)
         areas_m2 = surface_areas(triangles_occ, class_id, grid)
         near_m2 = surface_areas(triangles_occ, class_id, grid, TOLERANCE_M)
         seen = seen_surfaces(scene, step, camera, grid, occ_from_world)
@@ -83,7 +84,7 @@ def triangles_of(
     classes = [np.full(len(part.mesh.faces), part.class_id, np.uint8) for part in scene.static]
     for body in scene.bodies:
         pose, triangles_m = body.world_from_actor[step], body.triangles_m.astype(np.float64)
-        static.append(triangles_m @ pose[:3, :3].T + pose[:3, 3])
+        static.append(transform(pose, triangles_m))
         classes.append(np.full(len(triangles_m), body.class_id, np.uint8))
     none = np.zeros((0, 3, 3)), np.zeros(0, np.uint8)
     return np.concatenate([none[0], *static]), np.concatenate([none[1], *classes])
@@ -102,7 +103,7 @@ def seen_surfaces(
     hits = scene.cast(step, origins_m, directions)
     met = hits.actor_id >= 0
     points_m = camera.place_m + directions[met] * hits.distance_m[met, None].astype(np.float64)
-    points_occ = points_m @ occ_from_world[:3, :3].T + occ_from_world[:3, 3]
+    points_occ = transform(occ_from_world, points_m)
     index, within = grid.index_of(torch.from_numpy(points_occ))
     seen = np.zeros((*grid.shape, len(OCCUPIED)), dtype=bool)
     within = within.numpy()
@@ -120,7 +121,7 @@ def rays_of(camera: Camera) -> Float[np.ndarray, "n 3"]:
     through = unproject(pix, torch.ones(len(pix), dtype=pix.dtype), camera.pix_from_camera)
     through = through / through.norm(dim=-1, keepdim=True)
     world_from_camera = camera.world_from_body @ camera.body_from_camera
-    return (through @ world_from_camera[:3, :3].T).numpy()
+    return rotate(world_from_camera, through).numpy()
 
 
 def seen_centres(

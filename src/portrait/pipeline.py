@@ -10,7 +10,7 @@ from jaxtyping import Float, Int, UInt8
 from matplotlib.colors import LogNorm
 from PIL import Image
 
-from ..geometry import in_image, project
+from ..geometry import in_image, inverse, project
 from ..ontology import FREE, SKY, UNKNOWN
 from ..report.top import render_top
 from ..report.view import Frustum
@@ -94,7 +94,7 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) ->
     scans = scan(seen.scene, step, pose, sim["lidar_rays"], frame, maker.range_m)
     points_m = np.concatenate([each.points_m(each.hits.actor_id >= 0) for each in scans])
     height, width = view.depth_m.shape
-    camera_from_world = torch.linalg.inv(view.world_from_body @ view.body_from_camera)
+    camera_from_world = inverse(view.world_from_body @ view.body_from_camera)
     pix, depth_m = project(torch.from_numpy(points_m), camera_from_world, view.pix_from_camera)
     shown = in_image(pix, depth_m, width, height)
     scale = CELL_PIX[0] / width

@@ -8,7 +8,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw
 
 from ..errors import UserError
-from ..geometry import VoxelGrid, pixel_centres, unproject
+from ..geometry import VoxelGrid, pixel_centres, rotate, unproject
 from ..ontology import CLASSES, COLORS, FREE
 from .overlay import FRUSTUM_SHARE, Pen, draw_floor, draw_frustum, draw_uav
 from .raycast import FLOOR, VOXEL, Hits, cast
@@ -108,7 +108,7 @@ def _cast_pixels(
     occ_from_view = view.occ_from_view
     pix = pixel_centres(*size_pix).reshape(-1, 2)
     unit = torch.ones(len(pix), dtype=torch.float64)
-    rays_occ = unproject(pix, unit, view.pix_from_view(size_pix)) @ occ_from_view[:3, :3].T
+    rays_occ = rotate(occ_from_view, unproject(pix, unit, view.pix_from_view(size_pix)))
     origin = (occ_from_view[:3, 3].numpy() - grid.lower_m) / grid.voxel_m
     floor = (floor_m - grid.lower_m[2]) / grid.voxel_m
     return cast(labels < FREE, origin, rays_occ.contiguous().numpy(), SUN, floor)

@@ -19,6 +19,7 @@ from ..geometry import (
     inverse,
     pixel_centres,
     project,
+    rotate,
     transform,
     unproject,
     world_from_occ,
@@ -80,7 +81,7 @@ class View:
         through = unproject(pix, ones, self.pix_from_camera)
         reach = through.norm(dim=-1)
         world_from_camera = self.world_from_body @ self.body_from_camera
-        directions = (through / reach[:, None]) @ world_from_camera[:3, :3].T
+        directions = rotate(world_from_camera, through / reach[:, None])
         depth_m = self.depth_m[rows, columns].reshape(-1)
         hits = Hits(
             depth_m * reach.numpy(),

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ..geometry import unproject
+from ..geometry import transform, unproject
 
 NEAR_M: Final = 0.1
 FAR_M: Final = 120.0
@@ -91,7 +91,7 @@ def in_view(
 
     ``planes`` are of `frustum_planes`, ``middle_m`` in the world.
     """
-    middle_camera = middle_m @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+    middle_camera = transform(camera_from_world, middle_m)
     depth_m, reach_m = middle_camera[:, 2], reach_m + _SLACK_M
     inside = (middle_camera @ planes.T > -reach_m[:, None]).all(axis=1)
     return inside & (depth_m > -reach_m) & (depth_m < far_m + reach_m)

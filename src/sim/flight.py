@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from ..errors import UserError
@@ -42,8 +41,7 @@ class Flight:
     @cached_property
     def world_from_body(self) -> Float[np.ndarray, "t 4 4"]:
         """The pose at every step (float64)."""
-        rotation = rotation_from_quat(torch.from_numpy(self.quat_xyzw))
-        return rigid(rotation, torch.from_numpy(self.position_m)).numpy()
+        return rigid(rotation_from_quat(self.quat_xyzw), self.position_m)
 
 
 def fly(
@@ -129,7 +127,7 @@ def _flown(
         for angle in tilt
     )
     angles = (roll_rad, pitch_rad, np.append(yaw_rad, 2 * yaw_rad[-1] - yaw_rad[-2]))
-    quat_xyzw = quat_from_euler(*(torch.from_numpy(angle) for angle in angles)).numpy()
+    quat_xyzw = quat_from_euler(*angles)
     return Flight(
         time_s=np.arange(len(yaw_rad)) * STEP_S,
         position_m=position_m[1:-1],

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
+from ..geometry import transform
 from ..ontology import GROUND, UNKNOWN
 from .layout import GroundPatch, Town
 from .mesh import Mesh, merge, mesh_of_patch, mesh_of_solid
@@ -239,4 +240,4 @@ def _triangles(parts: Iterable[Part]) -> Float[np.ndarray, "f 3 3"]:
 def _moved(
     triangles_m: Float[np.ndarray, "f 3 3"], b_from_a: Float[np.ndarray, "4 4"]
 ) -> Float[np.ndarray, "f 3 3"]:
-    return triangles_m @ b_from_a[:3, :3].T + b_from_a[:3, 3]
+    return transform(b_from_a, triangles_m)

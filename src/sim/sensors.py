@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..geometry import rotate
 from .scene import Hits, Scene
 
 GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
@@ -70,7 +71,7 @@ def scan(
     together, so that the moving actors are put into place once.
     """
     rotation, place_m = world_from_body[:3, :3], world_from_body[:3, 3]
-    directions = [lidar.directions(rays, index) @ rotation.T for lidar in LIDARS]
+    directions = [rotate(world_from_body, lidar.directions(rays, index)) for lidar in LIDARS]
     origins_m = [rotation @ np.array(lidar.position_m) + place_m for lidar in LIDARS]
     hits = scene.cast(step, np.repeat(origins_m, rays, axis=0), np.concatenate(directions))
     hits = hits.within(range_m)

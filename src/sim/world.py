@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
-from ..geometry import inverse, pixel_centres, unproject
+from ..geometry import inverse, pixel_centres, rotate, transform, unproject
 from ..ontology import SKY
 from .camera import (
     FAR_M,
@@ -159,7 +159,7 @@ class World:
         """The same from rays."""
         shape = rgb.shape[:2]
         length = np.linalg.norm(self._through, axis=-1)
-        directions = (self._through / length[..., None]) @ world_from_camera[:3, :3].T
+        directions = rotate(world_from_camera, self._through / length[..., None])
         origins_m = np.broadcast_to(world_from_camera[:3, 3], directions.shape)
         hits = self._scene.cast(step, origins_m.reshape(-1, 3), directions.reshape(-1, 3))
         depth_m = hits.distance_m.reshape(shape) / length
@@ -174,8 +174,7 @@ class World:
         """Where in the world each pixel looks; at the sky, the camera's own place."""
         world_from_camera = world_from_camera.astype(np.float32)
         finite_m = np.where(np.isfinite(depth_m), depth_m, 0)
-        points_m = (finite_m[..., None] * self._through) @ world_from_camera[:3, :3].T
-        return points_m + world_from_camera[:3, 3]
+        return transform(world_from_camera, finite_m[..., None] * self._through)
 
     def _place(self, step: int, camera_from_world: Float[np.ndarray, "4 4"]) -> None:
         """Shows what can be seen, where it is at the step, and hides the rest."""
