@@ -244,7 +244,7 @@ def pinhole(width: int, height: int, hfov_rad: float) -> Float[Tensor, "3 3"]:
     )
 
 
-def pixel_centres(width: int, height: int) -> Float[Tensor, "h w 2"]:
+def pixel_centers(width: int, height: int) -> Float[Tensor, "h w 2"]:
     """``(u, v)`` of every pixel's center (float64): (0.5, 0.5) for the first."""
     v, u = torch.meshgrid(
         torch.arange(height, dtype=torch.float64) + 0.5,

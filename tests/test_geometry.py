@@ -253,7 +253,7 @@ def test_depth_is_z_depth_and_not_range() -> None:
 
 
 def test_unproject_inverts_project() -> None:
-    pix = g.pixel_centres(WIDTH, HEIGHT).reshape(-1, 2)[::97]
+    pix = g.pixel_centers(WIDTH, HEIGHT).reshape(-1, 2)[::97]
     depth_m = torch.linspace(0.5, 60, len(pix), dtype=torch.float64)
     points_camera = g.unproject(pix, depth_m, PIX_FROM_CAMERA)
     identity = torch.eye(4, dtype=torch.float64)
@@ -352,8 +352,8 @@ def test_pinhole_spans_its_field_of_view() -> None:
     torch.testing.assert_close(pix, f64([[800.0, 224.0], [0.0, 224.0]]))
 
 
-def test_pixel_centres() -> None:
-    centres = g.pixel_centres(WIDTH, HEIGHT)
+def test_pixel_centers() -> None:
+    centres = g.pixel_centers(WIDTH, HEIGHT)
     assert centres.shape == (HEIGHT, WIDTH, 2)
     assert centres[0, 0].tolist() == [0.5, 0.5]
     assert centres[2, 5].tolist() == [5.5, 2.5]

@@ -15,7 +15,7 @@ from ..geometry import (
     in_image,
     inverse,
     occ_from_body,
-    pixel_centres,
+    pixel_centers,
     project,
     transform,
     unproject,
@@ -25,7 +25,7 @@ from .clip import Clip, damaged_files
 
 
 @dataclass
-class Agreement:
+class DepthAgreement:
     """Depth pixels against labels, in counts; shares are of the pixels that can be judged.
 
     A pixel can be judged when its point lies in the grid and its voxel's centre in the image.
@@ -37,7 +37,7 @@ class Agreement:
     free_voxels: int = 0
     free_with_point: int = 0
 
-    def join(self, other: "Agreement") -> None:
+    def join(self, other: "DepthAgreement") -> None:
         """Adds another's counts to these."""
         for name, count in vars(other).items():
             setattr(self, name, getattr(self, name) + count)
@@ -85,13 +85,13 @@ def _frustum_problems(clip: Clip, frame: int, centres: Float[Tensor, "X Y Z 3"])
         yield f"{clip.folder}: frame {frame}: {outside} voxels outside the image carry labels"
 
 
-def agreement_of(clip: Clip, frame: int, total: Agreement) -> None:
+def agreement_of(clip: Clip, frame: int, total: DepthAgreement) -> None:
     """Adds one frame's depth pixels to the counts; the clip must have been made with aux images."""
     meta = clip.meta
     depth_m = torch.from_numpy(clip.aux("depth", frame).astype(np.float64)).reshape(-1)
     class_id = clip.aux("class", frame).reshape(-1)
     hit = torch.from_numpy(class_id != SKY)
-    pix = pixel_centres(meta.width, meta.height).reshape(-1, 2)[hit]
+    pix = pixel_centers(meta.width, meta.height).reshape(-1, 2)[hit]
     points_camera = unproject(pix, depth_m[hit], meta.pix_from_camera)
     tilt = occ_from_body(clip.world_from_body[frame])
     points_occ = transform(tilt @ meta.body_from_camera, points_camera)

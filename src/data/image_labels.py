@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int64, UInt8
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from ..geometry import VoxelGrid, camera_from_occ, pixel_centres
+from ..geometry import VoxelGrid, camera_from_occ, pixel_centers
 from ..jit import njit
 from ..ontology import FREE
 from ..voxels import first_hit, rays_in_grid
@@ -66,7 +66,7 @@ def labels_of_pixels(
     ``size_pix`` is the image's width and height.
     """
     width, height = (side // stride for side in size_pix)
-    pix = stride * pixel_centres(width, height).flatten(0, 1)
+    pix = stride * pixel_centers(width, height).flatten(0, 1)
     origin, directions = rays_in_grid(pix, camera_from_occ, pix_from_camera, grid)
     classes = np.full(len(pix), FREE, np.int64)
     depth_m = np.zeros(len(pix), np.float32)

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import UInt8
 
-from ..geometry import VoxelGrid, pixel_centres
+from ..geometry import VoxelGrid, pixel_centers
 from ..ontology import FREE
 from ..voxels import rays_in_grid
 from .raycast import VOXEL, cast
@@ -25,7 +25,7 @@ def labels_in_image(
     The ray is the one through the pixel's centre. With another ``camera`` than the one that took
     the image, colours stand beside their objects.
     """
-    pix = pixel_centres(*camera.size_pix).reshape(-1, 2)
+    pix = pixel_centers(*camera.size_pix).reshape(-1, 2)
     origin, rays = rays_in_grid(pix, camera.camera_from_occ, camera.pix_from_camera, grid)
     hits = cast(labels < FREE, origin.numpy(), rays.contiguous().numpy(), SUN, -np.inf)
     met = hits.kind == VOXEL

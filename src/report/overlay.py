@@ -9,7 +9,7 @@ from PIL import ImageDraw
 from torch import Tensor
 
 from ..geometry import VoxelGrid
-from .view import Frustum, View
+from .view import Frustum, Viewpoint
 
 FLOOR_LINE_M = 10.0
 FLOOR_LINE_COLOR, PLUMB_COLOR, FRUSTUM_COLOR = (214, 219, 226), (90, 96, 106), (235, 94, 20)
@@ -25,7 +25,7 @@ class Pen:
         self,
         draw: ImageDraw.ImageDraw,
         depth_m: Float[np.ndarray, "h w"],
-        view: View,
+        view: Viewpoint,
         tolerance_m: float,
     ) -> None:
         self.draw, self.depth_m, self.view, self.tolerance_m = draw, depth_m, view, tolerance_m

@@ -15,7 +15,7 @@ from ..voxels import first_hit
 MISS, VOXEL, FLOOR = 0, 1, 2
 
 
-class Hits(NamedTuple):
+class PixelHits(NamedTuple):
     """Per ray: what it hits (MISS, VOXEL, FLOOR), and for a hit the rest.
 
     ``voxel`` is the index of the voxel, ``distance`` in lengths of the ray's direction, ``axis``
@@ -40,13 +40,13 @@ def cast(
     directions: Float[np.ndarray, "n 3"],
     sun: Float[np.ndarray, "3"],
     floor: float,
-) -> Hits:
+) -> PixelHits:
     """Follow rays from one origin to the first occupied voxel, else to the plane ``z = floor``.
 
     The plane ends with the grid's footprint. ``sun`` points towards the sun.
     """
     n = len(directions)
-    hits = Hits(
+    hits = PixelHits(
         kind=np.zeros(n, np.uint8),
         voxel=np.zeros((n, 3), np.int32),
         distance=np.full(n, np.inf),

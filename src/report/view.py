@@ -11,11 +11,11 @@ from ..geometry import front_mount, inverse, pinhole, project, transform, unproj
 
 PITCH_RAD, HFOV_RAD = math.radians(32), math.radians(36)
 MARGIN = 0.02
-"""Room around what `View.behind` shows, as a share of the picture."""
+"""Room around what `Viewpoint.behind` shows, as a share of the picture."""
 
 
 @dataclass(frozen=True)
-class View:
+class Viewpoint:
     """Observer in the occ frame: where, how far pitched down, how wide the lens. Never rolled."""
 
     position_m: tuple[float, float, float]
@@ -23,7 +23,7 @@ class View:
     hfov_rad: float
 
     @classmethod
-    def behind(cls, points_occ: Float[Tensor, "n 3"], aspect: float) -> "View":
+    def behind(cls, points_occ: Float[Tensor, "n 3"], aspect: float) -> "Viewpoint":
         """From behind and above the UAV, as near as lets all the points into the picture.
 
         ``aspect`` is the picture's width over its height. The points bound the observer's position

@@ -17,7 +17,7 @@ from ..geometry import (
     camera_from_occ,
     in_image,
     inverse,
-    pixel_centres,
+    pixel_centers,
     project,
     rotate,
     transform,
@@ -76,7 +76,7 @@ class View:
         """Every ``stride``-th pixel as a ray in the world; what is beyond the range is not hit."""
         rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
         height, width = self.depth_m.shape
-        pix = pixel_centres(width, height)[rows, columns].reshape(-1, 2)
+        pix = pixel_centers(width, height)[rows, columns].reshape(-1, 2)
         ones = torch.ones(len(pix), dtype=torch.float64)
         through = unproject(pix, ones, self.pix_from_camera)
         reach = through.norm(dim=-1)

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
-from ..geometry import inverse, pixel_centres, rotate, transform, unproject
+from ..geometry import inverse, pixel_centers, rotate, transform, unproject
 from ..ontology import SKY
 from .camera import (
     FAR_M,
@@ -80,7 +80,7 @@ class World:
             pix_from_camera, width, height, *depth_range_m, SAMPLE_OFFSET_PIX[renderer]
         )
         self._planes = frustum_planes(pix_from_camera, width, height)
-        pix = pixel_centres(width, height).reshape(-1, 2)
+        pix = pixel_centers(width, height).reshape(-1, 2)
         one_m = torch.ones(len(pix), dtype=pix.dtype)
         through = unproject(pix, one_m, pix_from_camera).numpy().astype(np.float32)
         self._through = through.reshape(height, width, 3)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import torch
 
-from src.data.check import Agreement, agreement_of, problems_of
+from src.data.check import DepthAgreement, agreement_of, problems_of
 from src.data.clip import ACTOR_COLUMNS, FRAME_COLUMNS, Clip, ClipMeta, ClipWriter, poses_of
 from src.geometry import (
     VoxelGrid,
@@ -72,7 +72,7 @@ def write(folder, rows, labels, class_id=BUILDING):
 
 
 def agreement(folder):
-    total = Agreement()
+    total = DepthAgreement()
     agreement_of(Clip(folder), 4, total)
     return total
 
@@ -116,13 +116,13 @@ def wall_voxels():
 
 def test_counts_add_up_over_frames(tmp_path):
     clip = Clip(write(tmp_path / "c", table(), wall_labels(table())))
-    one, two = Agreement(), Agreement()
+    one, two = DepthAgreement(), DepthAgreement()
     agreement_of(clip, 0, one)
     for frame in (1, 2):
         agreement_of(clip, frame, two)
     assert two.pixels == 2 * one.pixels
     assert two.shares() == one.shares()
-    assert Agreement().shares() == dict.fromkeys(one.shares(), 0.0)
+    assert DepthAgreement().shares() == dict.fromkeys(one.shares(), 0.0)
 
 
 # ----------------------------------------------------------------------------------- problems

@@ -6,8 +6,8 @@ import pytest
 import torch
 from torch.utils.data import default_collate
 
-from src.data.attitude import MeasuredAttitude, delayed, roll_pitch_of
 from src.data.dataset import OccupancyDataset
+from src.data.measured_attitude import MeasuredAttitude, delayed, roll_pitch_of
 from src.errors import UserError
 
 FIRST, SECOND = "downtown/clip00", "suburb/clip00"

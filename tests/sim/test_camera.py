@@ -89,7 +89,7 @@ def ground_depth(world_from_body):
     """
     occ_from_camera = g.inverse(g.camera_from_occ(world_from_body, BODY_FROM_CAMERA))
     world_from_camera = g.world_from_occ(world_from_body) @ occ_from_camera
-    pix = g.pixel_centres(WIDTH, HEIGHT)
+    pix = g.pixel_centers(WIDTH, HEIGHT)
     rays_camera = g.unproject(pix, torch.ones_like(pix[..., 0]), PIX_FROM_CAMERA)
     fall = -(rays_camera @ world_from_camera[:3, :3].T)[..., 2]
     depth_m = world_from_camera[2, 3] / fall
@@ -129,7 +129,7 @@ def test_without_the_correction_ground_at_29_m_is_15_cm_too_high(tiny):
 
 
 @pytest.mark.parametrize("attitude_rad", [LEVEL, TILTED])
-def test_egl_samples_at_pixel_centres(egl, attitude_rad):
+def test_egl_samples_at_pixel_centers(egl, attitude_rad):
     error_m, depth_m = ground_error(egl, attitude_rad, "egl")
     # Its depth buffer may have 16 bits only; a step of that is z^2 / near / 2^16.
     assert (np.abs(error_m) < depth_m**2 / NEAR_M / 2**16 + 0.01).all()
@@ -200,7 +200,7 @@ def misjudged_pix(client, attitude_rad, sample_offset_pix=None):
     corners_box = signs * torch.tensor(BOX_SIZE_M, dtype=torch.float64)
     corners_pix, _ = g.project(corners_box, camera_from_box, PIX_FROM_CAMERA)
     outline = cv2.convexHull(corners_pix.numpy().astype(np.float32))
-    centres = g.pixel_centres(WIDTH, HEIGHT).reshape(-1, 2).tolist()
+    centres = g.pixel_centers(WIDTH, HEIGHT).reshape(-1, 2).tolist()
     inside = [cv2.pointPolygonTest(outline, centre, measureDist=True) for centre in centres]
     inside = np.reshape(inside, (HEIGHT, WIDTH))
     assert (inside > 0).sum() > 300

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 import torch
 
-from src.data.check import Agreement, agreement_of, problems_of
+from src.data.check import DepthAgreement, agreement_of, problems_of
 from src.data.clip import SUMS, Clip
 from src.data.files import sha256_of
 from src.errors import UserError
@@ -127,7 +127,7 @@ def test_actors_are_those_of_the_instance_image(mini_dataset):
 
 
 def assert_that_labels_agree_with_truth(root):
-    total = Agreement()
+    total = DepthAgreement()
     for clip_id in hashes(root):
         clip = Clip(root / clip_id)
         for frame in range(len(clip)):
