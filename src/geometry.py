@@ -70,6 +70,7 @@ def rotation_from_euler(
         torch.stack([sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr], dim=-1),
         torch.stack([-sp, cp * sr, cp * cr], dim=-1),
     ]
+
     return torch.stack(rows, dim=-2)
 
 
@@ -106,6 +107,7 @@ def quat_from_euler(
     cr, sr = torch.cos(roll_rad / 2), torch.sin(roll_rad / 2)
     cp, sp = torch.cos(pitch_rad / 2), torch.sin(pitch_rad / 2)
     cy, sy = torch.cos(yaw_rad / 2), torch.sin(yaw_rad / 2)
+
     return torch.stack(
         [
             sr * cp * cy - cr * sp * sy,
@@ -208,6 +210,7 @@ def project(
     homogeneous = points_camera @ pix_from_camera.transpose(-1, -2)
     tiny = torch.finfo(depth_m.dtype).tiny ** 0.5
     divisor = torch.where(depth_m.abs() < tiny, torch.full_like(depth_m, tiny), depth_m)
+
     return homogeneous[..., :2] / divisor[..., None], depth_m
 
 

@@ -145,4 +145,5 @@ def rays_in_grid(
     one_metre = torch.ones(len(pix), dtype=torch.float64)
     rays_camera = unproject(pix.double(), one_metre, pix_from_camera.double())
     directions = rotate(occ_from_camera, rays_camera) / grid.voxel_m
+
     return (occ_from_camera[:3, 3] - torch.tensor(grid.lower_m)) / grid.voxel_m, directions

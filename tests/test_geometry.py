@@ -230,6 +230,7 @@ def test_project_agrees_with_opencv() -> None:
     pix_from_camera = f64([[180.0, 0.0, 101.3], [0.0, 175.0, 66.6], [0.0, 0.0, 1.0]])
     points_camera = torch.rand(40, 3, generator=generator, dtype=torch.float64) * f64(20, 10, 40)
     points_camera += f64(-10.0, -5.0, 1.0)
+
     for world_from_body in random_poses(25, seed=4):
         camera_from_occ = g.camera_from_occ(world_from_body, body_from_camera)
         points_occ = g.transform(torch.linalg.inv(camera_from_occ), points_camera)
@@ -273,6 +274,7 @@ def test_leading_batch_dimensions() -> None:
     pix, depth_m = g.project(points_occ, camera_from_occ, pix_from_camera)
     assert pix.shape == (2, 3, 4, 2)
     assert depth_m.shape == (2, 3, 4)
+
     for b in range(2):
         for frame in range(3):
             alone = g.camera_from_occ(world_from_body[b, frame], body_from_camera[b, 0])
@@ -353,10 +355,10 @@ def test_pinhole_spans_its_field_of_view() -> None:
 
 
 def test_pixel_centers() -> None:
-    centres = g.pixel_centers(WIDTH, HEIGHT)
-    assert centres.shape == (HEIGHT, WIDTH, 2)
-    assert centres[0, 0].tolist() == [0.5, 0.5]
-    assert centres[2, 5].tolist() == [5.5, 2.5]
+    centers = g.pixel_centers(WIDTH, HEIGHT)
+    assert centers.shape == (HEIGHT, WIDTH, 2)
+    assert centers[0, 0].tolist() == [0.5, 0.5]
+    assert centers[2, 5].tolist() == [5.5, 2.5]
 
 
 def test_front_mount_looks_along_body_x_and_pitches_down() -> None:

@@ -53,6 +53,7 @@ def ego_motion(
         "attitude_rad": torch.stack([roll_rad, pitch_rad]),
         "height_m": world_from_body[-1, 2, 3],
     }
+
     return {name: value.float() for name, value in motion.items()}
 
 
@@ -68,6 +69,7 @@ def mirrored(sample: Batch) -> Batch:
     pix_from_camera[..., 0, 1] *= -1
     pix_from_camera[..., 0, 2] = sample["image"].shape[-1] - pix_from_camera[..., 0, 2]
     sides = swap_y[:, None] * swap_y
+
     return {
         **sample,
         "image": sample["image"].flip(-1),

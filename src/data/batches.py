@@ -13,12 +13,12 @@ from torch.utils.data import Sampler
 
 from ..errors import UserError
 
+# Of the training frames: `TrainingBatches` and `StreamBatches`.
 ORDERS = ("shuffled", "streams")
-"""Of the training frames: `TrainingBatches` and `StreamBatches`."""
 
 
 class Key(NamedTuple):
-    """A sample of a data set: its number, whether it is mirrored, and how many frames before it
+    """A sample of a dataset: its number, whether it is mirrored, and how many frames before it
     its history may hold (``None``: as many as it has)."""
 
     index: int
@@ -146,6 +146,7 @@ class StreamBatches(TrainingBatches):
         ]
         steps = len(self)
         first = self.rank.number * self.places
+
         for step in range(steps):
             batch = [keys[place * steps + step] for place in range(first, first + self.places)]
             # A run that was cut by the border between two places begins anew there.

@@ -28,7 +28,7 @@ from .clip import Clip, damaged_files
 class DepthAgreement:
     """Depth pixels against labels, in counts; shares are of the pixels that can be judged.
 
-    A pixel can be judged when its point lies in the grid and its voxel's centre in the image.
+    A pixel can be judged when its point lies in the grid and its voxel's center in the image.
     """
 
     pixels: int = 0
@@ -60,9 +60,9 @@ def problems_of(clip_folder: Path) -> Iterator[str]:
         return
     clip = Clip(clip_folder)
     yield from _pose_problems(clip)
-    centres = clip.meta.grid.centers(torch.float64)
+    centers = clip.meta.grid.centers(torch.float64)
     for frame in range(len(clip)):
-        yield from _frustum_problems(clip, frame, centres)
+        yield from _frustum_problems(clip, frame, centers)
 
 
 def _pose_problems(clip: Clip) -> Iterator[str]:
@@ -74,12 +74,12 @@ def _pose_problems(clip: Clip) -> Iterator[str]:
         yield f"{clip.folder}: frame {frame}: roll, pitch, yaw are not those of the quaternion"
 
 
-def _frustum_problems(clip: Clip, frame: int, centres: Float[Tensor, "X Y Z 3"]) -> Iterator[str]:
+def _frustum_problems(clip: Clip, frame: int, centers: Float[Tensor, "X Y Z 3"]) -> Iterator[str]:
     """Labels stand exactly where the projection chain puts the image: a wrong attitude shows."""
     meta = clip.meta
     chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
     labelled = torch.from_numpy(clip.semantics(frame) != UNKNOWN)
-    pix, depth_m = project(centres[labelled], chain, meta.pix_from_camera)
+    pix, depth_m = project(centers[labelled], chain, meta.pix_from_camera)
     outside = int((~in_image(pix, depth_m, meta.width, meta.height)).sum())
     if outside:
         yield f"{clip.folder}: frame {frame}: {outside} voxels outside the image carry labels"
@@ -98,9 +98,9 @@ def agreement_of(clip: Clip, frame: int, total: DepthAgreement) -> None:
     index, inside = meta.grid.index_of(points_occ)
     index, own = index[inside], class_id[hit.numpy()][inside.numpy()]
 
-    centres = meta.grid.centers(torch.float64)[tuple(index.T)]
+    centers = meta.grid.centers(torch.float64)[tuple(index.T)]
     chain = inverse(meta.body_from_camera) @ inverse(tilt)
-    in_view = in_image(*project(centres, chain, meta.pix_from_camera), meta.width, meta.height)
+    in_view = in_image(*project(centers, chain, meta.pix_from_camera), meta.width, meta.height)
     index, own = index[in_view], own[in_view.numpy()]
     semantics = clip.semantics(frame)
     label = semantics[tuple(index.T.numpy())]

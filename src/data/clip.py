@@ -28,8 +28,9 @@ from .files import differing_files, flush_to_disk, reading, sha256_of, writing
 CLIP_SECONDS = 12.0
 JPEG_QUALITY = 95
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
+
+# Of labels: 4 takes two and a half times as long, for larger files.
 DEFLATE_LEVEL = 3
-"""Of labels: 4 takes two and a half times as long, for larger files."""
 SUMS = "SHA256SUMS"
 
 FRAME_COLUMNS = [

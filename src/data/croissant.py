@@ -1,4 +1,4 @@
-"""Croissant 1.0 metadata of a data set: JSON-LD that tools of the field read and load.
+"""Croissant 1.0 metadata of a dataset: JSON-LD that tools of the field read and load.
 
 The format is MLCommons' (http://mlcommons.org/croissant/1.0). Its context stands in the file, so
 that reading it needs no network.
@@ -14,6 +14,7 @@ from .clip import ACTOR_COLUMNS, FRAME_COLUMNS, SUMS
 from .files import sha256_of
 from .manifest import MANIFEST
 
+# The context of Croissant 1.0, word for word.
 CONTEXT = {
     "@language": "en",
     "@vocab": "https://schema.org/",
@@ -52,7 +53,6 @@ CONTEXT = {
     "subField": "cr:subField",
     "transform": "cr:transform",
 }
-"""The context of Croissant 1.0, word for word."""
 
 FILE_SETS = {
     "clip.json": ("application/json", "town, weather, seed, camera and voxel grid of a clip"),
@@ -138,6 +138,7 @@ def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Pat
     covered by the manifest's hashes, and the manifest by its own here.
     """
     files = next(iter(manifest["clips"].values()))["files"]
+
     return {
         "@context": CONTEXT,
         "@type": "sc:Dataset",
@@ -212,6 +213,7 @@ def _classes() -> dict:
 
 def _clips(clips_csv: Path) -> dict:
     columns = pd.read_csv(clips_csv, nrows=0).columns
+
     return {
         "@type": "cr:RecordSet",
         "@id": "clips",
@@ -241,10 +243,12 @@ def _table(
         "transform": {"regex": f"^(.*)/{file.replace('.', '[.]')}$"},
     }
     fields = [_field(name, "clip", "sc:Text", "the clip's folder, <town>/<clip>", clip)]
+
     for column in columns:
         source = {"fileSet": {"@id": file}, "extract": {"column": column}}
         meaning = _with_unit(column, meanings[column])
         fields.append(_field(name, column, _type_of(column), meaning, source))
+
     return {
         "@type": "cr:RecordSet",
         "@id": name,

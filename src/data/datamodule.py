@@ -1,4 +1,4 @@
-"""The data set as the trainer sees it: loaders for the parts of the temporal split."""
+"""The dataset as the trainer sees it: loaders for the parts of the temporal split."""
 
 from collections.abc import Iterator, Sequence
 from multiprocessing import get_all_start_methods
@@ -22,13 +22,13 @@ from .split import make_split
 
 
 class SkyShieldData(LightningDataModule):
-    """Loads a finished data set; it needs neither the simulator nor its configuration.
+    """Loads a finished dataset; it needs neither the simulator nor its configuration.
 
     Images stay uint8 until they are on the device. ``order`` is that of training: ``"shuffled"``
     frames, each with the images of its whole history, or ``"streams"`` of consecutive ones
     (`StreamBatches`), each with its own image alone. With ``allow_missing`` the frames of clips
     that are not on the disk are left out, and ``missing`` names these clips. Raises `UserError` for
-    another ``order``, and where the data set is incomplete, a file is broken, the split leaves a
+    another ``order``, and where the dataset is incomplete, a file is broken, the split leaves a
     part without a frame, or the grid has no left and right to swap.
     """
 
@@ -135,7 +135,7 @@ class SkyShieldData(LightningDataModule):
         return ALONE if trainer is None else Rank(trainer.global_rank, trainer.world_size)
 
     def loader(self, dataset: Dataset, batches: TrainingBatches | BatchesInOrder) -> DataLoader:
-        """Loads a data set's batches with the configured workers."""
+        """Loads a dataset's batches with the configured workers."""
         return DataLoader(
             dataset,
             batch_sampler=batches,

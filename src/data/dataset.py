@@ -45,6 +45,7 @@ class OccupancyDataset(Dataset):
         self.images = images
         if history not in HISTORY:
             raise UserError(f"data.history: {history!r}; there are {', '.join(HISTORY)}")
+
         self.step = history_stride(history_step_s, clips[self.samples[0][0]].meta.capture_hz)
 
     def __len__(self) -> int:
@@ -65,6 +66,7 @@ class OccupancyDataset(Dataset):
         shown = window if self.images else [now]
         images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(shown)}
         motion = ego_motion(clip.world_from_body[window], velocity_world_mps(clip, now))
+
         return {
             "image": torch.stack([images[frame].permute(2, 0, 1) for frame in shown]),
             "pix_from_camera": clip.meta.pix_from_camera.float().expand(self.frames, 3, 3),

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..errors import UserError
 
+# What numpy, pandas, PIL, json and zipfile raise over a file that is not what was written.
 BROKEN = (
     OSError,
     ValueError,
@@ -20,7 +21,6 @@ BROKEN = (
     zipfile.BadZipFile,
     zlib.error,
 )
-"""What numpy, pandas, PIL, json and zipfile raise over a file that is not what was written."""
 
 
 @contextmanager

@@ -21,7 +21,7 @@ class ImageLabels(TypedDict):
 
     image: UInt8[Tensor, "3 H W"]
     classes: Int64[Tensor, "h w"]
-    """Of the first occupied voxel on the ray through the pixel's centre; `FREE` where none is."""
+    """Of the first occupied voxel on the ray through the pixel's center; `FREE` where none is."""
     depth_m: Float[Tensor, "h w"]
     """z-depth of that voxel's face; zero where none is met."""
 
@@ -61,7 +61,7 @@ def labels_of_pixels(
     size_pix: tuple[int, int],
     stride: int,
 ) -> tuple[Int64[Tensor, "h w"], Float[Tensor, "h w"]]:
-    """Class and z-depth in metres at the centres of squares of ``stride`` pixels.
+    """Class and z-depth in metres at the centers of squares of ``stride`` pixels.
 
     ``size_pix`` is the image's width and height.
     """
@@ -72,6 +72,7 @@ def labels_of_pixels(
     depth_m = np.zeros(len(pix), np.float32)
     rays = origin.numpy(), directions.contiguous().numpy()
     _march(semantics, semantics < FREE, *rays, classes, depth_m)
+
     return (
         torch.from_numpy(classes).view(height, width),
         torch.from_numpy(depth_m).view(height, width),

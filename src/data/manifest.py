@@ -1,4 +1,4 @@
-"""The data set as a whole: where it lies, what it was made from, and whether it is all there.
+"""The dataset as a whole: where it lies, what it was made from, and whether it is all there.
 
 Every clip stands for itself; ``manifest.json`` is derived from them and from the configuration.
 """
@@ -19,13 +19,14 @@ from .split import Split, held_out_clips
 MANIFEST = "manifest.json"
 MANIFEST_KEYS = {"scale", "sim", "generator", "packages", "split", "held_out", "clips", "digest"}
 PACKAGES = ("torch", "lightning", "torchmetrics", "numpy", "numba", "pybullet", "embreex", "pillow")
+
+# Settings of ``sim`` that change no byte of a clip.
 NOT_SHAPING = ("workers", "dry_run", "shards", "shard")
-"""Settings of ``sim`` that change no byte of a clip."""
 
 
 @dataclass(frozen=True)
 class DatasetSpec:
-    """What shapes a data set: the generator's settings and its code."""
+    """What shapes a dataset: the generator's settings and its code."""
 
     scale: str
     sim: dict
@@ -47,7 +48,7 @@ class DatasetSpec:
 
 
 def package_versions() -> dict[str, str]:
-    """Versions of the packages that shape a data set; absent ones are left out."""
+    """Versions of the packages that shape a dataset; absent ones are left out."""
     versions = {}
     for name in PACKAGES:
         with suppress(PackageNotFoundError):
@@ -75,14 +76,16 @@ def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split
         },
     }
     manifest["digest"] = digest_of({**manifest, "digest": None})
+
     with replacing(root / MANIFEST) as temporary:
         temporary.write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n")
     return root / MANIFEST
 
 
 def read_manifest(root: Path) -> dict:
-    """The manifest of a data set; `UserError` where there is none or it cannot be read."""
+    """The manifest of a dataset; `UserError` where there is none or it cannot be read."""
     path = root / MANIFEST
+
     try:
         manifest = json.loads(path.read_text())
         if missing := MANIFEST_KEYS - set(manifest):
@@ -92,7 +95,7 @@ def read_manifest(root: Path) -> dict:
         return manifest
     except FileNotFoundError:
         raise UserError(
-            f"{path}: not found, so {root} is no finished data set; run task=generate"
+            f"{path}: not found, so {root} is no finished dataset; run task=generate"
         ) from None
     except (OSError, ValueError, TypeError) as error:
         raise UserError(
@@ -102,7 +105,7 @@ def read_manifest(root: Path) -> dict:
 
 
 def require_same_data(root: Path, spec: DatasetSpec) -> None:
-    """Refuses a data set that was made under other settings than the ones asked for."""
+    """Refuses a dataset that was made under other settings than the ones asked for."""
     if changed := different_setting(read_manifest(root)["sim"], spec.sim):
         key, old, new = changed
         raise UserError(

@@ -47,6 +47,7 @@ class MeasuredAttitude:
         self.step = step
         generator = torch.Generator().manual_seed(seed)
         self.roll_pitch_rad = {}
+
         for clip_id in sorted(clips):
             reported = delayed(*roll_pitch_of(clips[clip_id]), delay_s)
             if level:
@@ -68,6 +69,7 @@ class MeasuredAttitude:
         roll_rad, pitch_rad = reported.unbind(-1)
         rotation = rotation_from_euler(roll_rad, pitch_rad, torch.zeros_like(roll_rad))
         occ_from_body = rigid(rotation, torch.zeros_like(rotation[..., 0]))
+
         return {
             **batch,
             "occ_from_body": occ_from_body.to(batch["occ_from_body"]),

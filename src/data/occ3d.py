@@ -41,6 +41,7 @@ class Occ3DFolder:
                 f"layout.class_map: {strange[0]!r} is no class; there are {', '.join(CLASSES)}, "
                 "and unknown"
             )
+
         ids = [UNKNOWN if name == "unknown" else CLASSES.index(name) for name in class_map]
         self._map = np.full(256, UNKNOWN, dtype=np.uint8)
         self._map[: len(ids)] = ids
@@ -71,6 +72,7 @@ class Occ3DFolder:
             raise UserError(
                 f"{path}: class {theirs.max()} is not in layout.class_map, which has {self._known}"
             )
+
         return torch.from_numpy(self._map[theirs.astype(np.uint8)])
 
     def mask(self, scene: str, token: str, name: str) -> Tensor:

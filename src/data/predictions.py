@@ -1,6 +1,6 @@
 """Predicted labels on disk: ``<clip>/occupancy.npz`` with a ``semantics_<frame>`` for each frame.
 
-The layout is that of a data set's own labels. Class scores may lie beside them, in ``logits.npz``
+The layout is that of a dataset's own labels. Class scores may lie beside them, in ``logits.npz``
 as ``logits_<frame>``, floats [C, X, Y, Z]. ``predictions.json`` says whose they are.
 """
 
@@ -167,6 +167,7 @@ class Predictions:
 
     def _read(self, clip: str, name: str, array: str) -> np.ndarray:
         path = self.folder / clip / name
+
         try:
             if self._open is None or self._open[0] != path:
                 self._open = (path, np.load(path, allow_pickle=False))

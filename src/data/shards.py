@@ -1,8 +1,8 @@
-"""Shares of one data set, each made by a process or machine of its own.
+"""Shares of one dataset, each made by a process or machine of its own.
 
 Settings decide the folder's name, so shards of different settings would never meet: each would
-leave a part of another data set. Therefore the first shard leaves a record beside the folder,
-against which all others are held until the data set is whole.
+leave a part of another dataset. Therefore the first shard leaves a record beside the folder,
+against which all others are held until the dataset is whole.
 """
 
 import json
@@ -33,7 +33,7 @@ def share_of(items: Sequence[T], shard: int, shards: int) -> list[T]:
 
 
 def record_of(data_folder: Path, scale: str) -> Path:
-    """The file that says which data set of a scale is being made in shards."""
+    """The file that says which dataset of a scale is being made in shards."""
     return data_folder / f".{scale}.shards.json"
 
 
@@ -42,6 +42,7 @@ def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
     path = record_of(data_folder, spec.scale)
     mine = {"sim": spec.sim, "generator": spec.generator, "shards": shards}
     _write_first(path, mine)
+
     try:
         theirs = json.loads(path.read_text())
         changed = _difference(theirs, mine)
@@ -51,13 +52,13 @@ def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
         raise UserError(f"{path}: cannot be read ({error}); delete it") from error
     if changed:
         raise UserError(
-            f"{changed}; give all shards of a data set the same, or delete {path} if no other is "
+            f"{changed}; give all shards of a dataset the same, or delete {path} if no other is "
             "to be finished"
         )
 
 
 def forget_shards(data_folder: Path, spec: DatasetSpec) -> None:
-    """Removes the record of a data set that is whole now; that of another one stays."""
+    """Removes the record of a dataset that is whole now; that of another one stays."""
     path = record_of(data_folder, spec.scale)
     try:
         theirs = json.loads(path.read_text())
@@ -94,4 +95,5 @@ def _difference(theirs: dict, mine: dict) -> str | None:
             f"sim: this shard's code is {mine['generator']}, and that of those under way "
             f"{theirs['generator']}"
         )
+
     return None

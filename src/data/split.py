@@ -7,8 +7,8 @@ from ..errors import UserError
 TRAIN_UNTIL_S = 10.0
 VAL_UNTIL_S = 11.0
 
+# ``train``, ``val`` and ``test``: lists of (clip id, frame).
 Split = dict[str, list[tuple[str, int]]]
-"""``train``, ``val`` and ``test``: lists of (clip id, frame)."""
 
 
 def make_split(
@@ -33,6 +33,7 @@ def make_split(
         )
     if len(set(held_out)) < len(held_out):
         raise UserError("data.val_clips/data.test_clips: a clip is held out twice; name it once")
+
     split: Split = {"train": [], "val": [], "test": []}
     for clip in clip_ids:
         for frame in range(frames_per_clip):
@@ -43,6 +44,7 @@ def make_split(
             else:
                 part = part_of_time(frame / capture_hz)
             split[part].append((clip, frame))
+
     return split
 
 

@@ -1,7 +1,7 @@
-"""The numbers of a data set, read from its files: a row a frame, and what the paper reports.
+"""The numbers of a dataset, read from its files: a row a frame, and what the paper reports.
 
 The paper gives shares of voxels without saying of which voxels, so that every share here comes with
-three denominators: the labelled voxels, those whose centre lies in the front image, and all of the
+three denominators: the labelled voxels, those whose center lies in the front image, and all of the
 grid (App. B of the paper, "SkyShield Dataset and Generation Details").
 """
 
@@ -23,11 +23,11 @@ from .clip import Clip
 from .manifest import missing_clips, read_manifest
 from .split import part_of_time
 
+# An actor with this share of the image's pixels or more counts as visible.
 MIN_VISIBLE_SHARE = 5e-5
-"""An actor with this share of the image's pixels or more counts as visible."""
 
+# The paper gives the share of frames below this height.
 LOW_FLIGHT_M = 11.0
-"""The paper gives the share of frames below this height."""
 
 DENOMINATORS = ("labelled", "in image", "all")
 PARTS = ("train", "val", "test")
@@ -35,7 +35,7 @@ PARTS = ("train", "val", "test")
 
 @dataclass(frozen=True)
 class Statistics:
-    """A data set in two tables; the rest is derived from them.
+    """A dataset in two tables; the rest is derived from them.
 
     ``frames`` has a row a frame: ``clip``, ``town``, ``weather``, ``part`` of the split,
     ``altitude_m``, ``speed_mps``, ``roll_rad``, ``pitch_rad``, the voxels of each class
@@ -95,13 +95,14 @@ class Statistics:
             shares.rename(columns=lambda name: name.replace("voxels/", "share_")),
         ]
         table = self.clips.set_index("clip").assign(frames=of_clip.size()).join(columns)
+
         return table[[*table.columns.drop("bytes"), "bytes"]].reset_index()
 
 
 def statistics_of(root: Path) -> Statistics:
-    """Statistics of a finished data set.
+    """Statistics of a finished dataset.
 
-    Raises `UserError` where the data set is unfinished or a file cannot be read.
+    Raises `UserError` where the dataset is unfinished or a file cannot be read.
     """
     manifest = read_manifest(root)
     clip_ids = sorted(manifest["clips"], key=_place_in(manifest["sim"]["towns"]))
@@ -117,7 +118,7 @@ def statistics_of(root: Path) -> Statistics:
 def statistics_of_clips(
     root: Path, clip_ids: Sequence[str], roles: Mapping[str, str] | None = None
 ) -> Statistics:
-    """Statistics of some clips, also of a data set that is still being made.
+    """Statistics of some clips, also of a dataset that is still being made.
 
     ``roles`` gives the part (``val`` or ``test``) of the clips that are held out.
     """
@@ -168,6 +169,7 @@ def _frames_of(clip: Clip, role: str) -> pd.DataFrame:
             "pitch_rad": rows["pitch_rad"],
         }
     )
+
     return pd.concat([table, _voxel_counts(clip), _visible_actors(clip)], axis=1)
 
 
@@ -197,7 +199,7 @@ def _visible_actors(clip: Clip) -> pd.DataFrame:
 
 
 def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:
-    """Voxels of each frame whose centre projects into the front image."""
+    """Voxels of each frame whose center projects into the front image."""
     meta = clip.meta
     chain = camera_from_occ(clip.world_from_body, meta.body_from_camera)
     pix_from_occ = (meta.pix_from_camera @ chain[:, :3]).numpy()
@@ -220,7 +222,7 @@ def _count_in_image(
     width: int,
     height: int,
 ) -> int:
-    """Voxels whose centre is in the image: `project` and `in_image`, without an array of points."""
+    """Voxels whose center is in the image: `project` and `in_image`, without an array of points."""
     count = 0
     for i in range(shape[0]):
         x = lower_m[0] + (i + 0.5) * voxel_m
@@ -233,4 +235,5 @@ def _count_in_image(
                 u, v = column[0] + pix_from_occ[0, 2] * z, column[1] + pix_from_occ[1, 2] * z
                 inside = 0 <= u < width * depth and 0 <= v < height * depth
                 count += depth > MIN_DEPTH_M and inside
+
     return count

@@ -17,7 +17,7 @@ PARTS = ("test", "val", "train")
 
 
 class SkyShieldTruth:
-    """The labels of one part of a finished data set.
+    """The labels of one part of a finished dataset.
 
     The clips of ``val`` and ``test`` that are ``held_out`` may be named; otherwise they are those
     of its manifest. Raises `UserError` for a folder that is none, for a part that there is not, and
@@ -32,6 +32,7 @@ class SkyShieldTruth:
     ) -> None:
         if part not in PARTS:
             raise UserError(f"task.part: {part!r}; there are {', '.join(PARTS)}")
+
         self.root = Path(root)
         manifest = read_manifest(self.root)
         self.clips = {clip: Clip(self.root / clip) for clip in manifest["clips"]}

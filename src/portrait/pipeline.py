@@ -81,7 +81,7 @@ def _classes(view: View) -> Picture:
 
 
 def _instances(view: View) -> Picture:
-    """Every actor in a colour of its own, all else pale."""
+    """Every actor in a color of its own, all else pale."""
     hues = matplotlib.colormaps["tab20"](view.actor_id % 20, bytes=True)[..., :3]
     pale = (0.25 * _classes(view) + 0.75 * 255).astype(np.uint8)
     return np.where((view.actor_id > 0)[..., None], hues, pale)
@@ -102,10 +102,12 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) ->
     order = torch.argsort(depth_m[shown], descending=True)
     column, row = (pix[shown][order] * scale).long().numpy().T
     colors = _by_range(depth_m[shown][order].numpy())
+
     for right in range(DOT_PIX):
         for down in range(DOT_PIX):
             u = np.minimum(column + right, picture.shape[1] - 1)
             picture[np.minimum(row + down, picture.shape[0] - 1), u] = colors
+
     return picture
 
 

@@ -27,6 +27,7 @@ def write_sheet(
     row_pix = cell_pix[1] + TITLE_PIX
     width = GAP_PIX + max(map(len, rows)) * (cell_pix[0] + GAP_PIX)
     page = Canvas(width, len(rows) * row_pix + GAP_PIX)
+
     for n, row in enumerate(rows):
         for k, (title, picture) in enumerate(row):
             left, top = GAP_PIX + k * (cell_pix[0] + GAP_PIX), n * row_pix

@@ -25,13 +25,15 @@ from ..sim.weather import WEATHERS, weather_named
 from ..sim.world import World
 
 SIZE_PIX = (960, 544)
+
+# Size of the pictures among which `street_shot` chooses, one for every second of the flight.
 PREVIEW_PIX = (96, 64)
-"""Size of the pictures among which `street_shot` chooses, one for every second of the flight."""
 
 AERIAL_HFOV_RAD, AERIAL_PITCH_RAD = math.radians(46), math.radians(38)
 AERIAL_YAW_RAD = math.radians(60)
+
+# Of the aerial camera from the middle of the town, in diagonals of what can be flown through.
 AERIAL_DISTANCE = 1.25
-"""Of the aerial camera from the middle of the town, in diagonals of what can be flown through."""
 
 AERIAL_DEPTH_RANGE_M = (10.0, 900.0)
 
@@ -71,12 +73,14 @@ def street_shot(sim: Mapping, town: str) -> Shot:
     poses = flight.world_from_body @ maker.body_from_camera.numpy()
     hfov_rad = math.radians(sim["image"]["hfov_deg"])
     steps = range(0, len(poses), STEP_HZ)
+
     with World(scene, pinhole(*PREVIEW_PIX, hfov_rad), *PREVIEW_PIX) as world:
         previews = [
             world.render(step, torch.from_numpy(poses[step]), WEATHERS["cloudy"]) for step in steps
         ]
     richest = max(range(len(steps)), key=lambda n: entropy(previews[n].class_id))
     pose = torch.from_numpy(poses[steps[richest]])
+
     return Shot(scene, steps[richest], pose, pinhole(*SIZE_PIX, hfov_rad))
 
 
@@ -94,6 +98,7 @@ def photograph(
     """The picture of a shot under each weather. Raises `UserError` for an unknown one."""
     pictures = {}
     viewpoint = Viewpoint.of(shot.world_from_camera, shot.pix_from_camera)
+
     with World(
         shot.scene, shot.pix_from_camera, *SIZE_PIX, depth_range_m=shot.depth_range_m
     ) as world:
@@ -102,4 +107,5 @@ def photograph(
             rendering = world.render(shot.step, shot.world_from_camera, weather)
             rng = generator_for(seed, "portrait", name)
             pictures[name] = apply_weather(rendering, viewpoint, weather, rng)
+
     return pictures

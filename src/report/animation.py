@@ -73,7 +73,7 @@ def _encode(pictures: list[Image.Image], duration_ms: int) -> bytes:
     """GIF bytes, of smaller pictures where the whole ones are too heavy."""
     while True:
         buffer = io.BytesIO()
-        # Median cut would give the few voxels of a rare class their neighbours' colour.
+        # Median cut would give the few voxels of a rare class their neighbours' color.
         first, *others = (p.quantize(256, Image.Quantize.FASTOCTREE) for p in pictures)
         settings = {"duration": duration_ms, "loop": 0, "optimize": False}
         first.save(buffer, "GIF", save_all=True, append_images=others, **settings)

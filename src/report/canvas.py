@@ -13,8 +13,9 @@ from ..atomic import replacing
 
 DPI = 100
 INK, MUTED = "#181c24", "#5a606a"
+
+# Of JPEG, the best first.
 QUALITIES = range(92, 39, -4)
-"""Of JPEG, the best first."""
 
 
 class Canvas:

@@ -1,4 +1,4 @@
-"""The card of a finished data set: a page for people, figures, a table, and Croissant metadata."""
+"""The card of a finished dataset: a page for people, figures, a table, and Croissant metadata."""
 
 import json
 from pathlib import Path
@@ -18,17 +18,18 @@ CARD_SUMS = f"{FIGURES}/{SUMS}"
 
 
 def write_card(root: Path) -> None:
-    """Write ``README.md``, ``card/`` and ``croissant.json`` into a data set's folder, and the
+    """Write ``README.md``, ``card/`` and ``croissant.json`` into a dataset's folder, and the
     SHA-256 of each of these files.
 
-    Everything comes from the files there, and the same data set gives the same bytes. Raises
-    `UserError` where the data set is unfinished, a file cannot be read, or nothing can be written.
+    Everything comes from the files there, and the same dataset gives the same bytes. Raises
+    `UserError` where the dataset is unfinished, a file cannot be read, or nothing can be written.
     """
     root = Path(root)
     manifest = read_manifest(root)
     figures = root / FIGURES
     statistics = statistics_of(root)
     clips = statistics.clip_table()
+
     with replacing(figures / "clips.csv") as temporary:
         clips.to_csv(temporary, index=False, lineterminator="\n")
     draw_statistics(statistics, figures / "statistics.png")

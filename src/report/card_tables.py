@@ -1,4 +1,4 @@
-"""The tables of a data set's card, in Markdown, ours beside the paper's."""
+"""The tables of a dataset's card, in Markdown, ours beside the paper's."""
 
 from collections.abc import Mapping, Sequence
 
@@ -31,6 +31,7 @@ def settings_table(sim: Mapping, statistics: Statistics) -> str:
         "Learning input": "monocular front-view RGB",
         "Annotation signals": "dual LiDAR + simulator semantics",
     }
+
     return _table(BESIDE, [(item, ours[item], text) for item, text in paper.STATISTICS.items()])
 
 
@@ -48,11 +49,13 @@ def flight_table(statistics: Statistics) -> str:
             NONE,
         ),
     ]
+
     for name in ("roll", "pitch"):
         angles_deg = np.rad2deg(frames[f"{name}_rad"])
         spread_deg, most_deg = angles_deg.std(ddof=0), angles_deg.abs().max()
         rows.append((f"{name}, deviation / greatest", f"{spread_deg:.1f}° / {most_deg:.1f}°", NONE))
     ratio = _ratio(statistics.thin_car_vru()), _ratio([share / theirs[-1] for share in theirs])
+
     return _table(BESIDE, [*rows, ("voxels, thin : car : VRU", *ratio)])
 
 
@@ -70,6 +73,7 @@ def actor_table(statistics: Statistics) -> str:
         )
         for name, theirs in paper.INSTANCES.items()
     ]
+
     return _table(header, rows)
 
 
@@ -97,9 +101,9 @@ def split_table(statistics: Statistics) -> str:
 
 
 def benchmark_table(statistics: Statistics) -> str:
-    """The paper's Table 1 with a row for this data set."""
+    """The paper's Table 1 with a row for this dataset."""
     weathers, sizes = statistics.clips["weather"].nunique(), statistics.part_sizes()
-    ours = paper.Benchmark("**this data set**", True, True, True, True, weathers, **sizes)
+    ours = paper.Benchmark("**this dataset**", True, True, True, True, weathers, **sizes)
     header = (
         *("", "UAV view", "3-D annotation", "occupancy", "dynamic camera", "diversity"),
         *PARTS,
@@ -127,6 +131,7 @@ def clip_rows(clips: pd.DataFrame) -> str:
         )
         for clip, visible in zip(clips.itertuples(), actors)
     ]
+
     return _table(header, rows)
 
 

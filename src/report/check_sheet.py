@@ -22,7 +22,7 @@ def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading:
     """Write a JPEG of frames of some clips: the image, and the image under its own labels.
 
     Shows the most tilted frame of each of six clips, evenly spaced among those given; of fewer
-    clips, more frames each. A wrong attitude, mount or grid shows as colours beside their objects.
+    clips, more frames each. A wrong attitude, mount or grid shows as colors beside their objects.
     Raises `UserError` for a clip that cannot be read and a path that cannot be written.
     """
     picked = [(Clip(root / clip_ids[n]), frame) for n, frame in _picked(root, clip_ids)]
@@ -71,6 +71,7 @@ def _page(pairs: list[tuple[np.ndarray, np.ndarray]], titles: list[str], heading
     rows = -(-len(pairs) // COLUMNS)
     page = Canvas(COLUMNS * pair_pix, HEADER_PIX + rows * row_pix + FOOTER_PIX)
     page.text(GAP_PIX, HEADER_PIX / 2, heading, size=19)
+
     for n, (pair, title) in enumerate(zip(pairs, titles)):
         row, column = divmod(n, COLUMNS)
         left, top = GAP_PIX + column * pair_pix, HEADER_PIX + row * row_pix
@@ -79,4 +80,5 @@ def _page(pairs: list[tuple[np.ndarray, np.ndarray]], titles: list[str], heading
             u = left + side * (cell_pix[0] + GAP_PIX)
             page.picture(resized(picture, *cell_pix), u, top + TITLE_PIX)
     add_legend(page.figure, FOOTER_PIX / 2 / page.height_pix, skip=("free",))
+
     return page

@@ -1,10 +1,10 @@
-"""The command line that makes a data set again, from what its manifest says."""
+"""The command line that makes a dataset again, from what its manifest says."""
 
 from collections.abc import Mapping
 
 
 def overrides_of(manifest: Mapping) -> list[str]:
-    """The words of the command line that name this very data set, whatever the defaults are."""
+    """The words of the command line that name this very dataset, whatever the defaults are."""
     sim, held_out = manifest["sim"], manifest["held_out"]
     words = ["task=generate", f"scale={manifest['scale']}"]
     words += [word for key, value in sim.items() for word in _assignments(f"sim.{key}", value)]

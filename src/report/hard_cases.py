@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import pandas as pd
 
+# What makes a frame hard, and the column that says how hard: |roll| + |pitch|, or how many voxels
+# of a class the camera sees.
 RULES = {
     "most tilted": "tilt_rad",
     "most thin structure in view": "thin_structure",
@@ -12,8 +14,6 @@ RULES = {
     "most large vehicle in view": "large_vehicle",
     "most vegetation in view": "vegetation",
 }
-"""What makes a frame hard, and the column that says how hard: |roll| + |pitch|, or how many voxels
-of a class the camera sees."""
 
 
 class HardCase(NamedTuple):

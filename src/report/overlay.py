@@ -14,8 +14,9 @@ from .view import Frustum, Viewpoint
 FLOOR_LINE_M = 10.0
 FLOOR_LINE_COLOR, PLUMB_COLOR, FRUSTUM_COLOR = (214, 219, 226), (90, 96, 106), (235, 94, 20)
 UAV_COLOR, ROTOR_COLOR = (24, 28, 36), (225, 230, 236)
+
+# Span of the drawn UAV and depth of the drawn frustum, as shares of the grid's length.
 UAV_SHARE, FRUSTUM_SHARE = 0.045, 0.16
-"""Span of the drawn UAV and depth of the drawn frustum, as shares of the grid's length."""
 
 
 class Pen:

@@ -25,6 +25,7 @@ def draw_penalty(path: str | Path) -> None:
     distance_m = torch.linspace(0, REACH_M, 1401, dtype=torch.float64)
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
     axes = figure.subplots()
+
     for speed_mps, color in zip(SPEEDS_MPS, COLORS):
         edge_m = penalty.horizon_s * speed_mps
         weight = 1 + penalty.excess(distance_m, speed_mps)
@@ -41,6 +42,7 @@ def draw_penalty(path: str | Path) -> None:
     axes.set_xlim(0, REACH_M)
     axes.legend(frameon=False, fontsize=9, title="speed", alignment="left")
     axes.spines[["top", "right"]].set_visible(False)
+
     with replacing(path) as temporary:
         FigureCanvasAgg(figure).print_png(temporary)
 

@@ -54,13 +54,16 @@ def qualitative_sheet(
     """
     if not scenes:
         raise UserError(f"{path}: no frames to draw; the split is empty")
+
     names = [name for name, _ in scenes[0].volumes()]
     if any([name for name, _ in scene.volumes()] != names for scene in scenes):
         raise UserError(f"{path}: its rows show predictions of different models; draw two sheets")
+
     columns = ["RGB", *names, *(f"{name}, top" for name in names if tops)]
     rows = [list(_pictures(scene, tops)) for scene in scenes]
     caption = f"{BEHIND}{ABOVE if tops else ';'}{HIDDEN}"
     sheet = _compose(rows, columns, [scene.title for scene in scenes], heading, caption)
+
     with replacing(path) as temporary:
         temporary.write_bytes(_encode(sheet))
 
@@ -104,6 +107,7 @@ def _compose(
     height = HEADER_PIX + len(rows) * (ROW_PIX + TITLE_PIX) + FOOTER_PIX
     page = Canvas(width, height)
     page.text(GAP_PIX, 30, heading, size=21, weight="bold")
+
     for name, u, w in zip(columns, left, widths):
         page.text(u + w / 2, 88, name, size=18, ha="center")
     for n, (row, title) in enumerate(zip(rows, titles)):
@@ -113,11 +117,12 @@ def _compose(
             page.picture(picture, u, top + TITLE_PIX)
     add_legend(page.figure, 66 / height)
     page.text(width / 2, height - 22, caption, size=14, ha="center", color=MUTED)
+
     return page.drawn()
 
 
 def add_legend(figure: Figure, middle: float, skip: Sequence[str] = ()) -> None:
-    """Name the classes' colours in one line, ``middle`` of the figure's height above its foot."""
+    """Name the classes' colors in one line, ``middle`` of the figure's height above its foot."""
     patches = [
         Patch(
             facecolor=np.array(COLORS[name]) / 255,
@@ -127,6 +132,7 @@ def add_legend(figure: Figure, middle: float, skip: Sequence[str] = ()) -> None:
         for name in CLASSES
         if name not in skip
     ]
+
     figure.legend(
         handles=patches,
         loc="center",

@@ -57,6 +57,7 @@ def cast(
         sunlit=np.ones(n, np.bool_),
     )
     _cast(occupied, origin, directions, sun, float(floor), hits)
+
     return hits
 
 
@@ -64,6 +65,7 @@ def cast(
 def _cast(occupied, origin, directions, sun, floor, hits):
     before = np.empty(3, np.int64)
     point = np.empty(3)
+
     for n in range(len(directions)):
         direction = directions[n]
         cell, distance, axis = first_hit(occupied, origin, direction)
@@ -107,6 +109,7 @@ def _face(occupied, point, cell, axis, side, before):
     before[0], before[1], before[2] = cell[0], cell[1], cell[2]
     before[axis] += side
     openness = 0.0
+
     for i in (-1, 1):
         for j in (-1, 1):
             before[b], before[c] = cell[b] + i, cell[c]
@@ -118,6 +121,7 @@ def _face(occupied, point, cell, axis, side, before):
             blocked = 3 if beside and along else beside + along + corner
             weight = (u if i > 0 else 1 - u) * (v if j > 0 else 1 - v)
             openness += weight * (3 - blocked) / 3
+
     return min(min(u, 1 - u), min(v, 1 - v)), openness
 
 

@@ -1,4 +1,4 @@
-"""The paper's four panels of data set statistics (App. B, "SkyShield Dataset and Generation")."""
+"""The paper's four panels of dataset statistics (App. B, "SkyShield Dataset and Generation")."""
 
 from pathlib import Path
 
@@ -52,6 +52,7 @@ def _draw_matrix(axes: Axes, statistics: Statistics) -> None:
     axes.imshow(frames, cmap="Blues", vmin=0, vmax=2.2 * most, aspect="auto")
     axes.set_xticks(range(frames.shape[1]), map(readable, frames.columns), rotation=40, ha="right")
     axes.set_yticks(range(frames.shape[0]), map(readable, frames.index))
+
     for (row, column), count in np.ndenumerate(clips.to_numpy()):
         label = f"{count}\n{frames.iat[row, column]:,}" if count else "–"
         axes.text(column, row, label, ha="center", va="center", fontsize=8, color=INK)
@@ -73,6 +74,7 @@ def _draw_heights(axes: Axes, statistics: Statistics) -> None:
         (paper.MEAN_HEIGHT_M, MUTED, ":", f"the paper's mean {paper.MEAN_HEIGHT_M} m"),
         (LOW_FLIGHT_M, INK, "--", f"{LOW_FLIGHT_M:g} m: {below:.1%} below, the paper's 86.1%"),
     )
+
     for height_m, color, style, label in lines:
         axes.axvline(height_m, color=color, linestyle=style, linewidth=1.8, label=label)
     axes.legend(frameon=False, fontsize=9)
@@ -88,10 +90,12 @@ def _draw_voxels(axes: Axes, statistics: Statistics) -> None:
     """Three bars a class, one for each denominator; most frequent class first."""
     shares = statistics.class_shares().sort_values("labelled", ascending=False)
     places = np.arange(len(shares))
+
     for n, (denominator, opacity) in enumerate(DENOMINATOR_OPACITY.items()):
         bars = axes.bar(places + 0.27 * (n - 1), shares[denominator], 0.25, alpha=opacity)
         for bar, name in zip(bars, shares.index):
             bar.set(facecolor=VOXEL_COLORS[name], edgecolor="#8a919c", linewidth=0.5)
+
     for place, share in zip(places - 0.27, shares["labelled"]):
         if share:
             axes.text(place, 1.22 * share, percent(share), ha="center", fontsize=8.5, color=INK)
@@ -129,6 +133,7 @@ def _draw_actors(axes: Axes, statistics: Statistics) -> None:
     axes.bar(places - 0.2, ours, 0.38, color=colors)
     hatched = {"facecolor": "white", "edgecolor": MUTED, "hatch": "////"}
     axes.bar(places + 0.2, theirs, 0.38, label="the paper's", **hatched)
+
     for place, count, height in zip(places - 0.2, visible_totals(statistics).values(), ours):
         label = axes.text(place, height, f"{count:,}", ha="center", va="bottom", fontsize=8)
         label.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4})

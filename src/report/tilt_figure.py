@@ -19,8 +19,9 @@ from .voxels import ground_level, render_voxels, view_of
 
 CELL_PIX = (620, 400)
 GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 18, 40, 60, 60
+
+# Depth of the drawn frustum, as a share of the grid's length.
 FRUSTUM_SHARE = 0.3
-"""Depth of the drawn frustum, as a share of the grid's length."""
 
 Picture = UInt8[np.ndarray, "h w 3"]
 
@@ -30,7 +31,7 @@ def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
     the one of a UAV without roll and pitch.
 
     A row has the labels in the occ frame with the camera's frustum, and the image under the labels
-    as that camera would see them: only with the true one do colours lie on their objects. Raises
+    as that camera would see them: only with the true one do colors lie on their objects. Raises
     `UserError` for a path that cannot be written.
     """
     rows = {
@@ -38,6 +39,7 @@ def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
         "A level UAV instead: by so much the labels miss their objects": _pictures(scene, level),
     }
     page = _page(_as_high(scene.image), rows, scene.title)
+
     with replacing(path) as temporary:
         page.drawn().save(temporary, format="png", optimize=True)
 
@@ -66,6 +68,7 @@ def _page(image: Picture, rows: Mapping[str, Sequence[Picture]], heading: str) -
     page = Canvas(sum(widths) + (len(widths) + 1) * GAP_PIX, height)
     page.text(GAP_PIX, HEADER_PIX / 2, heading, size=20, weight="bold")
     page.picture(image, GAP_PIX, HEADER_PIX + (len(rows) * row_pix - image.shape[0]) // 2)
+
     for n, (title, pictures) in enumerate(rows.items()):
         top, left = HEADER_PIX + n * row_pix, image.shape[1] + 2 * GAP_PIX
         page.text(left, top + TITLE_PIX / 2, title, size=16, color=MUTED)
@@ -73,4 +76,5 @@ def _page(image: Picture, rows: Mapping[str, Sequence[Picture]], heading: str) -
             page.picture(picture, left, top + TITLE_PIX)
             left += picture.shape[1] + GAP_PIX
     add_legend(page.figure, FOOTER_PIX / 2 / height, skip=("free",))
+
     return page

@@ -10,8 +10,9 @@ from torch import Tensor
 from ..geometry import front_mount, inverse, pinhole, project, transform, unproject
 
 PITCH_RAD, HFOV_RAD = math.radians(32), math.radians(36)
+
+# Room around what `Viewpoint.behind` shows, as a share of the picture.
 MARGIN = 0.02
-"""Room around what `Viewpoint.behind` shows, as a share of the picture."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Viewpoint:
         depth = torch.minimum((left - right) / (2 * slope_x), (top - bottom) / (2 * slope_y))
         position = torch.stack([(left + right) / 2, (top + bottom) / 2, depth])
         position_m = tuple((occ_from_view[:3, :3] @ position).tolist())
+
         return cls(position_m, PITCH_RAD, HFOV_RAD)
 
     @property

@@ -15,18 +15,20 @@ from .raycast import FLOOR, VOXEL, PixelHits, cast
 from .view import Frustum, Viewpoint
 
 SUPERSAMPLING = 2
-PALETTE = np.array([COLORS[name] for name in CLASSES], dtype=np.float32)
-"""sRGB of every class, by its id."""
 
+# sRGB of every class, by its id.
+PALETTE = np.array([COLORS[name] for name in CLASSES], dtype=np.float32)
+
+# Towards the sun in the occ frame: behind the UAV and to its left, so that most of what one sees is
+# lit, and shadows fall forward and to the right.
 SUN = np.array([-0.42, 0.52, 0.95])
-"""Towards the sun in the occ frame: behind the UAV and to its left, so that most of what one sees
-is lit, and shadows fall forward and to the right."""
 SKY_LIGHT, SUN_LIGHT = 0.76, 0.44
 SHARE_IN_CORNERS = 0.55
 EDGE_DARKENING, EDGE_PIX = 0.28, 0.55
 FLOOR_COLOR = np.array([246.0, 248.0, 250.0], dtype=np.float32)
+
+# What the far end of the grid fades to, and how far.
 HAZE_COLOR, HAZE = np.array([255.0, 255.0, 255.0], dtype=np.float32), 0.28
-"""What the far end of the grid fades to, and how far."""
 
 
 def ground_level(labels: UInt8[np.ndarray, "X Y Z"], grid: VoxelGrid) -> float:
@@ -50,6 +52,7 @@ def view_of(
         points += [[x, y, floor_m] for x in (x0, x1) for y in (y0, y1)]
     points = torch.tensor(points, dtype=torch.float64)
     centers = grid.centers(torch.float64)[torch.from_numpy(occupied)]
+
     return Viewpoint.behind(torch.cat([points, centers]), size_pix[0] / size_pix[1])
 
 
@@ -62,7 +65,7 @@ def render_voxels(
     floor_m: float | None = None,
     frustum_share: float = FRUSTUM_SHARE,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """Picture, width x height ``size_pix``, of the occupied voxels in their class colours.
+    """Picture, width x height ``size_pix``, of the occupied voxels in their class colors.
 
     Free and unknown voxels are not drawn. Under them lies the footprint of the grid with a line
     every 10 m, at ``floor_m`` (by default under the lowest occupied voxel; give two pictures the
@@ -85,6 +88,7 @@ def render_voxels(
     if frustum is not None:
         draw_frustum(pen, grid, frustum, frustum_share, line_pix + 1)
     draw_uav(pen, grid, floor_m, line_pix + 1)
+
     return np.asarray(image.reduce(SUPERSAMPLING))
 
 
@@ -111,6 +115,7 @@ def _cast_pixels(
     rays_occ = rotate(occ_from_view, unproject(pix, unit, view.pix_from_view(size_pix)))
     origin = (occ_from_view[:3, 3].numpy() - grid.lower_m) / grid.voxel_m
     floor = (floor_m - grid.lower_m[2]) / grid.voxel_m
+
     return cast(labels < FREE, origin, rays_occ.contiguous().numpy(), SUN, floor)
 
 
@@ -121,7 +126,7 @@ def _shade(
     width: int,
     hits: PixelHits,
 ) -> UInt8[np.ndarray, "n 3"]:
-    """Colour of every ray: class colour x light x edge, fading with distance; white for a miss."""
+    """Color of every ray: class color x light x edge, fading with distance; white for a miss."""
     rgb = np.full((len(hits.kind), 3), 255.0, dtype=np.float32)
     floor, voxel = hits.kind == FLOOR, hits.kind == VOXEL
     rgb[floor] = FLOOR_COLOR * np.where(hits.sunlit[floor], 1.0, 0.90)[:, None]
@@ -132,6 +137,7 @@ def _shade(
     near = (grid.lower_m[0] - view.position_m[0]) / grid.voxel_m
     haze = HAZE * np.clip((surface.distance - near) / grid.shape[0], 0, 1)
     rgb[voxel] = color + (HAZE_COLOR - color) * haze[:, None]
+
     return rgb.round().astype(np.uint8)
 
 

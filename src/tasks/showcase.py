@@ -54,11 +54,12 @@ def showcase(
 ) -> Showcase:
     """Up to ``count`` frames, by `hard_cases`, and the figures of them, drawn into ``folder``.
 
-    Needs the data set and the runs' best checkpoints; without them it only says so.
+    Needs the dataset and the runs' best checkpoints; without them it only says so.
     """
     shown = ends_of(runs, ladder)
     if not count or not shown:
         return Showcase()
+
     root = Path(cfg.paths.dataset or Path(cfg.paths.data) / shown[0].tally.protocol.dataset)
     try:
         data = [_data_of(run, root) for run in shown]
@@ -112,6 +113,7 @@ def _drawn(
         f"{scenes[0].title}: its camera's frustum in the occ frame, and the image under the labels "
         "as that camera sees them; above with the measured attitude, below as for a level UAV."
     )
+
     return Showcase(tuple(scenes), figures)
 
 

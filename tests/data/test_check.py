@@ -40,8 +40,8 @@ def table(roll=0.0, pitch=0.0, yaw=0.5):
 
 def frustum(rows):
     chain = camera_from_occ(poses_of(rows)[0], META.body_from_camera)
-    centres = GRID.centers(torch.float64).reshape(-1, 3)
-    pix, depth_m = project(centres, chain, META.pix_from_camera)
+    centers = GRID.centers(torch.float64).reshape(-1, 3)
+    pix, depth_m = project(centers, chain, META.pix_from_camera)
     return in_image(pix, depth_m, WIDTH, HEIGHT).numpy().reshape(GRID.shape)
 
 
@@ -83,7 +83,7 @@ def agreement(folder):
 def test_sound_labels_agree_wholly(tmp_path):
     total = agreement(write(tmp_path / "c", table(), wall_labels(table())))
     in_view = frustum(table())[10][wall_voxels()]
-    # At the border of the image points lie in voxels whose centres are outside of it.
+    # At the border of the image points lie in voxels whose centers are outside of it.
     assert total.pixels == in_view.sum() < in_view.size
     assert total.occupied == total.own_class == total.pixels
     assert total.free_with_point == 0

@@ -49,6 +49,7 @@ def content(seed=0):
     frames["frame"], frames["time_s"] = np.arange(FRAMES), np.arange(FRAMES) / 2.5
     actors = pd.DataFrame(rng.standard_normal((4, len(ACTOR_COLUMNS))), columns=ACTOR_COLUMNS)
     actors["type"] = "car"
+
     return {
         "images": rng.integers(0, 256, (FRAMES, 32, 64, 3), dtype=np.uint8) // 8 + 100,
         "semantics": rng.choice(np.array([0, 5, 8, 255], np.uint8), (FRAMES, *SHAPE)),
@@ -89,6 +90,7 @@ def test_what_is_written_is_read(folder):
     pd.testing.assert_frame_equal(clip.frames, what["frames"], check_exact=True)
     pd.testing.assert_frame_equal(clip.actors, what["actors"], check_exact=True)
     assert torch.equal(clip.world_from_body, poses_of(what["frames"]))
+
     for frame in (7, 0, 29):
         np.testing.assert_array_equal(clip.semantics(frame), what["semantics"][frame])
         np.testing.assert_array_equal(clip.visible(frame), what["visible"][frame])
@@ -161,6 +163,7 @@ def test_the_folder_appears_when_all_is_in_it_and_on_the_disk(tmp_path, monkeypa
     monkeypatch.setattr(
         clip_module.os, "rename", lambda *paths: (events.append("rename"), rename(*paths))
     )
+
     with ClipWriter(folder, META) as writer:
         fill(writer, content())
         assert not folder.exists()
@@ -268,6 +271,7 @@ def test_whatever_bytes_are_wrong_no_other_error_escapes(folder, name):
     whole = path.read_bytes()
     rng = np.random.default_rng(0)
     messages = []
+
     for _ in range(40):
         broken = np.frombuffer(whole, np.uint8).copy()
         start = int(rng.integers(len(broken)))

@@ -1,4 +1,4 @@
-"""The data set as the trainer sees it."""
+"""The dataset as the trainer sees it."""
 
 import pytest
 import torch

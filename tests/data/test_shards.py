@@ -1,4 +1,4 @@
-"""Shards of one data set find each other; those of two never mix."""
+"""Shards of one dataset find each other; those of two never mix."""
 
 import json
 from dataclasses import replace

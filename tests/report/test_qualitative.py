@@ -93,7 +93,7 @@ def test_ground_truth_and_prediction_stand_side_by_side(tmp_path, scene):
     pixels = drawn(tmp_path / "sheet.png", [predicting(scene, Prediction=scene.truth)])
     truth, prediction = (view_in(pixels[170:590], n) for n in range(2))
     assert (truth == prediction).all()
-    assert np.ptp(truth, axis=-1).max() > 60, "coloured voxels"
+    assert np.ptp(truth, axis=-1).max() > 60, "colored voxels"
 
 
 def test_models_stand_side_by_side_in_their_order_without_a_view_from_above(tmp_path, scene):

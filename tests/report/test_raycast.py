@@ -32,6 +32,7 @@ def test_hits_are_those_of_a_slab_test_of_every_voxel(rng):
     directions = rng.uniform((0, 0, 0), (7, 6, 5), (400, 3)) - origin
     hits = cast(occupied, origin, directions, SUN, floor=0.0)
     assert (hits.kind == VOXEL).sum() > 100
+
     for n, direction in enumerate(directions):
         box, distance = first_box(occupied, origin, direction)
         assert (hits.kind[n] == VOXEL) == (box is not None)

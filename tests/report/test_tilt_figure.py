@@ -18,7 +18,7 @@ BLACK = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
 
 
 def place_of_a_car(camera, z_m=0):
-    """Row and column of the middle of the colour of a car straight ahead, at some height."""
+    """Row and column of the middle of the color of a car straight ahead, at some height."""
     labels = np.full(GRID.shape, FREE, dtype=np.uint8)
     fill(labels, GRID, CAR, (20, -1, z_m - 1), (22, 1, z_m + 1))
     tinted = labels_in_image(BLACK, labels, GRID, camera)

@@ -83,7 +83,7 @@ def test_an_empty_grid_shows_footprint_and_uav_only(value):
     labels = np.full(GRID.shape, value, dtype=np.uint8)
     image = render_voxels(labels, GRID, SIZE)
     assert image.min() < 100, "the UAV"
-    assert np.ptp(image, axis=-1).max() < 20, "no class colour"
+    assert np.ptp(image, axis=-1).max() < 20, "no class color"
     assert ground_level(labels, GRID) == GRID.lower_m[2]
 
 
