@@ -59,12 +59,12 @@ class SkyShieldData(LightningDataModule):
 
         clip_ids = list(read_manifest(self.root)["clips"])
         self.missing = missing_clips(self.root, clip_ids) if allow_missing else []
-        there = [clip_id for clip_id in clip_ids if clip_id not in self.missing]
-        if not there:
+        present = [clip_id for clip_id in clip_ids if clip_id not in self.missing]
+        if not present:
             raise UserError(f"{self.root}: none of its clips is there; run task=generate")
-        self.clips = {clip_id: Clip(self.root / clip_id) for clip_id in there}
+        self.clips = {clip_id: Clip(self.root / clip_id) for clip_id in present}
 
-        first = self.clips[there[0]]
+        first = self.clips[present[0]]
         split = make_split(
             clip_ids, len(first), first.meta.capture_hz, self.val_clips, self.test_clips
         )
@@ -100,11 +100,11 @@ class SkyShieldData(LightningDataModule):
     def train_dataloader(self) -> DataLoader:
         if self.order == "shuffled":
             dataset = self.dataset("train")
-            batches = TrainingBatches(len(dataset), **self._how_to_draw())
+            batches = TrainingBatches(len(dataset), **self._drawing())
         else:
             dataset = self.dataset("train", images=False)
             batches = StreamBatches(
-                dataset.samples, dataset.step, self.run_frames, **self._how_to_draw()
+                dataset.samples, dataset.step, self.run_frames, **self._drawing()
             )
         return self.loader(dataset, batches)
 
@@ -126,7 +126,7 @@ class SkyShieldData(LightningDataModule):
             clip = self.clips[clip_id]
             yield torch.from_numpy(clip.semantics(frame)), velocity_world_mps(clip, frame)
 
-    def _how_to_draw(self) -> dict[str, Any]:
+    def _drawing(self) -> dict[str, Any]:
         shared = {"batch_size": self.batch_size, "seed": self.seed, "mirror": self.mirror}
         return {**shared, "rank": self._rank()}
 

@@ -11,16 +11,8 @@ from pathlib import Path
 from ..errors import UserError
 
 # What numpy, pandas, PIL, json and zipfile raise over a file that is not what was written.
-BROKEN = (
-    OSError,
-    ValueError,
-    TypeError,
-    KeyError,
-    RuntimeError,
-    EOFError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+BROKEN = (OSError, ValueError, TypeError, KeyError, RuntimeError, EOFError)
+BROKEN += (zipfile.BadZipFile, zlib.error)
 
 
 @contextmanager

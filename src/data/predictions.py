@@ -7,7 +7,6 @@ as ``logits_<frame>``, floats [C, X, Y, Z]. ``predictions.json`` says whose they
 import json
 import os
 import shutil
-import zipfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ from torch import Tensor
 
 from ..errors import UserError
 from ..ontology import NUM_CLASSES
+from .files import BROKEN
 
 FACTS = "predictions.json"
 LABELS, LOGITS = "occupancy.npz", "logits.npz"
@@ -88,11 +88,13 @@ class Inventory:
 
     def __str__(self) -> str:
         kinds = {"missing": self.missing, "extra": self.extra, "corrupt": self.corrupt}
-        return "; ".join(
-            f"{len(frames)} {kind}: {', '.join(frames[:SHOWN])}{', ...' * (len(frames) > SHOWN)}"
-            for kind, frames in kinds.items()
-            if frames
-        )
+        lines = []
+        for kind, frames in kinds.items():
+            named = [*frames[:SHOWN], "..."] if len(frames) > SHOWN else frames
+            if frames:
+                lines.append(f"{len(frames)} {kind}: {', '.join(named)}")
+
+        return "; ".join(lines)
 
     @property
     def sound(self) -> bool:
@@ -128,18 +130,24 @@ class Predictions:
 
     def inventory(self, samples: Sequence[Sample], shape: tuple[int, int, int]) -> Inventory:
         """Compares what is there with the frames that are asked for, and opens every array."""
-        found, inventory = Inventory(), self._names()
+        names = self._names()
         wanted = {(clip, f"semantics_{frame:06d}") for clip, frame in samples}
-        there = {(clip, name) for clip, names in inventory.items() for name in names or ()}
-        broken = {clip for clip, names in inventory.items() if names is None}
-        found.corrupt += [f"{clip}/{LABELS}" for clip in sorted(broken)]
-        gone = sorted(wanted - there)
-        found.missing += [f"{clip} {name}" for clip, name in gone if clip not in broken]
-        found.extra += [f"{clip} {name}" for clip, name in sorted(there - wanted)]
-        for clip, frame in samples:
-            if (clip, f"semantics_{frame:06d}") in there and not self._is_sound(clip, frame, shape):
-                found.corrupt.append(f"{clip} semantics_{frame:06d}")
-        return found
+        present = {(clip, name) for clip, arrays in names.items() for name in arrays or ()}
+        unreadable = {clip for clip, arrays in names.items() if arrays is None}
+
+        unsound = [
+            f"{clip} semantics_{frame:06d}"
+            for clip, frame in samples
+            if (clip, f"semantics_{frame:06d}") in present
+            and not self._is_sound(clip, frame, shape)
+        ]
+        return Inventory(
+            missing=[
+                f"{clip} {a}" for clip, a in sorted(wanted - present) if clip not in unreadable
+            ],
+            extra=[f"{clip} {array}" for clip, array in sorted(present - wanted)],
+            corrupt=[f"{clip}/{LABELS}" for clip in sorted(unreadable)] + unsound,
+        )
 
     def has(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
         """Whether a frame is there and can be scored."""
@@ -153,7 +161,7 @@ class Predictions:
             try:
                 with np.load(path, allow_pickle=False) as archive:
                     names[clip] = tuple(archive.files)
-            except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+            except BROKEN:
                 names[clip] = None
         return names
 
@@ -172,15 +180,7 @@ class Predictions:
             if self._open is None or self._open[0] != path:
                 self._open = (path, np.load(path, allow_pickle=False))
             return self._open[1][array]
-        except (
-            OSError,
-            ValueError,
-            KeyError,
-            EOFError,
-            zipfile.BadZipFile,
-            zipfile.zlib.error,
-        ) as error:
+        except BROKEN as error:
             self._open = None
-            raise UserError(
-                f"{path}: {array} cannot be read ({error}); predict it again"
-            ) from error
+            message = f"{path}: {array} cannot be read ({error}); predict it again"
+            raise UserError(message) from error

@@ -61,8 +61,8 @@ def forget_shards(data_folder: Path, spec: DatasetSpec) -> None:
     """Removes the record of a dataset that is whole now; that of another one stays."""
     path = record_of(data_folder, spec.scale)
     try:
-        theirs = json.loads(path.read_text())
-        if (theirs["sim"], theirs["generator"]) == (spec.sim, spec.generator):
+        record = json.loads(path.read_text())
+        if (record["sim"], record["generator"]) == (spec.sim, spec.generator):
             path.unlink(missing_ok=True)
     except (FileNotFoundError, ValueError, TypeError, KeyError):
         return
@@ -81,19 +81,16 @@ def _write_first(path: Path, record: dict) -> None:
         candidate.unlink()
 
 
-def _difference(theirs: dict, mine: dict) -> str | None:
-    if found := different_setting(theirs["sim"], mine["sim"]):
-        key, old, new = found
+def _difference(under_way: dict, joining: dict) -> str | None:
+    if changed := different_setting(under_way["sim"], joining["sim"]):
+        key, old, new = changed
         return f"sim.{key}: this shard has {new}, and the shards under way have {old}"
-    if theirs["shards"] != mine["shards"]:
-        return (
-            f"sim.shards: this is one of {mine['shards']} shards, and those under way are of "
-            f"{theirs['shards']}"
-        )
-    if theirs["generator"] != mine["generator"]:
-        return (
-            f"sim: this shard's code is {mine['generator']}, and that of those under way "
-            f"{theirs['generator']}"
-        )
 
+    old, new = under_way["shards"], joining["shards"]
+    if old != new:
+        return f"sim.shards: this is one of {new} shards, and those under way are of {old}"
+
+    old, new = under_way["generator"], joining["generator"]
+    if old != new:
+        return f"sim: this shard's code is {new}, and that of those under way {old}"
     return None

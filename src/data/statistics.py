@@ -89,12 +89,14 @@ class Statistics:
         visible = of_clip[[f"visible/{name}" for name in ACTOR_TYPES]].sum()
         voxels = of_clip[[f"voxels/{name}" for name in CLASSES]].sum()
         shares = voxels.div(of_clip["voxels/labelled"].sum().clip(lower=1), axis=0).round(8)
-        columns = [
-            means,
-            visible.rename(columns=lambda name: name.replace("/", "_")),
-            shares.rename(columns=lambda name: name.replace("voxels/", "share_")),
-        ]
-        table = self.clips.set_index("clip").assign(frames=of_clip.size()).join(columns)
+        visible.columns = visible.columns.str.replace("/", "_")
+        shares.columns = shares.columns.str.replace("voxels/", "share_")
+
+        table = (
+            self.clips.set_index("clip")
+            .assign(frames=of_clip.size())
+            .join([means, visible, shares])
+        )
 
         return table[[*table.columns.drop("bytes"), "bytes"]].reset_index()
 
@@ -157,30 +159,18 @@ def _frames_of(clip: Clip, role: str) -> pd.DataFrame:
     rows, meta = clip.frames, clip.meta
     parts = [part_of_time(n / meta.capture_hz) if role == "split" else role for n in rows["frame"]]
     velocity_mps = rows[["vx_mps", "vy_mps", "vz_mps"]].to_numpy()
-    table = pd.DataFrame(
-        {
-            "clip": clip.clip_id,
-            "town": meta.town,
-            "weather": meta.weather,
-            "part": parts,
-            "altitude_m": rows["altitude_m"],
-            "speed_mps": np.linalg.norm(velocity_mps, axis=1),
-            "roll_rad": rows["roll_rad"],
-            "pitch_rad": rows["pitch_rad"],
-        }
-    )
+    names = {"clip": clip.clip_id, "town": meta.town, "weather": meta.weather, "part": parts}
+    speed_mps = np.linalg.norm(velocity_mps, axis=1)
+    motion = rows[["altitude_m", "roll_rad", "pitch_rad"]]
+    table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
 
     return pd.concat([table, _voxel_counts(clip), _visible_actors(clip)], axis=1)
 
 
 def _voxel_counts(clip: Clip) -> pd.DataFrame:
     """Voxels of each class and of each denominator, a row a frame."""
-    counts = np.stack(
-        [
-            np.bincount(clip.semantics(n).reshape(-1), minlength=UNKNOWN + 1)
-            for n in range(len(clip))
-        ]
-    )
+    labels = (clip.semantics(n).reshape(-1) for n in range(len(clip)))
+    counts = np.stack([np.bincount(ids, minlength=UNKNOWN + 1) for ids in labels])
     table = pd.DataFrame(counts[:, : len(CLASSES)], columns=[f"voxels/{name}" for name in CLASSES])
     every = counts.sum(axis=1)
     table["voxels/labelled"] = every - counts[:, UNKNOWN]
@@ -203,14 +193,11 @@ def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:
     meta = clip.meta
     chain = camera_from_occ(clip.world_from_body, meta.body_from_camera)
     pix_from_occ = (meta.pix_from_camera @ chain[:, :3]).numpy()
-    lower_m, shape = np.array(meta.grid.lower_m), meta.grid.shape
-    return np.array(
-        [
-            _count_in_image(matrix, lower_m, meta.grid.voxel_m, shape, meta.width, meta.height)
-            for matrix in pix_from_occ
-        ],
-        dtype=np.int64,
-    )
+    place = np.array(meta.grid.lower_m), meta.grid.voxel_m, meta.grid.shape
+
+    size_pix = (meta.width, meta.height)
+    counts = [_count_in_image(matrix, *place, *size_pix) for matrix in pix_from_occ]
+    return np.array(counts, dtype=np.int64)
 
 
 @njit(nogil=True)
