@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import UInt8
 
 from ..data.clip import Clip
-from ..geometry import camera_from_occ
 from .canvas import MUTED, Canvas, resized, write_jpeg
 from .labels_in_image import labels_in_image
 from .qualitative import add_legend
@@ -33,10 +32,8 @@ def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading:
 
 def overlaid(clip: Clip, frame: int) -> UInt8[np.ndarray, "h w 3"]:
     """A frame's image under its labels, by the chain that the model projects with."""
-    meta = clip.meta
-    chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
-    camera = Frustum(chain, meta.pix_from_camera, (meta.width, meta.height))
-    return labels_in_image(clip.image(frame), clip.semantics(frame), meta.grid, camera)
+    labels, camera = clip.semantics(frame), Frustum.of(clip, frame)
+    return labels_in_image(clip.image(frame), labels, clip.meta.grid, camera)
 
 
 def _picked(root: Path, clip_ids: list[str]) -> list[tuple[int, int]]:

@@ -29,7 +29,8 @@ def draw_penalty(path: str | Path) -> None:
     for speed_mps, color in zip(SPEEDS_MPS, COLORS):
         edge_m = penalty.horizon_s * speed_mps
         weight = 1 + penalty.excess(distance_m, speed_mps)
-        at_most = " or less" * (speed_mps == penalty.min_speed_mps)
+        # No UAV counts as slower than the least speed of the penalty.
+        at_most = " or less" if speed_mps == penalty.min_speed_mps else ""
         label = f"{speed_mps:g} m/s{at_most}: bubble of {edge_m:g} m"
         inside = distance_m <= edge_m
         axes.plot(distance_m[inside], weight[inside], color=color, linewidth=2, label=label)

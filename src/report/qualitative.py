@@ -1,6 +1,5 @@
 """The paper's qualitative figure: RGB, ground truth and predictions, in 3-D and from above."""
 
-import io
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from pathlib import Path
@@ -11,17 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from PIL import Image
 
-from ..atomic import replacing
 from ..errors import UserError
 from ..ontology import CLASSES, COLORS
-from .canvas import MUTED, Canvas
+from .canvas import MUTED, Canvas, write_picture
 from .scene import Scene
 from .top import render_top
 from .voxels import ground_level, render_voxels, view_of
 
 ROW_PIX, GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 440, 18, 46, 112, 104
 IMAGE_ASPECT, VOXEL_ASPECT, TOP_ASPECT = 1.2, 1.25, 0.93
-MAX_BYTES = 1_500_000
 BEHIND = "Seen from behind and above the UAV"
 ABOVE = ", and from above with its heading up. Free space shows from above only;"
 HIDDEN = " space without a label is hidden in ground truth and prediction alike."
@@ -45,7 +42,7 @@ def pick_frames(tilt_rad: Float[np.ndarray, "n"], count: int) -> list[int]:
 def qualitative_sheet(
     scenes: Sequence[Scene], path: str | Path, heading: str, tops: bool = True
 ) -> None:
-    """Write the sheet as a PNG of at most 1.5 MB, one row a scene.
+    """Writes the sheet as a PNG or, by its suffix, a JPEG, with one row a scene.
 
     Columns: RGB, ground truth and each prediction in 3-D and, with ``tops``, all of them again from
     above. A prediction is hidden where the truth is unknown, so that all show the same space.
@@ -64,8 +61,7 @@ def qualitative_sheet(
     caption = f"{BEHIND}{ABOVE if tops else ';'}{HIDDEN}"
     sheet = _compose(rows, columns, [scene.title for scene in scenes], heading, caption)
 
-    with replacing(path) as temporary:
-        temporary.write_bytes(_encode(sheet))
+    write_picture(sheet, path)
 
 
 def _pictures(scene: Scene, tops: bool) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
@@ -145,15 +141,3 @@ def add_legend(figure: Figure, middle: float, skip: Sequence[str] = ()) -> None:
         columnspacing=1.6,
         handletextpad=0.5,
     )
-
-
-def _encode(sheet: Image.Image) -> bytes:
-    """PNG bytes, of a smaller sheet where the whole one is too heavy."""
-    while True:
-        buffer = io.BytesIO()
-        sheet.save(buffer, format="png", optimize=True)
-        if buffer.tell() <= MAX_BYTES:
-            return buffer.getvalue()
-        share = max(0.5, min(0.95, (MAX_BYTES / buffer.tell()) ** 0.5))
-        size = (int(sheet.width * share), int(sheet.height * share))
-        sheet = sheet.resize(size, Image.Resampling.LANCZOS)

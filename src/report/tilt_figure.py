@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from ..atomic import replacing
-from .canvas import MUTED, Canvas, resized
+from .canvas import MUTED, Canvas, resized, write_picture
 from .labels_in_image import labels_in_image
 from .qualitative import add_legend
 from .scene import Scene
@@ -27,8 +26,10 @@ Picture = UInt8[np.ndarray, "h w 3"]
 
 
 def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
-    """Write a PNG of the scene's frame: the image, and a row for its own camera and for ``level``,
-    the one of a UAV without roll and pitch.
+    """Writes a picture of the scene's frame, a PNG or, by its suffix, a JPEG.
+
+    It shows the image, a row for the frame's own camera, and a row for ``level``, the camera of a
+    UAV without roll and pitch.
 
     A row has the labels in the occ frame with the camera's frustum, and the image under the labels
     as that camera would see them: only with the true one do colors lie on their objects. Raises
@@ -40,8 +41,7 @@ def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
     }
     page = _page(_as_high(scene.image), rows, scene.title)
 
-    with replacing(path) as temporary:
-        page.drawn().save(temporary, format="png", optimize=True)
+    write_picture(page.drawn(), path)
 
 
 def _pictures(scene: Scene, camera: Frustum) -> list[Picture]:

@@ -7,7 +7,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..geometry import front_mount, inverse, pinhole, project, transform, unproject
+from ..data.clip import Clip
+from ..geometry import camera_from_occ, front_mount, inverse, pinhole, project, transform, unproject
 
 PITCH_RAD, HFOV_RAD = math.radians(32), math.radians(36)
 
@@ -44,7 +45,7 @@ class Viewpoint:
 
     @property
     def occ_from_view(self) -> Float[Tensor, "4 4"]:
-        """The observer's pose (x right, y down, z forward) in the occ frame, float64."""
+        """The transform of the observer's frame (x right, y down, z forward), float64."""
         return front_mount(self.position_m, self.pitch_rad)
 
     def pix_from_view(self, size_pix: tuple[int, int]) -> Float[Tensor, "3 3"]:
@@ -65,6 +66,13 @@ class Frustum:
     camera_from_occ: Float[Tensor, "4 4"]
     pix_from_camera: Float[Tensor, "3 3"]
     size_pix: tuple[int, int]
+
+    @classmethod
+    def of(cls, clip: Clip, frame: int) -> "Frustum":
+        """The camera of a frame of a clip, by the chain that the model projects with."""
+        meta = clip.meta
+        chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
+        return cls(chain, meta.pix_from_camera, (meta.width, meta.height))
 
     def corners(self, depth_m: float) -> Float[Tensor, "4 3"]:
         """The image's corners at a z-depth, in the occ frame, clockwise from the top left."""

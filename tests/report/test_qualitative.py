@@ -1,7 +1,6 @@
 """The sheet: which frames it takes, what it hides, and how heavy it may be."""
 
 import dataclasses
-import io
 
 import numpy as np
 import pytest
@@ -10,7 +9,8 @@ from PIL import Image
 from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.ontology import CAR, FREE, UNKNOWN
-from src.report.qualitative import MAX_BYTES, _encode, pick_frames, qualitative_sheet
+from src.report.canvas import MAX_BYTES, write_picture
+from src.report.qualitative import pick_frames, qualitative_sheet
 from src.report.scene import Scene
 from tests.report.street import street, tilted_frustum
 
@@ -112,11 +112,13 @@ def test_rows_of_different_models_are_refused(tmp_path, scene):
         qualitative_sheet([scene, other], tmp_path / "sheet.png", "SkyOcc")
 
 
-def test_a_heavy_sheet_is_made_smaller():
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_a_heavy_picture_keeps_to_its_bytes(tmp_path, suffix):
     noise = np.random.default_rng(0).integers(0, 256, (1200, 900, 3), dtype=np.uint8)
-    png = _encode(Image.fromarray(noise))
-    assert len(png) <= MAX_BYTES
-    with Image.open(io.BytesIO(png)) as sheet:
+    path = tmp_path / f"sheet{suffix}"
+    write_picture(Image.fromarray(noise), path)
+    assert path.stat().st_size <= MAX_BYTES[suffix]
+    with Image.open(path) as sheet:
         assert 0.7 < sheet.width / sheet.height < 0.8
 
 
