@@ -233,7 +233,7 @@ def in_image(
     width: int,
     height: int,
 ) -> Bool[Array, "*batch n"]:
-    """Which projected points lie before the camera and inside the image."""
+    """Marks the projected points that lie before the camera and inside the image."""
     u, v = pix.unbind(-1)
     return (depth_m > MIN_DEPTH_M) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
 

@@ -1,4 +1,4 @@
-"""What the loader hands to the model."""
+"""The batch that the loader hands to the model."""
 
 from typing import TypedDict
 
@@ -16,21 +16,21 @@ class Batch(TypedDict):
     ``clip`` and ``frame`` say where the current frame comes from.
     """
 
+    # The current one alone, [B, 1, 3, H, W], where the past was computed in earlier steps.
     image: UInt8[Tensor, "B L 3 H W"]
-    """Only the current one, [B, 1, 3, H, W], where the past was computed in earlier steps."""
     pix_from_camera: Float[Tensor, "B L 3 3"]
     body_from_camera: Float[Tensor, "B 4 4"]
+    # Rotation by roll and pitch only.
     occ_from_body: Float[Tensor, "B L 4 4"]
-    """Rotation by roll and pitch only."""
+    # The identity for the current frame.
     occ_from_past_occ: Float[Tensor, "B L 4 4"]
-    """The identity for the current frame."""
+    # False where the clip had no such past frame; what is in its place means nothing.
     history_valid: Bool[Tensor, "B L"]
-    """False where the clip had no such past frame; what is in its place means nothing."""
     velocity_mps: Float[Tensor, "B 3"]
+    # Roll and pitch.
     attitude_rad: Float[Tensor, "B 2"]
-    """Roll and pitch."""
+    # The UAV's height above the world's ground plane, from which flat ground is a little off.
     height_m: Float[Tensor, "B"]
-    """Of the UAV above the world's ground plane, from which flat ground is a little off."""
     semantics: UInt8[Tensor, "B X Y Z"]
     visible: Bool[Tensor, "B X Y Z"]
     clip: list[str]
@@ -40,9 +40,9 @@ class Batch(TypedDict):
 def ego_motion(
     world_from_body: Float[Tensor, "L 4 4"], velocity_world_mps: Float[Tensor, "3"]
 ) -> dict[str, Tensor]:
-    """What a sample holds of the poses of its frames (oldest first) and of its velocity.
+    """Computes a sample's motion from the transforms of its frames (oldest first) and its velocity.
 
-    Computed in the precision of the poses, which may be far from the origin; returned as float32.
+    The precision is that of the transforms, whose origins may be far away; the result is float32.
     """
     occ_now_from_world = inverse(world_from_occ(world_from_body[-1]))
     roll_rad, pitch_rad, _ = euler_from_rotation(world_from_body[-1, :3, :3])
@@ -58,7 +58,7 @@ def ego_motion(
 
 
 def mirrored(sample: Batch) -> Batch:
-    """The same sample of the world seen in a mirror: left and right swapped, exactly.
+    """Mirrors a sample exactly: left and right of the world change places.
 
     With M = diag(1, -1, 1) in the occ and body frames and diag(-1, 1, 1) in the camera's, every
     transform b_from_a becomes M_b b_from_a M_a; rotations stay proper, and u becomes W - u.

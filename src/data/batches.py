@@ -27,7 +27,7 @@ class Key(NamedTuple):
 
 
 class Rank(NamedTuple):
-    """Which of how many processes this is."""
+    """The number of this process, and how many there are."""
 
     number: int
     of: int
@@ -57,7 +57,7 @@ class BatchesInOrder(Sampler[list[Key]]):
 
 
 def frames_in_order(batches: int, length: int, batch_size: int, processes: int) -> int:
-    """How many samples, the first ones, the first batches of every rank's `BatchesInOrder` hold."""
+    """Counts the samples in the first batches of every rank's `BatchesInOrder`."""
     return sum(map(len, _parts(length, batch_size, processes)[: batches * processes]))
 
 
@@ -88,7 +88,7 @@ class TrainingBatches(Sampler[list[Key]]):
 
     @property
     def sampler(self) -> "TrainingBatches":
-        """Where Lightning looks for `set_epoch`."""
+        """The object on which Lightning calls `set_epoch`."""
         return self
 
     def set_epoch(self, epoch: int) -> None:
@@ -157,11 +157,14 @@ def runs_of(samples: Sequence[tuple[str, int]], stride: int, run_frames: int) ->
     """Numbers of the samples, in runs of at most ``run_frames`` frames that follow each other."""
     number = {sample: index for index, sample in enumerate(samples)}
     runs: list[list[int]] = []
-    for (clip, frame), index in number.items():
+    for clip, frame in number:
         if (clip, frame - stride) in number:
             continue
-        whole = [index]
-        while (following := (clip, frame := frame + stride)) in number:
-            whole.append(number[following])
+
+        # The sample before this one is missing, so a run begins here.
+        whole = []
+        while (clip, frame) in number:
+            whole.append(number[clip, frame])
+            frame += stride
         runs += [whole[start : start + run_frames] for start in range(0, len(whole), run_frames)]
     return runs

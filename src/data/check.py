@@ -1,4 +1,4 @@
-"""task=check: are the bytes those written, do poses agree, do labels lie where the image says?"""
+"""task=check: are the bytes those written, do attitudes agree, do labels lie in their image?"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -52,21 +52,21 @@ class DepthAgreement:
 
 
 def problems_of(clip_folder: Path) -> Iterator[str]:
-    """What is wrong with a clip, a line each; nothing where it is sound."""
+    """Yields a line for each thing that is wrong with a clip."""
     damaged = damaged_files(clip_folder)
     for name in damaged:
         yield f"{clip_folder / name}: its bytes are not the ones written"
     if damaged:
         return
     clip = Clip(clip_folder)
-    yield from _pose_problems(clip)
+    yield from _angle_problems(clip)
     centers = clip.meta.grid.centers(torch.float64)
     for frame in range(len(clip)):
         yield from _frustum_problems(clip, frame, centers)
 
 
-def _pose_problems(clip: Clip) -> Iterator[str]:
-    """The angles in the table are those of the quaternion, which alone is the pose."""
+def _angle_problems(clip: Clip) -> Iterator[str]:
+    """Compares the table's angles with the quaternion, from which every transform is made."""
     angles = torch.stack(euler_from_rotation(clip.world_from_body[:, :3, :3]), dim=-1)
     table = torch.tensor(clip.frames[["roll_rad", "pitch_rad", "yaw_rad"]].to_numpy())
     turn = torch.remainder(angles - table + torch.pi, 2 * torch.pi) - torch.pi

@@ -86,7 +86,7 @@ def poses_of(frames: pd.DataFrame) -> Float[Tensor, "t 4 4"]:
 
 
 def unfinished(folder: Path) -> Path:
-    """Where a clip lies until it is whole."""
+    """The folder in which a clip lies until it is whole."""
     return folder.with_name(f".{folder.name}.part")
 
 

@@ -36,7 +36,10 @@ CONTEXT = dict(sorted({**{n: f"cr:{n}" for n in _CROISSANT_NAMES}, **_OTHER_NAME
 
 FILE_SETS = {
     "clip.json": ("application/json", "town, weather, seed, camera and voxel grid of a clip"),
-    "frames.csv": ("text/csv", "time, pose, velocity, attitude and height of every frame"),
+    "frames.csv": (
+        "text/csv",
+        "time, place, quaternion, velocity, attitude and height of every frame",
+    ),
     "actors.csv": ("text/csv", "class, place, velocity, size of every moving actor, every frame"),
     "rgb.zip": ("application/zip", "front images, 000000.jpg and so on"),
     "occupancy.npz": (

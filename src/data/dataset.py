@@ -63,12 +63,12 @@ class OccupancyDataset(Dataset):
         may_see = [self._may_see(clip_id, now, frame) for frame in wanted]
         valid = [ok and (past is None or age <= past) for ok, age in zip(may_see, ages)]
         window = [frame if ok else now for frame, ok in zip(wanted, valid)]
-        shown = window if self.images else [now]
-        images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(shown)}
+        read = window if self.images else [now]
+        images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(read)}
         motion = ego_motion(clip.world_from_body[window], velocity_world_mps(clip, now))
 
         return {
-            "image": torch.stack([images[frame].permute(2, 0, 1) for frame in shown]),
+            "image": torch.stack([images[frame].permute(2, 0, 1) for frame in read]),
             "pix_from_camera": clip.meta.pix_from_camera.float().expand(self.frames, 3, 3),
             "body_from_camera": clip.meta.body_from_camera.float(),
             **motion,

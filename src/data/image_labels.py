@@ -1,4 +1,4 @@
-"""What each pixel of the front image sees: its class and how far away it is, from the voxels."""
+"""Labels of the front image's pixels: the class that each sees and its depth, from the voxels."""
 
 from typing import TypedDict
 
@@ -20,10 +20,10 @@ class ImageLabels(TypedDict):
     """An image and what its pixels see, on a raster ``stride`` times as coarse."""
 
     image: UInt8[Tensor, "3 H W"]
+    # The class of the first occupied voxel on the ray of the pixel's center, or `FREE`.
     classes: Int64[Tensor, "h w"]
-    """Of the first occupied voxel on the ray through the pixel's center; `FREE` where none is."""
+    # z-depth of that voxel's face; zero where none is met.
     depth_m: Float[Tensor, "h w"]
-    """z-depth of that voxel's face; zero where none is met."""
 
 
 class ImageLabelDataset(Dataset):

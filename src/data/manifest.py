@@ -26,7 +26,7 @@ NOT_SHAPING = ("workers", "dry_run", "shards", "shard")
 
 @dataclass(frozen=True)
 class DatasetSpec:
-    """What shapes a dataset: the generator's settings and its code."""
+    """A dataset's specification: the settings and the code of its generator."""
 
     scale: str
     sim: dict
@@ -123,7 +123,7 @@ def different_setting(before: Mapping, after: Mapping) -> tuple[str, str, str] |
 
 
 def _plain(value: object) -> object:
-    """The same settings, a whole number always as an integer: 5.0 Hz are 5 Hz."""
+    """Copies settings, with a whole number always as an integer: 5.0 Hz are 5 Hz."""
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

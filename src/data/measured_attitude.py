@@ -56,7 +56,7 @@ class MeasuredAttitude:
             self.roll_pitch_rad[clip_id] = reported + math.radians(noise_deg) * noise
 
     def __call__(self, batch: Batch) -> Batch:
-        """The batch as the autopilot would have told it."""
+        """The batch as the autopilot would have reported it."""
         queue = batch["occ_from_body"].shape[1]
         ages = torch.arange(queue - 1, -1, -1) * self.step
         # What lies before the clip does not exist for the network either.
@@ -86,7 +86,7 @@ def roll_pitch_of(clip: Clip) -> tuple[Float[Tensor, "t 2"], float]:
 def delayed(
     values: Float[Tensor, "t 2"], capture_hz: float, delay_s: float
 ) -> Float[Tensor, "t 2"]:
-    """What was true ``delay_s`` before each frame, between frames interpolated linearly."""
+    """Values as they were ``delay_s`` before each frame, interpolated linearly between frames."""
     place = torch.arange(len(values), dtype=values.dtype) - delay_s * capture_hz
     # So that a delay of whole frames takes them as they are.
     place = place.mul(1e6).round().div(1e6).clamp(min=0)

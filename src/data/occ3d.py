@@ -90,7 +90,7 @@ class Occ3DFolder:
         )
 
     def has(self, scene: str, token: str) -> bool:
-        """Whether a frame is there and can be scored."""
+        """Tells whether a frame is on the disk and can be scored."""
         try:
             return bool((self.labels(scene, token) != UNKNOWN).all())
         except UserError:

@@ -80,7 +80,7 @@ class PredictionWriter:
 
 @dataclass
 class Inventory:
-    """What is wrong with a folder of predictions, by frame."""
+    """The frames that are missing, extra or corrupt in a folder of predictions."""
 
     missing: list[str] = field(default_factory=list)
     extra: list[str] = field(default_factory=list)
@@ -112,7 +112,7 @@ class Predictions:
 
     @property
     def facts(self) -> dict:
-        """What ``predictions.json`` says; nothing where there is none."""
+        """The content of ``predictions.json``; nothing where there is no such file."""
         try:
             facts = json.loads((self.folder / FACTS).read_text())
         except (OSError, ValueError):
@@ -150,7 +150,7 @@ class Predictions:
         )
 
     def has(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
-        """Whether a frame is there and can be scored."""
+        """Tells whether a frame is on the disk and can be scored."""
         return (self.folder / clip / LABELS).is_file() and self._is_sound(clip, frame, shape)
 
     def _names(self) -> dict[str, Iterable[str] | None]:

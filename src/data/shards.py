@@ -40,12 +40,11 @@ def record_of(data_folder: Path, scale: str) -> Path:
 def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
     """Leaves the record, or refuses to join shards of other settings, code or number."""
     path = record_of(data_folder, spec.scale)
-    mine = {"sim": spec.sim, "generator": spec.generator, "shards": shards}
-    _write_first(path, mine)
+    joining = {"sim": spec.sim, "generator": spec.generator, "shards": shards}
+    _write_first(path, joining)
 
     try:
-        theirs = json.loads(path.read_text())
-        changed = _difference(theirs, mine)
+        changed = _difference(json.loads(path.read_text()), joining)
     except FileNotFoundError:
         return  # The others have just finished.
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:

@@ -55,21 +55,23 @@ class SkyShieldTruth:
 
 def truth_at(clip: Clip, frame: int) -> dict:
     """A frame's labels, velocity and camera as a batch of one; a `metrics.suite.Truth`."""
-    meta, pose = clip.meta, clip.world_from_body[frame]
-    velocity_mps = inverse(world_from_occ(pose))[:3, :3] @ velocity_world_mps(clip, frame)
+    meta, world_from_body = clip.meta, clip.world_from_body[frame]
+    velocity_mps = inverse(world_from_occ(world_from_body))[:3, :3] @ velocity_world_mps(
+        clip, frame
+    )
     return {
         "clip": [clip.clip_id],
         "semantics": torch.from_numpy(clip.semantics(frame))[None],
         "visible": torch.from_numpy(clip.visible(frame))[None],
         "velocity_mps": velocity_mps[None],
-        "camera_from_occ": camera_from_occ(pose, meta.body_from_camera)[None],
+        "camera_from_occ": camera_from_occ(world_from_body, meta.body_from_camera)[None],
         "pix_from_camera": meta.pix_from_camera[None],
         "size_pix": (meta.width, meta.height),
     }
 
 
 def truth_of(batch: Batch) -> dict:
-    """What a loader's batch holds of it, the current frame's."""
+    """The current frames of a loader's batch, as `truth_at` gives one."""
     return {
         **{key: batch[key] for key in ("clip", "semantics", "visible", "velocity_mps")},
         "camera_from_occ": camera_from_occ(

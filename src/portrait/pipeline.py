@@ -1,4 +1,4 @@
-"""How a frame is annotated (App. A.3), drawn from what the annotation itself computed."""
+"""The picture of how a frame is annotated (App. A.3), from the annotation's own arrays."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -90,18 +90,18 @@ def _instances(view: View) -> Picture:
 def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) -> Picture:
     """The LiDAR returns of the frame's own scan that lie in the image, over it."""
     view, sim = seen.signals[frame].view, maker.sim
-    pose, step = view.world_from_body.numpy(), maker.step_of(frame)
-    scans = scan(seen.scene, step, pose, sim["lidar_rays"], frame, maker.range_m)
+    world_from_body, step = view.world_from_body.numpy(), maker.step_of(frame)
+    scans = scan(seen.scene, step, world_from_body, sim["lidar_rays"], frame, maker.range_m)
     points_m = np.concatenate([each.points_m(each.hits.actor_id >= 0) for each in scans])
     height, width = view.depth_m.shape
     camera_from_world = inverse(view.world_from_body @ view.body_from_camera)
     pix, depth_m = project(torch.from_numpy(points_m), camera_from_world, view.pix_from_camera)
-    shown = in_image(pix, depth_m, width, height)
+    inside = in_image(pix, depth_m, width, height)
     scale = CELL_PIX[0] / width
     picture = (0.35 * _scaled(image) + 0.65 * 255).astype(np.uint8)
-    order = torch.argsort(depth_m[shown], descending=True)
-    column, row = (pix[shown][order] * scale).long().numpy().T
-    colors = _by_range(depth_m[shown][order].numpy())
+    order = torch.argsort(depth_m[inside], descending=True)
+    column, row = (pix[inside][order] * scale).long().numpy().T
+    colors = _by_range(depth_m[inside][order].numpy())
 
     for right in range(DOT_PIX):
         for down in range(DOT_PIX):
@@ -143,7 +143,7 @@ def _static_votes(maker: ClipMaker, seen: Observation, view: View) -> Int[np.nda
 
 
 def _all_votes(maker: ClipMaker, seen: Observation, frame: int) -> Int[np.ndarray, "X Y Z 8"]:
-    """Of all surfaces that any signal speaks for, in the image or not."""
+    """Votes for all surfaces that any signal speaks for, in the image or not."""
     signal = seen.signals[frame]
     votes = _static_votes(maker, seen, signal.view)
     vote_camera(votes, signal.view, maker.grid)
@@ -165,7 +165,7 @@ def _scaled(picture: Picture) -> Picture:
 
 
 def _shaped(picture: Picture) -> Picture:
-    """As wide as a cell, its middle as high as a cell, on white where it is lower."""
+    """A picture as wide as a cell: its middle where it is higher, on white where it is lower."""
     scaled = _scaled(picture) if picture.shape[1] != CELL_PIX[0] else picture
     height = scaled.shape[0]
     if height >= CELL_PIX[1]:

@@ -58,9 +58,9 @@ def aerial_shot(sim: Mapping, town: str) -> Shot:
     rotation = rotation_from_euler(*angles) @ front_mount((0.0, 0.0, 0.0))[:3, :3]
     middle_m = torch.tensor([*(lower_m + upper_m) / 2, 0.0], dtype=torch.float64)
     away_m = AERIAL_DISTANCE * float(np.linalg.norm(upper_m - lower_m))
-    pose = rigid(rotation, middle_m - away_m * rotation[:, 2])
+    world_from_camera = rigid(rotation, middle_m - away_m * rotation[:, 2])
     lens = pinhole(*SIZE_PIX, AERIAL_HFOV_RAD)
-    return Shot(place.whole, 0, pose, lens, AERIAL_DEPTH_RANGE_M)
+    return Shot(place.whole, 0, world_from_camera, lens, AERIAL_DEPTH_RANGE_M)
 
 
 def street_shot(sim: Mapping, town: str) -> Shot:
@@ -70,18 +70,19 @@ def street_shot(sim: Mapping, town: str) -> Shot:
     """
     maker = ClipMaker(sim, Path())
     flight, scene = maker.stage(ClipPlan(f"{town}/clip00", town, "cloudy", 0))
-    poses = flight.world_from_body @ maker.body_from_camera.numpy()
+    world_from_camera = flight.world_from_body @ maker.body_from_camera.numpy()
     hfov_rad = math.radians(sim["image"]["hfov_deg"])
-    steps = range(0, len(poses), STEP_HZ)
+    steps = range(0, len(world_from_camera), STEP_HZ)
 
     with World(scene, pinhole(*PREVIEW_PIX, hfov_rad), *PREVIEW_PIX) as world:
         previews = [
-            world.render(step, torch.from_numpy(poses[step]), WEATHERS["cloudy"]) for step in steps
+            world.render(step, torch.from_numpy(world_from_camera[step]), WEATHERS["cloudy"])
+            for step in steps
         ]
-    richest = max(range(len(steps)), key=lambda n: entropy(previews[n].class_id))
-    pose = torch.from_numpy(poses[steps[richest]])
 
-    return Shot(scene, steps[richest], pose, pinhole(*SIZE_PIX, hfov_rad))
+    richest = steps[max(range(len(steps)), key=lambda n: entropy(previews[n].class_id))]
+    camera = torch.from_numpy(world_from_camera[richest])
+    return Shot(scene, richest, camera, pinhole(*SIZE_PIX, hfov_rad))
 
 
 def entropy(class_id: UInt8[np.ndarray, "h w"]) -> float:

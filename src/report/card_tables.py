@@ -18,7 +18,7 @@ def settings_table(sim: Mapping, statistics: Statistics) -> str:
     """The paper's table of statistics; ``sim`` are the settings in the manifest."""
     clips, heights_m = statistics.clips, statistics.frames["altitude_m"]
     clips_per_town = clips.groupby("town").size()
-    ours = {
+    here = {
         "Simulator": f"Bullet, renderer `{sim['renderer']}`",
         "Scenes": str(clips["town"].nunique()),
         "Weather conditions": str(clips["weather"].nunique()),
@@ -32,7 +32,7 @@ def settings_table(sim: Mapping, statistics: Statistics) -> str:
         "Annotation signals": "dual LiDAR + simulator semantics",
     }
 
-    return _table(BESIDE, [(item, ours[item], text) for item, text in paper.STATISTICS.items()])
+    return _table(BESIDE, [(item, here[item], text) for item, text in paper.STATISTICS.items()])
 
 
 def flight_table(statistics: Statistics) -> str:
@@ -96,10 +96,10 @@ def split_table(statistics: Statistics) -> str:
 def benchmark_table(statistics: Statistics) -> str:
     """The paper's Table 1 with a row for this dataset."""
     weathers, sizes = statistics.clips["weather"].nunique(), statistics.part_sizes()
-    ours = paper.Benchmark("**this dataset**", True, True, True, True, weathers, **sizes)
+    here = paper.Benchmark("**this dataset**", True, True, True, True, weathers, **sizes)
     header = ["", "UAV view", "3-D annotation", "occupancy", "dynamic camera", "diversity", *PARTS]
     rows = []
-    for name, *properties, diversity, train, val, test in (*paper.BENCHMARKS, ours):
+    for name, *properties, diversity, train, val, test in (*paper.BENCHMARKS, here):
         marks = ["✓" if has else NONE for has in properties]
         rows.append((name, *marks, str(diversity), *(f"{n:,}" for n in (train, val, test))))
     return _table(header, rows)

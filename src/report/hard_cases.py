@@ -1,4 +1,4 @@
-"""Which test frames a comparison of models shows: the hardest, by rules that see no prediction."""
+"""The test frames that a comparison shows: the hardest, by rules that see no prediction."""
 
 from typing import NamedTuple
 

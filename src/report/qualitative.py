@@ -25,7 +25,7 @@ HIDDEN = " space without a label is hidden in ground truth and prediction alike.
 
 
 def pick_frames(tilt_rad: Float[np.ndarray, "n"], count: int) -> list[int]:
-    """Which of n frames to show, by rule: the most tilted one, the others evenly spaced.
+    """Picks frames to show, by rule: the most tilted one, the others evenly spaced.
 
     ``tilt_rad`` is a frame's |roll| + |pitch|. The evenly spaced frames are the middles of equal
     parts of the sequence; where the most tilted frame is one of them, the next most tilted one is

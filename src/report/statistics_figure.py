@@ -125,19 +125,19 @@ def _draw_voxels(axes: Axes, statistics: Statistics) -> None:
 
 
 def _draw_actors(axes: Axes, statistics: Statistics) -> None:
-    """Mean number of visible actors in a frame, beside the paper's, and our sum above it."""
-    ours = statistics.visible_per_frame()
-    theirs = [paper.INSTANCES[name] / paper.FRAMES for name in ours.index]
-    places = np.arange(len(ours))
-    colors = [VOXEL_COLORS[CLASSES[ACTOR_TYPES[name]]] for name in ours.index]
-    axes.bar(places - 0.2, ours, 0.38, color=colors)
+    """Mean number of visible actors in a frame, beside the paper's, and the sum here above it."""
+    here = statistics.visible_per_frame()
+    reported = [paper.INSTANCES[name] / paper.FRAMES for name in here.index]
+    places = np.arange(len(here))
+    colors = [VOXEL_COLORS[CLASSES[ACTOR_TYPES[name]]] for name in here.index]
+    axes.bar(places - 0.2, here, 0.38, color=colors)
     hatched = {"facecolor": "white", "edgecolor": MUTED, "hatch": "////"}
-    axes.bar(places + 0.2, theirs, 0.38, label="the paper's", **hatched)
+    axes.bar(places + 0.2, reported, 0.38, label="the paper's", **hatched)
 
-    for place, count, height in zip(places - 0.2, visible_totals(statistics).values(), ours):
+    for place, count, height in zip(places - 0.2, visible_totals(statistics).values(), here):
         label = axes.text(place, height, f"{count:,}", ha="center", va="bottom", fontsize=8)
         label.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4})
-    axes.set_xticks(places, ours.index)
+    axes.set_xticks(places, here.index)
     axes.set_ylabel("visible actors in a frame")
     axes.margins(y=0.1)
     axes.legend(frameon=False, fontsize=9)
