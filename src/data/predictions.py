@@ -37,7 +37,7 @@ class PredictionWriter:
         self.folder, self.facts = Path(folder), facts
         self._part = self.folder.with_name(f".{self.folder.name}.part")
         if self.folder.exists():
-            raise UserError(f"{self.folder}: is there already; delete it, or choose another folder")
+            raise UserError(f"{self.folder}: exists already; delete it, or choose another folder")
 
     def __enter__(self) -> "PredictionWriter":
         shutil.rmtree(self._part, ignore_errors=True)

@@ -142,8 +142,7 @@ def test_labels_made_under_another_attitude_are_found(tmp_path, truth):
     labels = free_labels(table(*truth))
     found = list(problems_of(write(tmp_path / "c", table(0.3, 0.1, 0.5), labels)))
     assert len(found) == FRAMES
-    assert all("outside the image carry labels" in line for line in found)
-    assert "frame 7:" in found[7]
+    assert all(f"frame {n}:" in line for n, line in enumerate(found))
 
 
 def test_angles_that_are_not_the_quaternion_s_are_found(tmp_path):

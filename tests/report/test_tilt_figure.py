@@ -60,5 +60,5 @@ def test_a_place_that_cannot_be_written_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     camera = tilted_frustum(0.2, 0.15)
     scene = Scene("downtown frame 3", GRID, BLACK, street(GRID, camera), {}, camera)
-    with pytest.raises(UserError, match="cannot be written"):
+    with pytest.raises(UserError, match=r"tilt\.png"):
         draw_tilt(scene, camera, tmp_path / "file/tilt.png")
