@@ -44,6 +44,7 @@ def ego_motion(
 
     The precision is that of the transforms, whose origins may be far away; the result is float32.
     """
+    # The chain goes through the world, which the past and the current frame share.
     occ_now_from_world = inverse(world_from_occ(world_from_body[-1]))
     roll_rad, pitch_rad, _ = euler_from_rotation(world_from_body[-1, :3, :3])
     motion = {
@@ -63,9 +64,11 @@ def mirrored(sample: Batch) -> Batch:
     With M = diag(1, -1, 1) in the occ and body frames and diag(-1, 1, 1) in the camera's, every
     transform b_from_a becomes M_b b_from_a M_a; rotations stay proper, and u becomes W - u.
     """
+    # Left is y in the occ and body frames, and x in the camera's.
     swap_y = sample["body_from_camera"].new_tensor([1, -1, 1, 1])
     swap_x = swap_y.new_tensor([-1, 1, 1, 1])
     pix_from_camera = sample["pix_from_camera"].clone()
+    # Skew changes its sign with u; the principal point moves to the other side.
     pix_from_camera[..., 0, 1] *= -1
     pix_from_camera[..., 0, 2] = sample["image"].shape[-1] - pix_from_camera[..., 0, 2]
     sides = swap_y[:, None] * swap_y
@@ -78,6 +81,7 @@ def mirrored(sample: Batch) -> Batch:
         "occ_from_body": sample["occ_from_body"] * sides,
         "occ_from_past_occ": sample["occ_from_past_occ"] * sides,
         "velocity_mps": sample["velocity_mps"] * swap_y[:3],
+        # A mirror turns a roll around and leaves a pitch.
         "attitude_rad": sample["attitude_rad"] * swap_y.new_tensor([-1, 1]),
         "semantics": sample["semantics"].flip(-2),
         "visible": sample["visible"].flip(-2),

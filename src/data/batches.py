@@ -46,6 +46,7 @@ class BatchesInOrder(Sampler[list[Key]]):
     def __init__(self, length: int, batch_size: int, rank: Rank = ALONE) -> None:
         if length < rank.of:
             raise UserError(f"trainer.devices: {rank.of} processes for {length} frames; use fewer")
+        # Rank k takes every batch whose number leaves the remainder k.
         parts = _parts(length, batch_size, rank.of)
         self.batches = [part.tolist() for part in parts[rank.number :: rank.of]]
 
@@ -63,6 +64,7 @@ def frames_in_order(batches: int, length: int, batch_size: int, processes: int) 
 
 def _parts(length: int, batch_size: int, processes: int) -> list[np.ndarray]:
     """The samples in order, in equally many parts for every process."""
+    # Rounded up, so that no sample is left over.
     steps = -(-length // (batch_size * processes))
     return np.array_split(np.arange(length), steps * processes)
 
@@ -99,11 +101,13 @@ class TrainingBatches(Sampler[list[Key]]):
         return max(1, self.length // (self.batch_size * self.rank.of))
 
     def __iter__(self) -> Iterator[list[Key]]:
+        # No state is kept between epochs: a resumed run draws what the first would have drawn.
         rng = np.random.default_rng([self.seed, self.epoch])
         order = rng.permutation(self.length)
         coins = self._coins(rng, self.length)
         keys = [Key(index, coin) for index, coin in zip(order.tolist(), coins)]
         for step in range(len(self)):
+            # Step by step, the ranks take neighboring batches of one order.
             start = (step * self.rank.of + self.rank.number) * self.batch_size
             yield keys[start : start + self.batch_size]
 
@@ -137,6 +141,7 @@ class StreamBatches(TrainingBatches):
 
     def __iter__(self) -> Iterator[list[Key]]:
         rng = np.random.default_rng([self.seed, self.epoch])
+        # Whole runs are shuffled: the frames of one must stay in their order.
         order = rng.permutation(len(self.runs)).tolist()
         coins = self._coins(rng, len(self.runs))
         keys = [

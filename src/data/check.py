@@ -56,6 +56,7 @@ def problems_of(clip_folder: Path) -> Iterator[str]:
     damaged = damaged_files(clip_folder)
     for name in damaged:
         yield f"{clip_folder / name}: its bytes are not the ones written"
+    # Damaged files cannot be read to be checked further.
     if damaged:
         return
     clip = Clip(clip_folder)
@@ -69,6 +70,7 @@ def _angle_problems(clip: Clip) -> Iterator[str]:
     """Compares the table's angles with the quaternion, from which every transform is made."""
     angles = torch.stack(euler_from_rotation(clip.world_from_body[:, :3, :3]), dim=-1)
     table = torch.tensor(clip.frames[["roll_rad", "pitch_rad", "yaw_rad"]].to_numpy())
+    # Angles that differ by a whole turn are equal.
     turn = torch.remainder(angles - table + torch.pi, 2 * torch.pi) - torch.pi
     for frame in (turn.abs().amax(dim=-1) > 1e-6).nonzero().flatten().tolist():
         yield f"{clip.folder}: frame {frame}: roll, pitch, yaw are not those of the quaternion"
@@ -78,6 +80,7 @@ def _frustum_problems(clip: Clip, frame: int, centers: Float[Tensor, "X Y Z 3"])
     """Labels stand exactly where the projection chain puts the image: a wrong attitude shows."""
     meta = clip.meta
     chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
+    # App. A.3 supervises only voxels whose center projects into the image.
     labelled = torch.from_numpy(clip.semantics(frame) != UNKNOWN)
     pix, depth_m = project(centers[labelled], chain, meta.pix_from_camera)
     outside = int((~in_image(pix, depth_m, meta.width, meta.height)).sum())
@@ -93,11 +96,13 @@ def agreement_of(clip: Clip, frame: int, total: DepthAgreement) -> None:
     hit = torch.from_numpy(class_id != SKY)
     pix = pixel_centers(meta.width, meta.height).reshape(-1, 2)[hit]
     points_camera = unproject(pix, depth_m[hit], meta.pix_from_camera)
+    # In the occ frame neither place nor yaw matters, so roll and pitch are enough.
     tilt = occ_from_body(clip.world_from_body[frame])
     points_occ = transform(tilt @ meta.body_from_camera, points_camera)
     index, inside = meta.grid.index_of(points_occ)
     index, own = index[inside], class_id[hit.numpy()][inside.numpy()]
 
+    # A voxel is labelled by its center, which may be outside where the point is inside.
     centers = meta.grid.centers(torch.float64)[tuple(index.T)]
     chain = inverse(meta.body_from_camera) @ inverse(tilt)
     in_view = in_image(*project(centers, chain, meta.pix_from_camera), meta.width, meta.height)

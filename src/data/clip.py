@@ -26,7 +26,9 @@ from ..geometry import VoxelGrid, rigid, rotation_from_quat
 from .files import differing_files, flush_to_disk, reading, sha256_of, writing
 
 CLIP_SECONDS = 12.0
+# Little compression, so that its artifacts hide no thin structure.
 JPEG_QUALITY = 95
+# The oldest date that a zip can hold: the time of writing must not change the bytes.
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 
 # Of labels: 4 takes two and a half times as long, for larger files.
@@ -153,6 +155,7 @@ class ClipWriter:
         names = sorted(path.name for path in self._part.iterdir())
         sums = "".join(f"{sha256_of(self._part / name)}  {name}\n" for name in names)
         self._write(SUMS, sums)
+        # The rename says that the clip is whole, so its bytes must be on the disk before.
         for path in (*self._part.iterdir(), self._part):
             flush_to_disk(path)
         os.rename(self._part, self.folder)
@@ -231,6 +234,7 @@ class Clip:
             self._opened_by, self._archives = os.getpid(), {}
         if name not in self._archives:
             path = self.folder / name
+            # The images are plain members; all other archives are numpy's.
             zipped = name == "rgb.zip"
             self._archives[name] = zipfile.ZipFile(path) if zipped else np.load(path)
         return self._archives[name]
@@ -238,6 +242,7 @@ class Clip:
     def _table(self, name: str, columns: list[str]) -> pd.DataFrame:
         with reading(self.folder / name) as path:
             text = path.read_text(encoding="utf-8")
+            # pandas reads a table that ends in the middle of a number without complaint.
             if not text.endswith("\n"):
                 raise ValueError("its last line is cut off")
             table = pd.read_csv(io.StringIO(text), float_precision="round_trip")

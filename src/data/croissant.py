@@ -120,6 +120,7 @@ def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Pat
     ``clips_csv`` is a table with a row a clip, somewhere under ``root``. Every clip's files are
     covered by the manifest's hashes, and the manifest by its own here.
     """
+    # All clips of a dataset have the same files.
     files = next(iter(manifest["clips"].values()))["files"]
 
     return {

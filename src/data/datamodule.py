@@ -65,6 +65,7 @@ class SkyShieldData(LightningDataModule):
         self.clips = {clip_id: Clip(self.root / clip_id) for clip_id in present}
 
         first = self.clips[present[0]]
+        # Clips that are missing count as well: the split must not depend on what is here.
         split = make_split(
             clip_ids, len(first), first.meta.capture_hz, self.val_clips, self.test_clips
         )
@@ -75,6 +76,7 @@ class SkyShieldData(LightningDataModule):
         for part, samples in split.items():
             if not samples:
                 raise UserError(f"data.val_clips/data.test_clips: they leave no frame for {part}")
+        # A mirrored voxel must be a voxel of the same grid.
         if mirror and self.grid.lower_m[1] != -self.grid.upper_m[1]:
             raise UserError(
                 "data.mirror: the grid reaches further to one side, so labels cannot be mirrored; "

@@ -66,6 +66,7 @@ def labels_of_pixels(
     ``size_pix`` is the image's width and height.
     """
     width, height = (side // stride for side in size_pix)
+    # Centers of the coarse squares, in pixels of the image.
     pix = stride * pixel_centers(width, height).flatten(0, 1)
     origin, directions = rays_in_grid(pix, camera_from_occ, pix_from_camera, grid)
     classes = np.full(len(pix), FREE, np.int64)

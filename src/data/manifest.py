@@ -75,6 +75,7 @@ def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split
             for clip in clip_ids
         },
     }
+    # A manifest that was edited by hand is noticed by its own digest.
     manifest["digest"] = digest_of({**manifest, "digest": None})
 
     with replacing(root / MANIFEST) as temporary:
@@ -116,6 +117,7 @@ def require_same_data(root: Path, spec: DatasetSpec) -> None:
 
 def different_setting(before: Mapping, after: Mapping) -> tuple[str, str, str] | None:
     """The first key of ``sim`` whose values differ, and both, shortened; None where none does."""
+    # Sorted, so that the same difference is always named.
     for key in sorted(before.keys() | after.keys()):
         if before.get(key) != after.get(key):
             return key, _short(before.get(key)), _short(after.get(key))

@@ -45,11 +45,13 @@ class MeasuredAttitude:
             if not (math.isfinite(value) and value >= 0):
                 raise UserError(f"task.{name}: {value}; give 0 or more")
         self.step = step
+        # Drawn once for every clip in sorted order, not as batches come.
         generator = torch.Generator().manual_seed(seed)
         self.roll_pitch_rad = {}
 
         for clip_id in sorted(clips):
             reported = delayed(*roll_pitch_of(clips[clip_id]), delay_s)
+            # A level UAV is the baseline's belief: the camera never rolls (Eq. 5).
             if level:
                 reported = torch.zeros_like(reported)
             noise = torch.randn(reported.shape, generator=generator, dtype=reported.dtype)

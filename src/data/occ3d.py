@@ -44,6 +44,7 @@ class Occ3DFolder:
             )
 
         ids = [UNKNOWN if name == "unknown" else CLASSES.index(name) for name in class_map]
+        # One look-up for every value that a uint8 can have.
         self._map = np.full(256, UNKNOWN, dtype=np.uint8)
         self._map[: len(ids)] = ids
         self._known = len(ids)
@@ -69,6 +70,7 @@ class Occ3DFolder:
                 f"{path}: semantics are {list(stored.shape)}, and the grid is "
                 f"{list(self.grid.shape)}; state layout.grid as it is"
             )
+        # 255 may mark voxels without a label there, too.
         if stored.min() < 0 or (stored.max() >= self._known and stored.max() != UNKNOWN):
             raise UserError(
                 f"{path}: class {stored.max()} is not in layout.class_map, which has {self._known}"

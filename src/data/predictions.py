@@ -53,10 +53,12 @@ class PredictionWriter:
         logits: Float[Tensor, "c X Y Z"] | None = None,
     ) -> None:
         """Keep one frame; ``logits`` are stored with half precision."""
+        # An archive is written at once, so a clip's frames are kept until the next clip comes.
         if clip != self._clip:
             self._flush()
             self._clip = clip
         self._labels[f"semantics_{frame:06d}"] = labels.cpu().numpy().astype(np.uint8)
+
         if logits is not None:
             self._logits[f"logits_{frame:06d}"] = logits.cpu().numpy().astype(np.float16)
 
@@ -170,6 +172,7 @@ class Predictions:
             labels = self._read(clip, LABELS, f"semantics_{frame:06d}")
         except UserError:
             return False
+        # A prediction says something of every voxel: unknown is no class of it.
         whole = np.issubdtype(labels.dtype, np.integer) and labels.shape == shape
         return whole and labels.min() >= 0 and labels.max() < NUM_CLASSES
 
@@ -177,6 +180,7 @@ class Predictions:
         path = self.folder / clip / name
 
         try:
+            # Frames come clip by clip, so one open archive is enough.
             if self._open is None or self._open[0] != path:
                 self._open = (path, np.load(path, allow_pickle=False))
             return self._open[1][array]

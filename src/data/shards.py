@@ -73,6 +73,7 @@ def _write_first(path: Path, record: dict) -> None:
     with replacing(candidate) as temporary:
         temporary.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
     try:
+        # A link fails where the file exists, and so only one shard is the first.
         os.link(candidate, path)
     except FileExistsError:
         pass

@@ -35,6 +35,7 @@ def make_split(
         raise UserError("data.val_clips/data.test_clips: a clip is held out twice; name it once")
 
     split: Split = {"train": [], "val": [], "test": []}
+    # Clips and frames keep their order: a score of the test split depends on no shuffle.
     for clip in clip_ids:
         for frame in range(frames_per_clip):
             if clip in val_clips:
@@ -50,6 +51,7 @@ def make_split(
 
 def held_out_clips(split: Split) -> dict[str, list[str]]:
     """The clips that belong whole to ``val`` or to ``test``, in the order of the split."""
+    # A clip with a training frame is split by time; all others belong to one part.
     trained_on = {clip for clip, _ in split["train"]}
     return {
         part: list(dict.fromkeys(clip for clip, _ in split[part] if clip not in trained_on))

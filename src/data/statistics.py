@@ -75,6 +75,7 @@ class Statistics:
     def by_town_and_weather(self, table: pd.DataFrame) -> pd.DataFrame:
         """Number of rows of ``clips`` or of ``frames``, town by weather, in order of appearance."""
         towns, weathers = (self.clips[key].unique() for key in ("town", "weather"))
+        # crosstab sorts its keys; the plan's order is restored below.
         counts = pd.crosstab(table["town"], table["weather"])
         return counts.reindex(index=towns, columns=weathers, fill_value=0)
 
@@ -181,6 +182,7 @@ def _voxel_counts(clip: Clip) -> pd.DataFrame:
 
 def _visible_actors(clip: Clip) -> pd.DataFrame:
     """Visible actors of each type, a row a frame."""
+    # A share of the image, so that the count means the same at every resolution.
     pixels = clip.meta.width * clip.meta.height
     visible = clip.actors[clip.actors["visible_pixels"] >= MIN_VISIBLE_SHARE * pixels]
     counts = pd.crosstab(visible["frame"], visible["type"])
@@ -192,6 +194,7 @@ def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:
     """Voxels of each frame whose center projects into the front image."""
     meta = clip.meta
     chain = camera_from_occ(clip.world_from_body, meta.body_from_camera)
+    # Intrinsics and chain as one 3x4 matrix: a voxel then costs a few products.
     pix_from_occ = (meta.pix_from_camera @ chain[:, :3]).numpy()
     place = np.array(meta.grid.lower_m), meta.grid.voxel_m, meta.grid.shape
 

@@ -37,6 +37,7 @@ class SkyShieldTruth:
         manifest = read_manifest(self.root)
         self.clips = {clip: Clip(self.root / clip) for clip in manifest["clips"]}
         first = next(iter(self.clips.values()))
+        # A study may hold out other clips than the dataset's default.
         held_out = held_out or manifest["held_out"]
         split = make_split(
             list(self.clips), len(first), first.meta.capture_hz, held_out["val"], held_out["test"]
@@ -59,6 +60,7 @@ def truth_at(clip: Clip, frame: int) -> dict:
     velocity_mps = inverse(world_from_occ(world_from_body))[:3, :3] @ velocity_world_mps(
         clip, frame
     )
+
     return {
         "clip": [clip.clip_id],
         "semantics": torch.from_numpy(clip.semantics(frame))[None],

@@ -36,6 +36,7 @@ def draw_pipeline(sim: Mapping, plan: ClipPlan, path: Path) -> None:
     The frame is the one whose pixels are spread most evenly over the classes; it is captured at the
     LiDARs' rate, at which the clips fuse too. Raises `UserError` for settings that cannot be made.
     """
+    # More frames would take longer and fuse nothing more.
     rate_hz = min(sim["capture_hz"], sim["lidar_hz"])
     maker = ClipMaker({**sim, "capture_hz": rate_hz}, Path())
     images: list[Picture] = []
@@ -99,6 +100,7 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) ->
     inside = in_image(pix, depth_m, width, height)
     scale = CELL_PIX[0] / width
     picture = (0.35 * _scaled(image) + 0.65 * 255).astype(np.uint8)
+    # Far points first, so that near ones are drawn over them.
     order = torch.argsort(depth_m[inside], descending=True)
     column, row = (pix[inside][order] * scale).long().numpy().T
     colors = _by_range(depth_m[inside][order].numpy())
@@ -117,6 +119,7 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) ->
 def _labelled(maker: ClipMaker, seen: Observation, frame: int) -> list[tuple[str, Picture]]:
     view, grid = seen.signals[frame].view, maker.grid
     fused = _elected(_static_votes(maker, seen, view))
+    # App. A.3: static surfaces are fused over time, actors are placed as they are now.
     placed = _elected(_all_votes(maker, seen, frame))
     labels = maker.label(seen, frame)
     final = labels.semantics

@@ -56,6 +56,7 @@ def aerial_shot(sim: Mapping, town: str) -> Shot:
     lower_m, upper_m = points_m.min(axis=0), points_m.max(axis=0)
     angles = torch.tensor([0.0, AERIAL_PITCH_RAD, AERIAL_YAW_RAD], dtype=torch.float64)
     rotation = rotation_from_euler(*angles) @ front_mount((0.0, 0.0, 0.0))[:3, :3]
+    # The camera looks at the middle of the corridors, from a distance that fits them.
     middle_m = torch.tensor([*(lower_m + upper_m) / 2, 0.0], dtype=torch.float64)
     away_m = AERIAL_DISTANCE * float(np.linalg.norm(upper_m - lower_m))
     world_from_camera = rigid(rotation, middle_m - away_m * rotation[:, 2])

@@ -34,6 +34,7 @@ def draw_flight(root: Path, statistics: Statistics, path: str | Path) -> None:
     pictures = _pictures(clip, range(first, first + count * stride, stride))
     duration_ms = round(1000 * stride / clip.meta.capture_hz)
     encoded = within_bytes(pictures, partial(_gif, duration_ms=duration_ms), MAX_BYTES)
+
     with replacing(path) as temporary:
         temporary.write_bytes(encoded)
 

@@ -37,6 +37,7 @@ def write_card(root: Path) -> None:
     draw_flight(root, statistics, figures / "flight.gif")
     metadata = croissant_of(root, manifest, WHAT_IT_IS.replace("*", ""), figures / "clips.csv")
     _write(root / CROISSANT, json.dumps(metadata, indent=1) + "\n")
+    # Pictures of task=portraits may lie here as well.
     pictures = [path.name for path in figures.iterdir() if path.is_file() and path.name != SUMS]
     _write(root / CARD, card_text(root.name, manifest, statistics, clips, pictures))
     files = [root / CARD, root / CROISSANT, *(figures / name for name in sorted(pictures))]

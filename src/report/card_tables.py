@@ -17,6 +17,7 @@ BESIDE = ("", "here", "the paper")
 def settings_table(sim: Mapping, statistics: Statistics) -> str:
     """The paper's table of statistics; ``sim`` are the settings in the manifest."""
     clips, heights_m = statistics.clips, statistics.frames["altitude_m"]
+    # A dataset may have more clips of one town than of another.
     clips_per_town = clips.groupby("town").size()
     here = {
         "Simulator": f"Bullet, renderer `{sim['renderer']}`",

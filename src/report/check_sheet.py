@@ -39,6 +39,7 @@ def overlaid(clip: Clip, frame: int) -> UInt8[np.ndarray, "h w 3"]:
 def _picked(root: Path, clip_ids: list[str]) -> list[tuple[int, int]]:
     """Clips by index, each with its most tilted frames."""
     count = min(FRAMES, len(clip_ids))
+    # Evenly spaced, so that a long list shows several towns.
     clips = np.unique(np.linspace(0, len(clip_ids) - 1, count).round().astype(int)).tolist()
     shares = [FRAMES // len(clips) + (n < FRAMES % len(clips)) for n in range(len(clips))]
     picked = []

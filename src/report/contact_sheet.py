@@ -19,6 +19,7 @@ def draw_contact_sheet(root: Path, statistics: Statistics, path: str | Path) -> 
     A cell is blank where a town was never flown in a weather. Raises `UserError` for an image that
     cannot be read and a path that cannot be written.
     """
+    # The first clip of every town and weather stands for all of them.
     clips = statistics.clips.drop_duplicates(["town", "weather"])
     towns, weathers = (list(clips[key].unique()) for key in ("town", "weather"))
     pictures = {

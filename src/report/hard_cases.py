@@ -33,8 +33,10 @@ def hard_cases(frames: pd.DataFrame, count: int) -> list[HardCase]:
     """
     chosen: list[HardCase] = []
     for reason, column in list(RULES.items())[:count]:
+        # Another clip each time: two frames of one flight show nearly the same street.
         left = frames[~frames["clip"].isin([case.clip for case in chosen]) & (frames[column] > 0)]
         if len(left):
             hardest = left.loc[left[column].idxmax()]
             chosen.append(HardCase(reason, str(hardest["clip"]), int(hardest["frame"])))
+
     return chosen

@@ -35,6 +35,7 @@ class Pen:
         self, start: Float[Tensor, "3"], end: Float[Tensor, "3"], color: tuple, width_pix: int
     ) -> None:
         """A straight line between two points in metres, cut up so that it can be half hidden."""
+        # Pieces are short enough that a voxel's edge cuts a line cleanly.
         share = torch.linspace(0, 1, 161, dtype=torch.float64)[:, None]
         pix, depth_m = self._project(start + share * (end - start))
         visible = self._visible(pix, depth_m)
@@ -62,6 +63,7 @@ class Pen:
 
     def _visible(self, pix: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
         height, width = self.depth_m.shape
+        # A point beside the picture is compared with the pixel at its border.
         column = np.clip(np.floor(pix[:, 0]), 0, width - 1).astype(int)
         row = np.clip(np.floor(pix[:, 1]), 0, height - 1).astype(int)
         return (depth_m > 0) & (depth_m <= self.depth_m[row, column] + self.tolerance_m)

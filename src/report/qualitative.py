@@ -34,6 +34,7 @@ def pick_frames(tilt_rad: Float[np.ndarray, "n"], count: int) -> list[int]:
     n_frames = len(tilt_rad)
     if count >= n_frames:
         return list(range(n_frames))
+    # Middles of count - 1 equal parts; the most tilted frame is the last one.
     even = [(2 * part + 1) * n_frames // (2 * (count - 1)) for part in range(count - 1)]
     most_tilted_first = np.argsort(-np.asarray(tilt_rad), kind="stable").tolist()
     return sorted([*even, next(frame for frame in most_tilted_first if frame not in even)])
@@ -53,6 +54,7 @@ def qualitative_sheet(
         raise UserError(f"{path}: no frames to draw; the split is empty")
 
     names = [name for name, _ in scenes[0].volumes()]
+    # One header names the columns of all rows.
     if any([name for name, _ in scene.volumes()] != names for scene in scenes):
         raise UserError(f"{path}: its rows show predictions of different models; draw two sheets")
 
@@ -69,6 +71,7 @@ def _pictures(scene: Scene, tops: bool) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
     known, grid = scene.known().values(), scene.grid
     size, top_size = ((round(ROW_PIX * a), ROW_PIX) for a in (VOXEL_ASPECT, TOP_ASPECT))
     view = view_of(list(known), grid, size)
+    # One floor and one point of view, so that a row compares labels and nothing else.
     floor_m = ground_level(scene.truth, grid)
     yield _fit(scene.image)
     for labels in known:

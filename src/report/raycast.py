@@ -118,6 +118,7 @@ def _face(occupied, point, cell, axis, side, before):
             along = _filled(occupied, before)
             before[b], before[c] = cell[b] + i, cell[c] + j
             corner = _filled(occupied, before)
+            # Where both sides are closed, the corner behind them is dark whatever stands in it.
             blocked = 3 if beside and along else beside + along + corner
             weight = (u if i > 0 else 1 - u) * (v if j > 0 else 1 - v)
             openness += weight * (3 - blocked) / 3

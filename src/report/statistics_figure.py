@@ -49,6 +49,7 @@ def _draw_matrix(axes: Axes, statistics: Statistics) -> None:
     frames = statistics.by_town_and_weather(statistics.frames)
     clips = statistics.by_town_and_weather(statistics.clips)
     most = frames.to_numpy().max()
+    # The scale ends beyond the largest count, so that the darkest cell still carries dark text.
     axes.imshow(frames, cmap="Blues", vmin=0, vmax=2.2 * most, aspect="auto")
     axes.set_xticks(range(frames.shape[1]), map(readable, frames.columns), rotation=40, ha="right")
     axes.set_yticks(range(frames.shape[0]), map(readable, frames.index))
@@ -102,6 +103,7 @@ def _draw_voxels(axes: Axes, statistics: Statistics) -> None:
     reported = [(shares.index.get_loc(name), share) for name, share in paper.CLASS_SHARES.items()]
     axes.scatter(*zip(*reported), marker="D", s=34, color="white", edgecolor=INK, zorder=3)
     least = min(*shares.to_numpy()[shares > 0], *paper.CLASS_SHARES.values())
+    # Free space is thousands of times as frequent as VRUs.
     axes.set_yscale("log")
     axes.set_ylim(10 ** np.floor(np.log10(least)), 4)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{100 * share:g}%"))

@@ -47,6 +47,7 @@ def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
 def _pictures(scene: Scene, camera: Frustum) -> list[Picture]:
     view = view_of([scene.truth], scene.grid, CELL_PIX)
     floor_m = ground_level(scene.truth, scene.grid)
+    # The labels are the same in both rows; only the camera differs (Eq. 5).
     in_space = render_voxels(
         scene.truth, scene.grid, CELL_PIX, view, camera, floor_m, FRUSTUM_SHARE
     )

@@ -33,6 +33,7 @@ class Viewpoint:
         """
         occ_from_view = front_mount((0.0, 0.0, 0.0), PITCH_RAD)
         x, y, z = transform(inverse(occ_from_view), points_occ.double()).unbind(-1)
+        # Through each side of the lens runs a plane; every point must lie inside all four.
         slope_x = math.tan(HFOV_RAD / 2) * (1 - 2 * MARGIN)
         slope_y = slope_x / aspect
         right, left = (x - slope_x * z).max(), (x + slope_x * z).min()

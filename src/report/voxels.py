@@ -82,6 +82,7 @@ def render_voxels(
     rgb = _shade(labels, grid, view, width, hits)
     image = Image.fromarray(rgb.reshape(height, width, 3))
     depth_m = (hits.distance * grid.voxel_m).reshape(height, width)
+    # Lines keep their share of the picture at any size.
     line_pix = max(1, round(width / 500))
     pen = Pen(ImageDraw.Draw(image), depth_m, view, tolerance_m=0.3 * grid.voxel_m)
     draw_floor(pen, grid, floor_m, line_pix)
@@ -131,9 +132,11 @@ def _shade(
     floor, voxel = hits.kind == FLOOR, hits.kind == VOXEL
     rgb[floor] = FLOOR_COLOR * np.where(hits.sunlit[floor], 1.0, 0.90)[:, None]
     surface = PixelHits(*(field[voxel] for field in hits))
+    # Distances are z-depths in voxels, so focal length over distance is a voxel's size.
     pix_per_voxel = float(view.pix_from_view((width, 1))[0, 0]) / surface.distance
     brightness = _light(surface) * _edges(surface, pix_per_voxel)
     color = np.minimum(PALETTE[labels[tuple(surface.voxel.T)]] * brightness[:, None], 255)
+    # Haze begins where the grid does, and ends with it.
     near = (grid.lower_m[0] - view.position_m[0]) / grid.voxel_m
     haze = HAZE * np.clip((surface.distance - near) / grid.shape[0], 0, 1)
     rgb[voxel] = color + (HAZE_COLOR - color) * haze[:, None]
