@@ -6,34 +6,60 @@ Every frame is right-handed, in metres and radians; `docs/conventions.md` lists 
 
     world_from_camera = world_from_body @ body_from_camera
 
-Everything here is torch, takes any leading batch dimensions and keeps the dtype it is given.
+Everything here takes any leading batch dimensions and keeps the dtype it is given. Rotations,
+transforms and projections take tensors or numpy arrays, and return what they were given.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from .errors import UserError
 
+Array = Tensor | np.ndarray
+
+# Nearer than this, in front of the lens, a point counts as not in the image.
 MIN_DEPTH_M = 0.1
-"""Nearer than this, in front of the lens, a point counts as not in the image."""
+
+
+def _numpy_too(function: Callable) -> Callable:
+    """Lets a function of tensors take numpy arrays as well; it then returns arrays."""
+
+    @wraps(function)
+    def either(*args: object, **named: object) -> object:
+        if not any(isinstance(value, np.ndarray) for value in (*args, *named.values())):
+            return function(*args, **named)
+
+        tensors = {name: _tensor_of(value) for name, value in named.items()}
+        result = function(*map(_tensor_of, args), **tensors)
+        return tuple(map(np.asarray, result)) if isinstance(result, tuple) else result.numpy()
+
+    return either
+
+
+def _tensor_of(value: object) -> object:
+    return torch.tensor(value) if isinstance(value, np.ndarray) else value
 
 
 # ------------------------------------------------------------------------------------ rotations
 
 
+@_numpy_too
 def rotation_from_euler(
-    roll_rad: Float[Tensor, "*batch"],
-    pitch_rad: Float[Tensor, "*batch"],
-    yaw_rad: Float[Tensor, "*batch"],
-) -> Float[Tensor, "*batch 3 3"]:
+    roll_rad: Float[Array, "*batch"],
+    pitch_rad: Float[Array, "*batch"],
+    yaw_rad: Float[Array, "*batch"],
+) -> Float[Array, "*batch 3 3"]:
     """Rotation Rz(yaw) Ry(pitch) Rx(roll), which takes body axes to world axes.
 
     With x forward, y left and z up, positive pitch is nose down and positive roll is right side
-    down. The angles only parameterise the quaternion of App. A.2; they are never added to a pose.
+    down. The angles only parameterise the quaternion of App. A.2; they are never added up.
     """
     roll_rad, pitch_rad, yaw_rad = torch.broadcast_tensors(roll_rad, pitch_rad, yaw_rad)
     cr, sr = torch.cos(roll_rad), torch.sin(roll_rad)
@@ -44,12 +70,14 @@ def rotation_from_euler(
         torch.stack([sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr], dim=-1),
         torch.stack([-sp, cp * sr, cp * cr], dim=-1),
     ]
+
     return torch.stack(rows, dim=-2)
 
 
+@_numpy_too
 def euler_from_rotation(
-    rotation: Float[Tensor, "*batch 3 3"],
-) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
+    rotation: Float[Array, "*batch 3 3"],
+) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
     """Roll, pitch and yaw in radians of a rotation; pitch within +-pi/2, inverting the above."""
     roll_rad = torch.atan2(rotation[..., 2, 1], rotation[..., 2, 2])
     pitch_rad = torch.atan2(-rotation[..., 2, 0], rotation[..., :2, 0].norm(dim=-1))
@@ -57,7 +85,8 @@ def euler_from_rotation(
     return roll_rad, pitch_rad, yaw_rad
 
 
-def rotation_from_quat(quat_xyzw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 3 3"]:
+@_numpy_too
+def rotation_from_quat(quat_xyzw: Float[Array, "*batch 4"]) -> Float[Array, "*batch 3 3"]:
     """Rotation of a quaternion, scalar last; it is normalised first."""
     x, y, z, w = (quat_xyzw / quat_xyzw.norm(dim=-1, keepdim=True)).unbind(-1)
     rows = [
@@ -68,15 +97,17 @@ def rotation_from_quat(quat_xyzw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*
     return torch.stack(rows, dim=-2)
 
 
+@_numpy_too
 def quat_from_euler(
-    roll_rad: Float[Tensor, "*batch"],
-    pitch_rad: Float[Tensor, "*batch"],
-    yaw_rad: Float[Tensor, "*batch"],
-) -> Float[Tensor, "*batch 4"]:
+    roll_rad: Float[Array, "*batch"],
+    pitch_rad: Float[Array, "*batch"],
+    yaw_rad: Float[Array, "*batch"],
+) -> Float[Array, "*batch 4"]:
     """Unit quaternion, scalar last, of Rz(yaw) Ry(pitch) Rx(roll)."""
     cr, sr = torch.cos(roll_rad / 2), torch.sin(roll_rad / 2)
     cp, sp = torch.cos(pitch_rad / 2), torch.sin(pitch_rad / 2)
     cy, sy = torch.cos(yaw_rad / 2), torch.sin(yaw_rad / 2)
+
     return torch.stack(
         [
             sr * cp * cy - cr * sp * sy,
@@ -91,9 +122,10 @@ def quat_from_euler(
 # ----------------------------------------------------------------------------- rigid transforms
 
 
+@_numpy_too
 def rigid(
-    rotation: Float[Tensor, "*batch 3 3"], translation_m: Float[Tensor, "*batch 3"]
-) -> Float[Tensor, "*batch 4 4"]:
+    rotation: Float[Array, "*batch 3 3"], translation_m: Float[Array, "*batch 3"]
+) -> Float[Array, "*batch 4 4"]:
     """The 4x4 matrix ``[R t; 0 1]``."""
     batch = torch.broadcast_shapes(rotation.shape[:-2], translation_m.shape[:-1])
     transform = rotation.new_zeros(*batch, 4, 4)
@@ -103,32 +135,43 @@ def rigid(
     return transform
 
 
-def inverse(b_from_a: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 4 4"]:
+@_numpy_too
+def inverse(b_from_a: Float[Array, "*batch 4 4"]) -> Float[Array, "*batch 4 4"]:
     """``a_from_b`` of a rigid ``b_from_a``, without a matrix inversion."""
     a_from_b_rotation = b_from_a[..., :3, :3].transpose(-1, -2)
     return rigid(a_from_b_rotation, -(a_from_b_rotation @ b_from_a[..., :3, 3:])[..., 0])
 
 
 def transform(
-    b_from_a: Float[Tensor, "*batch 4 4"], points_a: Float[Tensor, "*batch n 3"]
-) -> Float[Tensor, "*batch n 3"]:
+    b_from_a: Float[Array, "*batch 4 4"], points_a: Float[Array, "*batch n 3"]
+) -> Float[Array, "*batch n 3"]:
     """Points of frame a, expressed in frame b."""
-    return points_a @ b_from_a[..., :3, :3].transpose(-1, -2) + b_from_a[..., None, :3, 3]
+    return rotate(b_from_a, points_a) + b_from_a[..., None, :3, 3]
 
 
-def yaw_of(world_from_body: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch"]:
+def rotate(
+    b_from_a: Float[Array, "*batch 4 4"], directions_a: Float[Array, "*batch n 3"]
+) -> Float[Array, "*batch n 3"]:
+    """Directions of frame a, expressed in frame b."""
+    return directions_a @ b_from_a[..., :3, :3].swapaxes(-1, -2)
+
+
+@_numpy_too
+def yaw_of(world_from_body: Float[Array, "*batch 4 4"]) -> Float[Array, "*batch"]:
     """Yaw in radians, counter-clockwise from world x (east)."""
     return torch.atan2(world_from_body[..., 1, 0], world_from_body[..., 0, 0])
 
 
-def world_from_occ(world_from_body: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 4 4"]:
-    """Pose of the paper's gravity-stabilised frame G_t (App. A.2): Rz(yaw) at the UAV's centre."""
+@_numpy_too
+def world_from_occ(world_from_body: Float[Array, "*batch 4 4"]) -> Float[Array, "*batch 4 4"]:
+    """The paper's gravity-stabilised frame G_t (App. A.2): Rz(yaw) at the UAV's center."""
     yaw_rad = yaw_of(world_from_body)
     zero = torch.zeros_like(yaw_rad)
     return rigid(rotation_from_euler(zero, zero, yaw_rad), world_from_body[..., :3, 3])
 
 
-def occ_from_body(world_from_body: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 4 4"]:
+@_numpy_too
+def occ_from_body(world_from_body: Float[Array, "*batch 4 4"]) -> Float[Array, "*batch 4 4"]:
     """Roll and pitch alone: the body's rotation seen from the frame that shares its yaw."""
     return inverse(world_from_occ(world_from_body)) @ world_from_body
 
@@ -136,9 +179,10 @@ def occ_from_body(world_from_body: Float[Tensor, "*batch 4 4"]) -> Float[Tensor,
 # ------------------------------------------------------------------------- the projection chain
 
 
+@_numpy_too
 def camera_from_occ(
-    world_from_body: Float[Tensor, "*batch 4 4"], body_from_camera: Float[Tensor, "*batch 4 4"]
-) -> Float[Tensor, "*batch 4 4"]:
+    world_from_body: Float[Array, "*batch 4 4"], body_from_camera: Float[Array, "*batch 4 4"]
+) -> Float[Array, "*batch 4 4"]:
     """The paper's T^{C<-G}_t (App. A.2): ``camera_from_body @ body_from_world @ world_from_occ``.
 
     Roll and pitch enter the chain here, once, through ``world_from_body``. Since the occ frame is a
@@ -150,11 +194,12 @@ def camera_from_occ(
     return camera_from_body @ inverse(world_from_body) @ world_from_occ(world_from_body)
 
 
+@_numpy_too
 def project(
-    points_occ: Float[Tensor, "*batch n 3"],
-    camera_from_occ: Float[Tensor, "*batch 4 4"],
-    pix_from_camera: Float[Tensor, "*batch 3 3"],
-) -> tuple[Float[Tensor, "*batch n 2"], Float[Tensor, "*batch n"]]:
+    points_occ: Float[Array, "*batch n 3"],
+    camera_from_occ: Float[Array, "*batch 4 4"],
+    pix_from_camera: Float[Array, "*batch 3 3"],
+) -> tuple[Float[Array, "*batch n 2"], Float[Array, "*batch n"]]:
     """Image location ``(u, v)`` in pixels and z-depth in metres of points in the occ frame.
 
     The paper's attitude-aware projection (Eq. 5). Pixel (0, 0) covers [0, 1) x [0, 1). The location
@@ -165,33 +210,36 @@ def project(
     homogeneous = points_camera @ pix_from_camera.transpose(-1, -2)
     tiny = torch.finfo(depth_m.dtype).tiny ** 0.5
     divisor = torch.where(depth_m.abs() < tiny, torch.full_like(depth_m, tiny), depth_m)
+
     return homogeneous[..., :2] / divisor[..., None], depth_m
 
 
+@_numpy_too
 def unproject(
-    pix: Float[Tensor, "*batch n 2"],
-    depth_m: Float[Tensor, "*batch n"],
-    pix_from_camera: Float[Tensor, "*batch 3 3"],
-) -> Float[Tensor, "*batch n 3"]:
+    pix: Float[Array, "*batch n 2"],
+    depth_m: Float[Array, "*batch n"],
+    pix_from_camera: Float[Array, "*batch 3 3"],
+) -> Float[Array, "*batch n 3"]:
     """Points in the camera frame of image locations with a z-depth: the inverse of `project`."""
     homogeneous = torch.cat([pix, torch.ones_like(pix[..., :1])], dim=-1)
     rays_camera = homogeneous @ torch.linalg.inv(pix_from_camera).transpose(-1, -2)
     return rays_camera * depth_m[..., None]
 
 
+@_numpy_too
 def in_image(
-    pix: Float[Tensor, "*batch n 2"],
-    depth_m: Float[Tensor, "*batch n"],
+    pix: Float[Array, "*batch n 2"],
+    depth_m: Float[Array, "*batch n"],
     width: int,
     height: int,
-) -> Bool[Tensor, "*batch n"]:
-    """Which projected points lie before the camera and inside the image."""
+) -> Bool[Array, "*batch n"]:
+    """Marks the projected points that lie before the camera and inside the image."""
     u, v = pix.unbind(-1)
     return (depth_m > MIN_DEPTH_M) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
 
 
 def pinhole(width: int, height: int, hfov_rad: float) -> Float[Tensor, "3 3"]:
-    """``pix_from_camera`` (float64) of a camera with square pixels and a centred optical axis."""
+    """``pix_from_camera`` (float64) of a camera with square pixels and a centered optical axis."""
     focal_pix = width / 2 / math.tan(hfov_rad / 2)
     return torch.tensor(
         [[focal_pix, 0.0, width / 2], [0.0, focal_pix, height / 2], [0.0, 0.0, 1.0]],
@@ -199,8 +247,8 @@ def pinhole(width: int, height: int, hfov_rad: float) -> Float[Tensor, "3 3"]:
     )
 
 
-def pixel_centres(width: int, height: int) -> Float[Tensor, "h w 2"]:
-    """``(u, v)`` of every pixel's centre (float64): (0.5, 0.5) for the first."""
+def pixel_centers(width: int, height: int) -> Float[Tensor, "h w 2"]:
+    """``(u, v)`` of every pixel's center (float64): (0.5, 0.5) for the first."""
     v, u = torch.meshgrid(
         torch.arange(height, dtype=torch.float64) + 0.5,
         torch.arange(width, dtype=torch.float64) + 0.5,
@@ -257,7 +305,7 @@ class VoxelGrid:
     def centers(
         self, dtype: torch.dtype = torch.float32, device: torch.device | str | None = None
     ) -> Float[Tensor, "X Y Z 3"]:
-        """Centre of every voxel in metres, in the occ frame."""
+        """Center of every voxel in metres, in the occ frame."""
         axes = [
             lower + (torch.arange(n, dtype=dtype, device=device) + 0.5) * self.voxel_m
             for lower, n in zip(self.lower_m, self.shape)

@@ -15,11 +15,11 @@ from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parent
-DATA_CODE = ("sim", "geometry.py", "ontology.py", "data/clip.py", "data/rates.py")
+DATA_CODE = ("sim", "geometry.py", "voxels.py", "ontology.py", "data/clip.py", "data/rates.py")
 """What shapes the bytes of a data set."""
 TRAINING_CODE = (
     *("models", "data", "metrics", "tasks/model.py"),
-    *("geometry.py", "ontology.py", "rays.py", "voxel_march.py"),
+    *("geometry.py", "ontology.py", "voxels.py"),
 )
 """What shapes the weights and the scores of a run, beside its data and its configuration."""
 

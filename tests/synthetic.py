@@ -20,7 +20,7 @@ from src.geometry import (
     front_mount,
     in_image,
     pinhole,
-    pixel_centres,
+    pixel_centers,
     project,
     quat_from_euler,
     transform,
@@ -153,7 +153,7 @@ def labels_of(world_from_body, meta):
 
 def render(world_from_body, meta):
     """The image: every pixel's nearest surface in its colour."""
-    pix = pixel_centres(meta.width, meta.height).flatten(0, 1)
+    pix = pixel_centers(meta.width, meta.height).flatten(0, 1)
     ones = torch.ones(len(pix), dtype=torch.float64)
     world_from_camera = world_from_body @ meta.body_from_camera
     direction = unproject(pix, ones, meta.pix_from_camera) @ world_from_camera[:3, :3].T

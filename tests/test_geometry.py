@@ -1,6 +1,7 @@
 """Signs, the projection chain and the voxel grid, against answers worked out without them."""
 
 import math
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -229,6 +230,7 @@ def test_project_agrees_with_opencv() -> None:
     pix_from_camera = f64([[180.0, 0.0, 101.3], [0.0, 175.0, 66.6], [0.0, 0.0, 1.0]])
     points_camera = torch.rand(40, 3, generator=generator, dtype=torch.float64) * f64(20, 10, 40)
     points_camera += f64(-10.0, -5.0, 1.0)
+
     for world_from_body in random_poses(25, seed=4):
         camera_from_occ = g.camera_from_occ(world_from_body, body_from_camera)
         points_occ = g.transform(torch.linalg.inv(camera_from_occ), points_camera)
@@ -252,7 +254,7 @@ def test_depth_is_z_depth_and_not_range() -> None:
 
 
 def test_unproject_inverts_project() -> None:
-    pix = g.pixel_centres(WIDTH, HEIGHT).reshape(-1, 2)[::97]
+    pix = g.pixel_centers(WIDTH, HEIGHT).reshape(-1, 2)[::97]
     depth_m = torch.linspace(0.5, 60, len(pix), dtype=torch.float64)
     points_camera = g.unproject(pix, depth_m, PIX_FROM_CAMERA)
     identity = torch.eye(4, dtype=torch.float64)
@@ -272,11 +274,40 @@ def test_leading_batch_dimensions() -> None:
     pix, depth_m = g.project(points_occ, camera_from_occ, pix_from_camera)
     assert pix.shape == (2, 3, 4, 2)
     assert depth_m.shape == (2, 3, 4)
+
     for b in range(2):
         for frame in range(3):
             alone = g.camera_from_occ(world_from_body[b, frame], body_from_camera[b, 0])
             expected, _ = g.project(POINTS_OCC, alone, PIX_FROM_CAMERA)
             torch.testing.assert_close(pix[b, frame], expected)
+
+
+@pytest.mark.parametrize(
+    ("function", "inputs"),
+    [
+        (g.rotation_from_euler, f64([0.3, -0.2, 0.9])),
+        (g.quat_from_euler, f64([0.3, -0.2, 0.9])),
+        (g.rotation_from_quat, (f64([[0.1, 0.2, -0.3, 0.9]]),)),
+        (g.euler_from_rotation, (pose(*ATTITUDE_RAD)[:3, :3],)),
+        (g.rigid, (pose(*ATTITUDE_RAD)[:3, :3], f64([3.0, 4.0, 5.0]))),
+        (g.inverse, (pose(*ATTITUDE_RAD),)),
+        (g.world_from_occ, (pose(*ATTITUDE_RAD),)),
+        (g.transform, (pose(*ATTITUDE_RAD), POINTS_OCC)),
+        (g.rotate, (pose(*ATTITUDE_RAD), POINTS_OCC)),
+        (g.project, (POINTS_OCC, g.inverse(BODY_FROM_CAMERA), PIX_FROM_CAMERA)),
+        (g.unproject, (POINTS_OCC[:, :2], POINTS_OCC[:, 2], PIX_FROM_CAMERA)),
+        (g.in_image, (POINTS_OCC[:, :2], POINTS_OCC[:, 2], WIDTH, HEIGHT)),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_numpy_arrays_give_arrays_of_the_same_numbers(function: Callable, inputs: tuple) -> None:
+    plain = [value.numpy() if isinstance(value, Tensor) else value for value in inputs]
+    arrays, tensors = function(*plain), function(*inputs)
+    arrays, tensors = (v if isinstance(v, tuple) else (v,) for v in (arrays, tensors))
+    for array, tensor in zip(arrays, tensors, strict=True):
+        assert isinstance(array, np.ndarray)
+        assert array.dtype == tensor.numpy().dtype
+        np.testing.assert_allclose(array, tensor, atol=1e-14)
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
@@ -323,11 +354,11 @@ def test_pinhole_spans_its_field_of_view() -> None:
     torch.testing.assert_close(pix, f64([[800.0, 224.0], [0.0, 224.0]]))
 
 
-def test_pixel_centres() -> None:
-    centres = g.pixel_centres(WIDTH, HEIGHT)
-    assert centres.shape == (HEIGHT, WIDTH, 2)
-    assert centres[0, 0].tolist() == [0.5, 0.5]
-    assert centres[2, 5].tolist() == [5.5, 2.5]
+def test_pixel_centers() -> None:
+    centers = g.pixel_centers(WIDTH, HEIGHT)
+    assert centers.shape == (HEIGHT, WIDTH, 2)
+    assert centers[0, 0].tolist() == [0.5, 0.5]
+    assert centers[2, 5].tolist() == [5.5, 2.5]
 
 
 def test_front_mount_looks_along_body_x_and_pitches_down() -> None:

@@ -16,6 +16,7 @@ from ..geometry import (
     in_image,
     inverse,
     project,
+    rotate,
     transform,
     unproject,
     world_from_occ,
@@ -70,7 +71,7 @@ class SurfaceTruth:
         """Looks at the scene as it is at a step of the simulation."""
         occ_from_world = inverse(world_from_occ(camera.world_from_body))
         triangles_m, class_id = triangles_of(scene, step)
-        triangles_occ = transform(occ_from_world, torch.from_numpy(triangles_m)).numpy()
+        triangles_occ = transform(occ_from_world, triangles_m)
 
         areas_m2 = surface_areas(triangles_occ, class_id, grid)
         near_m2 = surface_areas(triangles_occ, class_id, grid, TOLERANCE_M)
@@ -90,7 +91,7 @@ def triangles_of(
 
     for actor in scene.actors:
         world_from_actor, own_m = actor.world_from_actor[step], actor.triangles_m.astype(np.float64)
-        triangles_m.append(own_m @ world_from_actor[:3, :3].T + world_from_actor[:3, 3])
+        triangles_m.append(transform(world_from_actor, own_m))
         classes.append(np.full(len(own_m), actor.class_id, np.uint8))
     return np.concatenate(triangles_m), np.concatenate(classes)
 
@@ -103,8 +104,8 @@ def seen_surfaces(
     hits = scene.cast(step, np.broadcast_to(camera.place_m, directions.shape), directions)
     met = hits.actor_id >= 0
     points_m = camera.place_m + directions[met] * hits.distance_m[met, None].astype(np.float64)
-
-    index, within = grid.index_of(transform(occ_from_world, torch.from_numpy(points_m)))
+    points_occ = transform(occ_from_world, points_m)
+    index, within = grid.index_of(torch.from_numpy(points_occ))
     seen = np.zeros((*grid.shape, len(OCCUPIED)), dtype=bool)
     seen[(*index[within].numpy().T, hits.class_id[met][within.numpy()])] = True
     return seen
@@ -121,7 +122,7 @@ def rays_of(camera: Camera) -> Float[np.ndarray, "n 3"]:
 
     through = through / through.norm(dim=-1, keepdim=True)
     world_from_camera = camera.world_from_body @ camera.body_from_camera
-    return (through @ world_from_camera[:3, :3].T).numpy()
+    return rotate(world_from_camera, through).numpy()
 
 
 def seen_centers(

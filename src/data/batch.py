@@ -1,4 +1,4 @@
-"""What the loader hands to the model."""
+"""The batch that the loader hands to the model."""
 
 from typing import TypedDict
 
@@ -16,21 +16,21 @@ class Batch(TypedDict):
     ``clip`` and ``frame`` say where the current frame comes from.
     """
 
+    # The current one alone, [B, 1, 3, H, W], where the past was computed in earlier steps.
     image: UInt8[Tensor, "B L 3 H W"]
-    """Only the current one, [B, 1, 3, H, W], where the past was computed in earlier steps."""
     pix_from_camera: Float[Tensor, "B L 3 3"]
     body_from_camera: Float[Tensor, "B 4 4"]
+    # Rotation by roll and pitch only.
     occ_from_body: Float[Tensor, "B L 4 4"]
-    """Rotation by roll and pitch only."""
+    # The identity for the current frame.
     occ_from_past_occ: Float[Tensor, "B L 4 4"]
-    """The identity for the current frame."""
+    # False where the clip had no such past frame; what is in its place means nothing.
     history_valid: Bool[Tensor, "B L"]
-    """False where the clip had no such past frame; what is in its place means nothing."""
     velocity_mps: Float[Tensor, "B 3"]
+    # Roll and pitch.
     attitude_rad: Float[Tensor, "B 2"]
-    """Roll and pitch."""
+    # The UAV's height above the world's ground plane, from which flat ground is a little off.
     height_m: Float[Tensor, "B"]
-    """Of the UAV above the world's ground plane, from which flat ground is a little off."""
     semantics: UInt8[Tensor, "B X Y Z"]
     visible: Bool[Tensor, "B X Y Z"]
     clip: list[str]
@@ -40,10 +40,11 @@ class Batch(TypedDict):
 def ego_motion(
     world_from_body: Float[Tensor, "L 4 4"], velocity_world_mps: Float[Tensor, "3"]
 ) -> dict[str, Tensor]:
-    """What a sample holds of the poses of its frames (oldest first) and of its velocity.
+    """Computes a sample's motion from the transforms of its frames (oldest first) and its velocity.
 
-    Computed in the precision of the poses, which may be far from the origin; returned as float32.
+    The precision is that of the transforms, whose origins may be far away; the result is float32.
     """
+    # The chain goes through the world, which the past and the current frame share.
     occ_now_from_world = inverse(world_from_occ(world_from_body[-1]))
     roll_rad, pitch_rad, _ = euler_from_rotation(world_from_body[-1, :3, :3])
     motion = {
@@ -53,21 +54,25 @@ def ego_motion(
         "attitude_rad": torch.stack([roll_rad, pitch_rad]),
         "height_m": world_from_body[-1, 2, 3],
     }
+
     return {name: value.float() for name, value in motion.items()}
 
 
 def mirrored(sample: Batch) -> Batch:
-    """The same sample of the world seen in a mirror: left and right swapped, exactly.
+    """Mirrors a sample exactly: left and right of the world change places.
 
     With M = diag(1, -1, 1) in the occ and body frames and diag(-1, 1, 1) in the camera's, every
     transform b_from_a becomes M_b b_from_a M_a; rotations stay proper, and u becomes W - u.
     """
+    # Left is y in the occ and body frames, and x in the camera's.
     swap_y = sample["body_from_camera"].new_tensor([1, -1, 1, 1])
     swap_x = swap_y.new_tensor([-1, 1, 1, 1])
     pix_from_camera = sample["pix_from_camera"].clone()
+    # Skew changes its sign with u; the principal point moves to the other side.
     pix_from_camera[..., 0, 1] *= -1
     pix_from_camera[..., 0, 2] = sample["image"].shape[-1] - pix_from_camera[..., 0, 2]
     sides = swap_y[:, None] * swap_y
+
     return {
         **sample,
         "image": sample["image"].flip(-1),
@@ -76,6 +81,7 @@ def mirrored(sample: Batch) -> Batch:
         "occ_from_body": sample["occ_from_body"] * sides,
         "occ_from_past_occ": sample["occ_from_past_occ"] * sides,
         "velocity_mps": sample["velocity_mps"] * swap_y[:3],
+        # A mirror turns a roll around and leaves a pitch.
         "attitude_rad": sample["attitude_rad"] * swap_y.new_tensor([-1, 1]),
         "semantics": sample["semantics"].flip(-2),
         "visible": sample["visible"].flip(-2),

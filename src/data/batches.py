@@ -13,12 +13,12 @@ from torch.utils.data import Sampler
 
 from ..errors import UserError
 
+# Of the training frames: `TrainingBatches` and `StreamBatches`.
 ORDERS = ("shuffled", "streams")
-"""Of the training frames: `TrainingBatches` and `StreamBatches`."""
 
 
 class Key(NamedTuple):
-    """A sample of a data set: its number, whether it is mirrored, and how many frames before it
+    """A sample of a dataset: its number, whether it is mirrored, and how many frames before it
     its history may hold (``None``: as many as it has)."""
 
     index: int
@@ -27,7 +27,7 @@ class Key(NamedTuple):
 
 
 class Rank(NamedTuple):
-    """Which of how many processes this is."""
+    """The number of this process, and how many there are."""
 
     number: int
     of: int
@@ -46,6 +46,7 @@ class BatchesInOrder(Sampler[list[Key]]):
     def __init__(self, length: int, batch_size: int, rank: Rank = ALONE) -> None:
         if length < rank.of:
             raise UserError(f"trainer.devices: {rank.of} processes for {length} frames; use fewer")
+        # Rank k takes every batch whose number leaves the remainder k.
         parts = _parts(length, batch_size, rank.of)
         self.batches = [part.tolist() for part in parts[rank.number :: rank.of]]
 
@@ -57,12 +58,13 @@ class BatchesInOrder(Sampler[list[Key]]):
 
 
 def frames_in_order(batches: int, length: int, batch_size: int, processes: int) -> int:
-    """How many samples, the first ones, the first batches of every rank's `BatchesInOrder` hold."""
+    """Counts the samples in the first batches of every rank's `BatchesInOrder`."""
     return sum(map(len, _parts(length, batch_size, processes)[: batches * processes]))
 
 
 def _parts(length: int, batch_size: int, processes: int) -> list[np.ndarray]:
     """The samples in order, in equally many parts for every process."""
+    # Rounded up, so that no sample is left over.
     steps = -(-length // (batch_size * processes))
     return np.array_split(np.arange(length), steps * processes)
 
@@ -88,7 +90,7 @@ class TrainingBatches(Sampler[list[Key]]):
 
     @property
     def sampler(self) -> "TrainingBatches":
-        """Where Lightning looks for `set_epoch`."""
+        """The object on which Lightning calls `set_epoch`."""
         return self
 
     def set_epoch(self, epoch: int) -> None:
@@ -99,11 +101,13 @@ class TrainingBatches(Sampler[list[Key]]):
         return max(1, self.length // (self.batch_size * self.rank.of))
 
     def __iter__(self) -> Iterator[list[Key]]:
+        # No state is kept between epochs: a resumed run draws what the first would have drawn.
         rng = np.random.default_rng([self.seed, self.epoch])
         order = rng.permutation(self.length)
         coins = self._coins(rng, self.length)
         keys = [Key(index, coin) for index, coin in zip(order.tolist(), coins)]
         for step in range(len(self)):
+            # Step by step, the ranks take neighboring batches of one order.
             start = (step * self.rank.of + self.rank.number) * self.batch_size
             yield keys[start : start + self.batch_size]
 
@@ -137,6 +141,7 @@ class StreamBatches(TrainingBatches):
 
     def __iter__(self) -> Iterator[list[Key]]:
         rng = np.random.default_rng([self.seed, self.epoch])
+        # Whole runs are shuffled: the frames of one must stay in their order.
         order = rng.permutation(len(self.runs)).tolist()
         coins = self._coins(rng, len(self.runs))
         keys = [
@@ -146,6 +151,7 @@ class StreamBatches(TrainingBatches):
         ]
         steps = len(self)
         first = self.rank.number * self.places
+
         for step in range(steps):
             batch = [keys[place * steps + step] for place in range(first, first + self.places)]
             # A run that was cut by the border between two places begins anew there.
@@ -156,11 +162,14 @@ def runs_of(samples: Sequence[tuple[str, int]], stride: int, run_frames: int) ->
     """Numbers of the samples, in runs of at most ``run_frames`` frames that follow each other."""
     number = {sample: index for index, sample in enumerate(samples)}
     runs: list[list[int]] = []
-    for (clip, frame), index in number.items():
+    for clip, frame in number:
         if (clip, frame - stride) in number:
             continue
-        whole = [index]
-        while (following := (clip, frame := frame + stride)) in number:
-            whole.append(number[following])
+
+        # The sample before this one is missing, so a run begins here.
+        whole = []
+        while (clip, frame) in number:
+            whole.append(number[clip, frame])
+            frame += stride
         runs += [whole[start : start + run_frames] for start in range(0, len(whole), run_frames)]
     return runs

@@ -1,4 +1,4 @@
-"""task=check: are the bytes those written, do poses agree, do labels lie where the image says?"""
+"""task=check: are the bytes those written, do attitudes agree, do labels lie in their image?"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from ..geometry import (
     in_image,
     inverse,
     occ_from_body,
-    pixel_centres,
+    pixel_centers,
     project,
     transform,
     unproject,
@@ -25,10 +25,10 @@ from .clip import Clip, damaged_files
 
 
 @dataclass
-class Agreement:
+class DepthAgreement:
     """Depth pixels against labels, in counts; shares are of the pixels that can be judged.
 
-    A pixel can be judged when its point lies in the grid and its voxel's centre in the image.
+    A pixel can be judged when its point lies in the grid and its voxel's center in the image.
     """
 
     pixels: int = 0
@@ -37,7 +37,7 @@ class Agreement:
     free_voxels: int = 0
     free_with_point: int = 0
 
-    def join(self, other: "Agreement") -> None:
+    def join(self, other: "DepthAgreement") -> None:
         """Adds another's counts to these."""
         for name, count in vars(other).items():
             setattr(self, name, getattr(self, name) + count)
@@ -52,55 +52,60 @@ class Agreement:
 
 
 def problems_of(clip_folder: Path) -> Iterator[str]:
-    """What is wrong with a clip, a line each; nothing where it is sound."""
+    """Yields a line for each thing that is wrong with a clip."""
     damaged = damaged_files(clip_folder)
     for name in damaged:
         yield f"{clip_folder / name}: its bytes are not the ones written"
+    # Damaged files cannot be read to be checked further.
     if damaged:
         return
     clip = Clip(clip_folder)
-    yield from _pose_problems(clip)
-    centres = clip.meta.grid.centers(torch.float64)
+    yield from _angle_problems(clip)
+    centers = clip.meta.grid.centers(torch.float64)
     for frame in range(len(clip)):
-        yield from _frustum_problems(clip, frame, centres)
+        yield from _frustum_problems(clip, frame, centers)
 
 
-def _pose_problems(clip: Clip) -> Iterator[str]:
-    """The angles in the table are those of the quaternion, which alone is the pose."""
+def _angle_problems(clip: Clip) -> Iterator[str]:
+    """Compares the table's angles with the quaternion, from which every transform is made."""
     angles = torch.stack(euler_from_rotation(clip.world_from_body[:, :3, :3]), dim=-1)
     table = torch.tensor(clip.frames[["roll_rad", "pitch_rad", "yaw_rad"]].to_numpy())
+    # Angles that differ by a whole turn are equal.
     turn = torch.remainder(angles - table + torch.pi, 2 * torch.pi) - torch.pi
     for frame in (turn.abs().amax(dim=-1) > 1e-6).nonzero().flatten().tolist():
         yield f"{clip.folder}: frame {frame}: roll, pitch, yaw are not those of the quaternion"
 
 
-def _frustum_problems(clip: Clip, frame: int, centres: Float[Tensor, "X Y Z 3"]) -> Iterator[str]:
+def _frustum_problems(clip: Clip, frame: int, centers: Float[Tensor, "X Y Z 3"]) -> Iterator[str]:
     """Labels stand exactly where the projection chain puts the image: a wrong attitude shows."""
     meta = clip.meta
     chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
+    # App. A.3 supervises only voxels whose center projects into the image.
     labelled = torch.from_numpy(clip.semantics(frame) != UNKNOWN)
-    pix, depth_m = project(centres[labelled], chain, meta.pix_from_camera)
+    pix, depth_m = project(centers[labelled], chain, meta.pix_from_camera)
     outside = int((~in_image(pix, depth_m, meta.width, meta.height)).sum())
     if outside:
         yield f"{clip.folder}: frame {frame}: {outside} voxels outside the image carry labels"
 
 
-def agreement_of(clip: Clip, frame: int, total: Agreement) -> None:
+def agreement_of(clip: Clip, frame: int, total: DepthAgreement) -> None:
     """Adds one frame's depth pixels to the counts; the clip must have been made with aux images."""
     meta = clip.meta
     depth_m = torch.from_numpy(clip.aux("depth", frame).astype(np.float64)).reshape(-1)
     class_id = clip.aux("class", frame).reshape(-1)
     hit = torch.from_numpy(class_id != SKY)
-    pix = pixel_centres(meta.width, meta.height).reshape(-1, 2)[hit]
+    pix = pixel_centers(meta.width, meta.height).reshape(-1, 2)[hit]
     points_camera = unproject(pix, depth_m[hit], meta.pix_from_camera)
+    # In the occ frame neither place nor yaw matters, so roll and pitch are enough.
     tilt = occ_from_body(clip.world_from_body[frame])
     points_occ = transform(tilt @ meta.body_from_camera, points_camera)
     index, inside = meta.grid.index_of(points_occ)
     index, own = index[inside], class_id[hit.numpy()][inside.numpy()]
 
-    centres = meta.grid.centers(torch.float64)[tuple(index.T)]
+    # A voxel is labelled by its center, which may be outside where the point is inside.
+    centers = meta.grid.centers(torch.float64)[tuple(index.T)]
     chain = inverse(meta.body_from_camera) @ inverse(tilt)
-    in_view = in_image(*project(centres, chain, meta.pix_from_camera), meta.width, meta.height)
+    in_view = in_image(*project(centers, chain, meta.pix_from_camera), meta.width, meta.height)
     index, own = index[in_view], own[in_view.numpy()]
     semantics = clip.semantics(frame)
     label = semantics[tuple(index.T.numpy())]

@@ -1,7 +1,7 @@
 """One clip on disk: plain files that numpy, pandas and PIL read, written whole or not at all.
 
-``docs/conventions.md`` lists the files. Poses are stored as quaternions in ``frames.csv``; every
-matrix is derived from them here, so the annotation and the training see the same numbers.
+``docs/conventions.md`` lists the files. Attitudes are quaternions in ``frames.csv``; every matrix
+is derived from them here, so the annotation and the training see the same numbers.
 """
 
 import io
@@ -26,22 +26,25 @@ from ..geometry import VoxelGrid, rigid, rotation_from_quat
 from .files import differing_files, flush_to_disk, reading, sha256_of, writing
 
 CLIP_SECONDS = 12.0
+# Little compression, so that its artifacts hide no thin structure.
 JPEG_QUALITY = 95
+# The oldest date that a zip can hold: the time of writing must not change the bytes.
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
+
+# Of labels: 4 takes two and a half times as long, for larger files.
 DEFLATE_LEVEL = 3
-"""Of labels: 4 takes two and a half times as long, for larger files."""
 SUMS = "SHA256SUMS"
 
-FRAME_COLUMNS = [
-    *("frame", "time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"),
-    *("vx_mps", "vy_mps", "vz_mps", "wx_radps", "wy_radps", "wz_radps"),
-    *("roll_rad", "pitch_rad", "yaw_rad", "altitude_m"),
-]
-ACTOR_COLUMNS = [
-    *("frame", "actor_id", "type", "class_id", "x_m", "y_m", "z_m"),
-    *("vx_mps", "vy_mps", "vz_mps", "length_m", "width_m", "height_m"),
-    *("yaw_rad", "visible_pixels"),
-]
+FRAME_COLUMNS = ["frame", "time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
+FRAME_COLUMNS += ["vx_mps", "vy_mps", "vz_mps", "wx_radps", "wy_radps", "wz_radps"]
+FRAME_COLUMNS += ["roll_rad", "pitch_rad", "yaw_rad", "altitude_m"]
+ACTOR_COLUMNS = ["frame", "actor_id", "type", "class_id", "x_m", "y_m", "z_m"]
+ACTOR_COLUMNS += ["vx_mps", "vy_mps", "vz_mps", "length_m", "width_m", "height_m"]
+ACTOR_COLUMNS += ["yaw_rad", "visible_pixels"]
+
+# What ``clip.json`` holds as it is, and as lists of numbers.
+_SCALARS = ("town", "weather", "seed", "capture_hz")
+_MATRICES = ("pix_from_camera", "body_from_camera")
 
 
 @dataclass(frozen=True)
@@ -60,27 +63,19 @@ class ClipMeta:
 
     def to_json(self) -> dict:
         return {
-            "town": self.town,
-            "weather": self.weather,
-            "seed": self.seed,
-            "capture_hz": self.capture_hz,
+            **{name: getattr(self, name) for name in _SCALARS},
             "image": {"width": self.width, "height": self.height},
-            "pix_from_camera": self.pix_from_camera.tolist(),
-            "body_from_camera": self.body_from_camera.tolist(),
+            **{name: getattr(self, name).tolist() for name in _MATRICES},
             "grid": {name: list(value) for name, value in vars(self.grid).items()},
         }
 
     @classmethod
     def from_json(cls, data: dict) -> "ClipMeta":
         return cls(
-            town=data["town"],
-            weather=data["weather"],
-            seed=data["seed"],
-            capture_hz=data["capture_hz"],
+            **{name: data[name] for name in _SCALARS},
             width=data["image"]["width"],
             height=data["image"]["height"],
-            pix_from_camera=torch.tensor(data["pix_from_camera"], dtype=torch.float64),
-            body_from_camera=torch.tensor(data["body_from_camera"], dtype=torch.float64),
+            **{name: torch.tensor(data[name], dtype=torch.float64) for name in _MATRICES},
             grid=VoxelGrid(**data["grid"]),
         )
 
@@ -93,7 +88,7 @@ def poses_of(frames: pd.DataFrame) -> Float[Tensor, "t 4 4"]:
 
 
 def unfinished(folder: Path) -> Path:
-    """Where a clip lies until it is whole."""
+    """The folder in which a clip lies until it is whole."""
     return folder.with_name(f".{folder.name}.part")
 
 
@@ -135,8 +130,10 @@ class ClipWriter:
             self._add_array("aux.npz", f"{name}_{frame:06d}", image)
 
     def add_tables(self, frames: pd.DataFrame, actors: pd.DataFrame) -> None:
-        self._write("frames.csv", _csv(frames[FRAME_COLUMNS]))
-        self._write("actors.csv", _csv(actors[ACTOR_COLUMNS]))
+        # pandas prints floats as Python does, so that they round-trip.
+        csv = {"index": False, "lineterminator": "\n"}
+        self._write("frames.csv", frames[FRAME_COLUMNS].to_csv(**csv))
+        self._write("actors.csv", actors[ACTOR_COLUMNS].to_csv(**csv))
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
@@ -158,6 +155,7 @@ class ClipWriter:
         names = sorted(path.name for path in self._part.iterdir())
         sums = "".join(f"{sha256_of(self._part / name)}  {name}\n" for name in names)
         self._write(SUMS, sums)
+        # The rename says that the clip is whole, so its bytes must be on the disk before.
         for path in (*self._part.iterdir(), self._part):
             flush_to_disk(path)
         os.rename(self._part, self.folder)
@@ -217,17 +215,18 @@ class Clip:
             return np.asarray(Image.open(io.BytesIO(encoded)))
 
     def semantics(self, frame: int) -> UInt8[np.ndarray, "X Y Z"]:
-        with reading(self.folder / "occupancy.npz"):
-            return self._archive("occupancy.npz")[f"semantics_{frame:06d}"]
+        return self._array("occupancy.npz", f"semantics_{frame:06d}")
 
     def visible(self, frame: int) -> Bool[np.ndarray, "X Y Z"]:
-        with reading(self.folder / "occupancy.npz"):
-            return self._archive("occupancy.npz")[f"visible_{frame:06d}"]
+        return self._array("occupancy.npz", f"visible_{frame:06d}")
 
     def aux(self, name: str, frame: int) -> np.ndarray:
         """``depth`` (m, inf at the sky), ``class`` or ``instance`` image; needs sim.save_aux."""
-        with reading(self.folder / "aux.npz"):
-            return self._archive("aux.npz")[f"{name}_{frame:06d}"]
+        return self._array("aux.npz", f"{name}_{frame:06d}")
+
+    def _array(self, archive: str, name: str) -> np.ndarray:
+        with reading(self.folder / archive):
+            return self._archive(archive)[name]
 
     def _archive(self, name: str) -> Any:
         """An open archive of this process: a file position shared with a fork would be corrupt."""
@@ -235,6 +234,7 @@ class Clip:
             self._opened_by, self._archives = os.getpid(), {}
         if name not in self._archives:
             path = self.folder / name
+            # The images are plain members; all other archives are numpy's.
             zipped = name == "rgb.zip"
             self._archives[name] = zipfile.ZipFile(path) if zipped else np.load(path)
         return self._archives[name]
@@ -242,6 +242,7 @@ class Clip:
     def _table(self, name: str, columns: list[str]) -> pd.DataFrame:
         with reading(self.folder / name) as path:
             text = path.read_text(encoding="utf-8")
+            # pandas reads a table that ends in the middle of a number without complaint.
             if not text.endswith("\n"):
                 raise ValueError("its last line is cut off")
             table = pd.read_csv(io.StringIO(text), float_precision="round_trip")
@@ -263,11 +264,6 @@ def recorded_sums(folder: Path) -> dict[str, str]:
 def damaged_files(folder: Path) -> list[str]:
     """Names of the clip's files that are missing or whose bytes are not the ones written."""
     return differing_files(folder, recorded_sums(folder))
-
-
-def _csv(table: pd.DataFrame) -> str:
-    """Floats as Python prints them, so that they round-trip."""
-    return table.to_csv(index=False, lineterminator="\n")
 
 
 def _require_all_frames(frames: pd.DataFrame, count: int) -> None:

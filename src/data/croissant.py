@@ -1,4 +1,4 @@
-"""Croissant 1.0 metadata of a data set: JSON-LD that tools of the field read and load.
+"""Croissant 1.0 metadata of a dataset: JSON-LD that tools of the field read and load.
 
 The format is MLCommons' (http://mlcommons.org/croissant/1.0). Its context stands in the file, so
 that reading it needs no network.
@@ -14,49 +14,32 @@ from .clip import ACTOR_COLUMNS, FRAME_COLUMNS, SUMS
 from .files import sha256_of
 from .manifest import MANIFEST
 
-CONTEXT = {
+# The context of Croissant 1.0: names that stand for ``cr:<name>``, and the others.
+_CROISSANT_NAMES = ["citeAs", "column", "equivalentProperty", "extract", "field", "fileObject"]
+_CROISSANT_NAMES += ["fileProperty", "fileSet", "format", "includes", "isLiveDataset", "jsonPath"]
+_CROISSANT_NAMES += ["key", "md5", "parentField", "path", "recordSet", "references", "regex"]
+_CROISSANT_NAMES += ["repeated", "replace", "samplingRate", "separator", "source", "subField"]
+_CROISSANT_NAMES += ["transform"]
+_OTHER_NAMES = {
     "@language": "en",
     "@vocab": "https://schema.org/",
-    "citeAs": "cr:citeAs",
-    "column": "cr:column",
     "conformsTo": "dct:conformsTo",
     "cr": "http://mlcommons.org/croissant/",
     "data": {"@id": "cr:data", "@type": "@json"},
     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
     "dct": "http://purl.org/dc/terms/",
-    "equivalentProperty": "cr:equivalentProperty",
     "examples": {"@id": "cr:examples", "@type": "@json"},
-    "extract": "cr:extract",
-    "field": "cr:field",
-    "fileObject": "cr:fileObject",
-    "fileProperty": "cr:fileProperty",
-    "fileSet": "cr:fileSet",
-    "format": "cr:format",
-    "includes": "cr:includes",
-    "isLiveDataset": "cr:isLiveDataset",
-    "jsonPath": "cr:jsonPath",
-    "key": "cr:key",
-    "md5": "cr:md5",
-    "parentField": "cr:parentField",
-    "path": "cr:path",
     "rai": "http://mlcommons.org/croissant/RAI/",
-    "recordSet": "cr:recordSet",
-    "references": "cr:references",
-    "regex": "cr:regex",
-    "repeated": "cr:repeated",
-    "replace": "cr:replace",
-    "samplingRate": "cr:samplingRate",
     "sc": "https://schema.org/",
-    "separator": "cr:separator",
-    "source": "cr:source",
-    "subField": "cr:subField",
-    "transform": "cr:transform",
 }
-"""The context of Croissant 1.0, word for word."""
+CONTEXT = dict(sorted({**{n: f"cr:{n}" for n in _CROISSANT_NAMES}, **_OTHER_NAMES}.items()))
 
 FILE_SETS = {
     "clip.json": ("application/json", "town, weather, seed, camera and voxel grid of a clip"),
-    "frames.csv": ("text/csv", "time, pose, velocity, attitude and height of every frame"),
+    "frames.csv": (
+        "text/csv",
+        "time, place, quaternion, velocity, attitude and height of every frame",
+    ),
     "actors.csv": ("text/csv", "class, place, velocity, size of every moving actor, every frame"),
     "rgb.zip": ("application/zip", "front images, 000000.jpg and so on"),
     "occupancy.npz": (
@@ -137,7 +120,9 @@ def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Pat
     ``clips_csv`` is a table with a row a clip, somewhere under ``root``. Every clip's files are
     covered by the manifest's hashes, and the manifest by its own here.
     """
+    # All clips of a dataset have the same files.
     files = next(iter(manifest["clips"].values()))["files"]
+
     return {
         "@context": CONTEXT,
         "@type": "sc:Dataset",
@@ -157,13 +142,9 @@ def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Pat
         "recordSet": [
             _classes(),
             _clips(clips_csv),
-            _table("frames", "frames.csv", "A record a frame.", FRAME_COLUMNS, FRAME_MEANINGS),
+            _table("frames.csv", "A record a frame.", FRAME_COLUMNS, FRAME_MEANINGS),
             _table(
-                "actors",
-                "actors.csv",
-                "A record a moving actor and frame.",
-                ACTOR_COLUMNS,
-                ACTOR_MEANINGS,
+                "actors.csv", "A record a moving actor and frame.", ACTOR_COLUMNS, ACTOR_MEANINGS
             ),
         ],
     }
@@ -196,62 +177,46 @@ def _file_set(name: str) -> dict:
 
 def _classes() -> dict:
     """The class ids of the voxels, as an enumeration."""
-    return {
-        "@type": "cr:RecordSet",
-        "@id": "classes",
-        "name": "classes",
-        "dataType": "sc:Enumeration",
-        "key": {"@id": "classes/id"},
-        "field": [
-            _field("classes", "id", "sc:Integer", "value of a voxel"),
-            _field("classes", "name", "sc:Text", "name of the class"),
-        ],
-        "data": [{"classes/id": n, "classes/name": name} for n, name in enumerate(CLASSES)],
-    }
+    facts = {"dataType": "sc:Enumeration", "key": {"@id": "classes/id"}}
+    fields = [
+        _field("classes", "id", "sc:Integer", "value of a voxel"),
+        _field("classes", "name", "sc:Text", "name of the class"),
+    ]
+    rows = [{"classes/id": n, "classes/name": name} for n, name in enumerate(CLASSES)]
+    return _record_set("classes", facts, fields, data=rows)
 
 
 def _clips(clips_csv: Path) -> dict:
-    columns = pd.read_csv(clips_csv, nrows=0).columns
-    return {
-        "@type": "cr:RecordSet",
-        "@id": "clips",
-        "name": "clips",
-        "description": "A record a clip.",
-        "key": {"@id": "clips/clip"},
-        "field": [
-            _field(
-                "clips",
-                name,
-                _type_of(name),
-                _with_unit(name, CLIP_MEANINGS[name]),
-                {"fileObject": {"@id": clips_csv.name}, "extract": {"column": name}},
-            )
-            for name in columns
-        ],
-    }
+    fields = [
+        _column("clips", name, CLIP_MEANINGS[name], {"fileObject": {"@id": clips_csv.name}})
+        for name in pd.read_csv(clips_csv, nrows=0).columns
+    ]
+    key = {"key": {"@id": "clips/clip"}}
+    return _record_set("clips", {"description": "A record a clip.", **key}, fields)
 
 
-def _table(
-    name: str, file: str, description: str, columns: list[str], meanings: Mapping[str, str]
-) -> dict:
+def _table(file: str, description: str, columns: list[str], meanings: Mapping[str, str]) -> dict:
     """A record set over the tables of one name in all clips; the folder tells the clip."""
-    clip = {
-        "fileSet": {"@id": file},
-        "extract": {"fileProperty": "fullpath"},
-        "transform": {"regex": f"^(.*)/{file.replace('.', '[.]')}$"},
-    }
+    name, files = file.removesuffix(".csv"), {"fileSet": {"@id": file}}
+    folder = f"^(.*)/{file.replace('.', '[.]')}$"
+    clip = {**files, "extract": {"fileProperty": "fullpath"}, "transform": {"regex": folder}}
+
     fields = [_field(name, "clip", "sc:Text", "the clip's folder, <town>/<clip>", clip)]
-    for column in columns:
-        source = {"fileSet": {"@id": file}, "extract": {"column": column}}
-        meaning = _with_unit(column, meanings[column])
-        fields.append(_field(name, column, _type_of(column), meaning, source))
-    return {
-        "@type": "cr:RecordSet",
-        "@id": name,
-        "name": name,
-        "description": description,
-        "field": fields,
-    }
+    fields += [_column(name, column, meanings[column], files) for column in columns]
+    return _record_set(name, {"description": description}, fields)
+
+
+def _record_set(name: str, facts: Mapping, fields: list[dict], **data: list) -> dict:
+    names = {"@type": "cr:RecordSet", "@id": name, "name": name}
+    return {**names, **facts, "field": fields, **data}
+
+
+def _column(record_set: str, name: str, meaning: str, files: Mapping) -> dict:
+    """A field that is a column of tables, its unit beside its meaning."""
+    unit = UNITS.get(name.rpartition("_")[2]) if "_" in name else None
+    meaning = f"{meaning} ({unit})" if unit else meaning
+    source = {**files, "extract": {"column": name}}
+    return _field(record_set, name, _type_of(name), meaning, source)
 
 
 def _field(
@@ -271,8 +236,3 @@ def _type_of(column: str) -> str:
     if column in TEXTS:
         return "sc:Text"
     return "sc:Integer" if column in INTEGERS else "sc:Float"
-
-
-def _with_unit(column: str, meaning: str) -> str:
-    unit = UNITS.get(column.rpartition("_")[2]) if "_" in column else None
-    return f"{meaning} ({unit})" if unit else meaning

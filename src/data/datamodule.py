@@ -1,4 +1,4 @@
-"""The data set as the trainer sees it: loaders for the parts of the temporal split."""
+"""The dataset as the trainer sees it: loaders for the parts of the temporal split."""
 
 from collections.abc import Iterator, Sequence
 from multiprocessing import get_all_start_methods
@@ -22,13 +22,13 @@ from .split import make_split
 
 
 class SkyShieldData(LightningDataModule):
-    """Loads a finished data set; it needs neither the simulator nor its configuration.
+    """Loads a finished dataset; it needs neither the simulator nor its configuration.
 
     Images stay uint8 until they are on the device. ``order`` is that of training: ``"shuffled"``
     frames, each with the images of its whole history, or ``"streams"`` of consecutive ones
     (`StreamBatches`), each with its own image alone. With ``allow_missing`` the frames of clips
     that are not on the disk are left out, and ``missing`` names these clips. Raises `UserError` for
-    another ``order``, and where the data set is incomplete, a file is broken, the split leaves a
+    another ``order``, and where the dataset is incomplete, a file is broken, the split leaves a
     part without a frame, or the grid has no left and right to swap.
     """
 
@@ -59,12 +59,13 @@ class SkyShieldData(LightningDataModule):
 
         clip_ids = list(read_manifest(self.root)["clips"])
         self.missing = missing_clips(self.root, clip_ids) if allow_missing else []
-        there = [clip_id for clip_id in clip_ids if clip_id not in self.missing]
-        if not there:
+        present = [clip_id for clip_id in clip_ids if clip_id not in self.missing]
+        if not present:
             raise UserError(f"{self.root}: none of its clips is there; run task=generate")
-        self.clips = {clip_id: Clip(self.root / clip_id) for clip_id in there}
+        self.clips = {clip_id: Clip(self.root / clip_id) for clip_id in present}
 
-        first = self.clips[there[0]]
+        first = self.clips[present[0]]
+        # Clips that are missing count as well: the split must not depend on what is here.
         split = make_split(
             clip_ids, len(first), first.meta.capture_hz, self.val_clips, self.test_clips
         )
@@ -75,6 +76,7 @@ class SkyShieldData(LightningDataModule):
         for part, samples in split.items():
             if not samples:
                 raise UserError(f"data.val_clips/data.test_clips: they leave no frame for {part}")
+        # A mirrored voxel must be a voxel of the same grid.
         if mirror and self.grid.lower_m[1] != -self.grid.upper_m[1]:
             raise UserError(
                 "data.mirror: the grid reaches further to one side, so labels cannot be mirrored; "
@@ -100,11 +102,11 @@ class SkyShieldData(LightningDataModule):
     def train_dataloader(self) -> DataLoader:
         if self.order == "shuffled":
             dataset = self.dataset("train")
-            batches = TrainingBatches(len(dataset), **self._how_to_draw())
+            batches = TrainingBatches(len(dataset), **self._drawing())
         else:
             dataset = self.dataset("train", images=False)
             batches = StreamBatches(
-                dataset.samples, dataset.step, self.run_frames, **self._how_to_draw()
+                dataset.samples, dataset.step, self.run_frames, **self._drawing()
             )
         return self.loader(dataset, batches)
 
@@ -126,7 +128,7 @@ class SkyShieldData(LightningDataModule):
             clip = self.clips[clip_id]
             yield torch.from_numpy(clip.semantics(frame)), velocity_world_mps(clip, frame)
 
-    def _how_to_draw(self) -> dict[str, Any]:
+    def _drawing(self) -> dict[str, Any]:
         shared = {"batch_size": self.batch_size, "seed": self.seed, "mirror": self.mirror}
         return {**shared, "rank": self._rank()}
 
@@ -135,7 +137,7 @@ class SkyShieldData(LightningDataModule):
         return ALONE if trainer is None else Rank(trainer.global_rank, trainer.world_size)
 
     def loader(self, dataset: Dataset, batches: TrainingBatches | BatchesInOrder) -> DataLoader:
-        """Loads a data set's batches with the configured workers."""
+        """Loads a dataset's batches with the configured workers."""
         return DataLoader(
             dataset,
             batch_sampler=batches,

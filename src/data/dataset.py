@@ -45,6 +45,7 @@ class OccupancyDataset(Dataset):
         self.images = images
         if history not in HISTORY:
             raise UserError(f"data.history: {history!r}; there are {', '.join(HISTORY)}")
+
         self.step = history_stride(history_step_s, clips[self.samples[0][0]].meta.capture_hz)
 
     def __len__(self) -> int:
@@ -59,14 +60,17 @@ class OccupancyDataset(Dataset):
         clip = self.clips[clip_id]
         ages = range(self.frames - 1, -1, -1)
         wanted = [now - self.step * age for age in ages]
+        # What lies before the clip, or in another part, is not there for the network.
         may_see = [self._may_see(clip_id, now, frame) for frame in wanted]
         valid = [ok and (past is None or age <= past) for ok, age in zip(may_see, ages)]
+        # The current frame fills the gaps, so that every tensor has its shape.
         window = [frame if ok else now for frame, ok in zip(wanted, valid)]
-        shown = window if self.images else [now]
-        images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(shown)}
+        read = window if self.images else [now]
+        images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(read)}
         motion = ego_motion(clip.world_from_body[window], velocity_world_mps(clip, now))
+
         return {
-            "image": torch.stack([images[frame].permute(2, 0, 1) for frame in shown]),
+            "image": torch.stack([images[frame].permute(2, 0, 1) for frame in read]),
             "pix_from_camera": clip.meta.pix_from_camera.float().expand(self.frames, 3, 3),
             "body_from_camera": clip.meta.body_from_camera.float(),
             **motion,
@@ -80,6 +84,7 @@ class OccupancyDataset(Dataset):
     def _may_see(self, clip_id: str, now: int, frame: int) -> bool:
         if frame < 0:
             return False
+        # A clip that is held out has no boundary inside it.
         if self.history == "open" or clip_id in self.held_out:
             return True
         capture_hz = self.clips[clip_id].meta.capture_hz

@@ -10,17 +10,9 @@ from pathlib import Path
 
 from ..errors import UserError
 
-BROKEN = (
-    OSError,
-    ValueError,
-    TypeError,
-    KeyError,
-    RuntimeError,
-    EOFError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What numpy, pandas, PIL, json and zipfile raise over a file that is not what was written."""
+# What numpy, pandas, PIL, json and zipfile raise over a file that is not what was written.
+BROKEN = (OSError, ValueError, TypeError, KeyError, RuntimeError, EOFError)
+BROKEN += (zipfile.BadZipFile, zlib.error)
 
 
 @contextmanager

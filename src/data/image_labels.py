@@ -1,4 +1,4 @@
-"""What each pixel of the front image sees: its class and how far away it is, from the voxels."""
+"""Labels of the front image's pixels: the class that each sees and its depth, from the voxels."""
 
 from typing import TypedDict
 
@@ -8,11 +8,10 @@ from jaxtyping import Bool, Float, Int64, UInt8
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from ..geometry import VoxelGrid, camera_from_occ, pixel_centres
+from ..geometry import VoxelGrid, camera_from_occ, pixel_centers
 from ..jit import njit
 from ..ontology import FREE
-from ..rays import rays_in_grid
-from ..voxel_march import first_hit
+from ..voxels import first_hit, rays_in_grid
 from .batches import Key
 from .dataset import OccupancyDataset
 
@@ -21,10 +20,10 @@ class ImageLabels(TypedDict):
     """An image and what its pixels see, on a raster ``stride`` times as coarse."""
 
     image: UInt8[Tensor, "3 H W"]
+    # The class of the first occupied voxel on the ray of the pixel's center, or `FREE`.
     classes: Int64[Tensor, "h w"]
-    """Of the first occupied voxel on the ray through the pixel's centre; `FREE` where none is."""
+    # z-depth of that voxel's face; zero where none is met.
     depth_m: Float[Tensor, "h w"]
-    """z-depth of that voxel's face; zero where none is met."""
 
 
 class ImageLabelDataset(Dataset):
@@ -62,17 +61,19 @@ def labels_of_pixels(
     size_pix: tuple[int, int],
     stride: int,
 ) -> tuple[Int64[Tensor, "h w"], Float[Tensor, "h w"]]:
-    """Class and z-depth in metres at the centres of squares of ``stride`` pixels.
+    """Class and z-depth in metres at the centers of squares of ``stride`` pixels.
 
     ``size_pix`` is the image's width and height.
     """
     width, height = (side // stride for side in size_pix)
-    pix = stride * pixel_centres(width, height).flatten(0, 1)
+    # Centers of the coarse squares, in pixels of the image.
+    pix = stride * pixel_centers(width, height).flatten(0, 1)
     origin, directions = rays_in_grid(pix, camera_from_occ, pix_from_camera, grid)
     classes = np.full(len(pix), FREE, np.int64)
     depth_m = np.zeros(len(pix), np.float32)
     rays = origin.numpy(), directions.contiguous().numpy()
     _march(semantics, semantics < FREE, *rays, classes, depth_m)
+
     return (
         torch.from_numpy(classes).view(height, width),
         torch.from_numpy(depth_m).view(height, width),
@@ -88,9 +89,8 @@ def _march(
     classes: Int64[np.ndarray, "n"],
     depth_m: Float[np.ndarray, "n"],
 ) -> None:
-    cell = np.empty(3, np.int64)
     for n in range(len(directions)):
-        distance, axis = first_hit(occupied, origin, directions[n], cell)
+        cell, distance, axis = first_hit(occupied, origin, directions[n])
         if axis >= 0:
-            classes[n] = semantics[cell[0], cell[1], cell[2]]
+            classes[n] = semantics[cell]
             depth_m[n] = distance

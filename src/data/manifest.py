@@ -1,4 +1,4 @@
-"""The data set as a whole: where it lies, what it was made from, and whether it is all there.
+"""The dataset as a whole: where it lies, what it was made from, and whether it is all there.
 
 Every clip stands for itself; ``manifest.json`` is derived from them and from the configuration.
 """
@@ -19,13 +19,14 @@ from .split import Split, held_out_clips
 MANIFEST = "manifest.json"
 MANIFEST_KEYS = {"scale", "sim", "generator", "packages", "split", "held_out", "clips", "digest"}
 PACKAGES = ("torch", "lightning", "torchmetrics", "numpy", "numba", "pybullet", "embreex", "pillow")
+
+# Settings of ``sim`` that change no byte of a clip.
 NOT_SHAPING = ("workers", "dry_run", "shards", "shard")
-"""Settings of ``sim`` that change no byte of a clip."""
 
 
 @dataclass(frozen=True)
 class DatasetSpec:
-    """What shapes a data set: the generator's settings and its code."""
+    """A dataset's specification: the settings and the code of its generator."""
 
     scale: str
     sim: dict
@@ -51,7 +52,7 @@ class DatasetSpec:
 
 
 def package_versions() -> dict[str, str]:
-    """Versions of the packages that shape a data set; absent ones are left out."""
+    """Versions of the packages that shape a dataset; absent ones are left out."""
     versions = {}
     for name in PACKAGES:
         with suppress(PackageNotFoundError):
@@ -78,15 +79,18 @@ def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split
             for clip in clip_ids
         },
     }
+    # A manifest that was edited by hand is noticed by its own digest.
     manifest["digest"] = digest_of({**manifest, "digest": None})
+
     with replacing(root / MANIFEST) as temporary:
         temporary.write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n")
     return root / MANIFEST
 
 
 def read_manifest(root: Path) -> dict:
-    """The manifest of a data set; `UserError` where there is none or it cannot be read."""
+    """The manifest of a dataset; `UserError` where there is none or it cannot be read."""
     path = root / MANIFEST
+
     try:
         manifest = json.loads(path.read_text())
         if missing := MANIFEST_KEYS - set(manifest):
@@ -96,7 +100,7 @@ def read_manifest(root: Path) -> dict:
         return manifest
     except FileNotFoundError:
         raise UserError(
-            f"{path}: not found, so {root} is no finished data set; run task=generate"
+            f"{path}: not found, so {root} is no finished dataset; run task=generate"
         ) from None
     except (OSError, ValueError, TypeError) as error:
         raise UserError(
@@ -106,10 +110,10 @@ def read_manifest(root: Path) -> dict:
 
 
 def require_same_data(root: Path, spec: DatasetSpec) -> None:
-    """Refuses a data set that was made under other settings than the ones asked for."""
+    """Refuses a dataset that was made under other settings than the ones asked for."""
     made, wanted = dict(read_manifest(root)["sim"]), dict(spec.sim)
     if "weather" not in made or "weather" not in wanted:
-        # An older data set or checkpoint names its weathers, whose values were code.
+        # An older dataset or checkpoint names its weathers, whose values were code.
         made.pop("weather", None)
         wanted.pop("weather", None)
 
@@ -136,7 +140,7 @@ def different_setting(
 
 
 def _plain(value: object) -> object:
-    """The same settings, a whole number always as an integer: 5.0 Hz are 5 Hz."""
+    """Copies settings, with a whole number always as an integer: 5.0 Hz are 5 Hz."""
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

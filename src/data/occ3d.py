@@ -4,7 +4,6 @@ Occ3D stores neither our classes nor its grid nor how fast the vehicle was; all 
 stated.
 """
 
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES, UNKNOWN
+from .files import BROKEN
 from .predictions import Inventory
 
 LABELS = "labels.npz"
@@ -28,7 +28,7 @@ class Occ3DFolder:
 
     Args:
         root: the folder, such as Occ3D's ``gts``.
-        class_map: our class, by name, of every one of theirs, in the order of their ids.
+        class_map: our class, by name, of every class of the folder, in the order of its ids.
         grid: where the voxels lie, relative to the vehicle.
 
     Raises `UserError` for a folder without frames, and for a class that is none of ours.
@@ -36,12 +36,15 @@ class Occ3DFolder:
 
     def __init__(self, root: Path, class_map: Sequence[str], grid: VoxelGrid) -> None:
         self.root, self.grid = Path(root), grid
-        if strange := [name for name in class_map if name not in (*CLASSES, "unknown")]:
+        strange = [name for name in class_map if name not in (*CLASSES, "unknown")]
+        if strange:
             raise UserError(
                 f"layout.class_map: {strange[0]!r} is no class; there are {', '.join(CLASSES)}, "
                 "and unknown"
             )
+
         ids = [UNKNOWN if name == "unknown" else CLASSES.index(name) for name in class_map]
+        # One look-up for every value that a uint8 can have.
         self._map = np.full(256, UNKNOWN, dtype=np.uint8)
         self._map[: len(ids)] = ids
         self._known = len(ids)
@@ -60,18 +63,20 @@ class Occ3DFolder:
     def labels(self, scene: str, token: str) -> UInt8[Tensor, "X Y Z"]:
         """A frame in our classes. Raises `UserError` for a file that cannot be read or does not
         fit the grid or the class map."""
-        theirs = self._read(scene, token, "semantics")
+        stored = self._read(scene, token, "semantics")
         path = self.root / scene / token / LABELS
-        if theirs.shape != self.grid.shape:
+        if stored.shape != self.grid.shape:
             raise UserError(
-                f"{path}: semantics are {list(theirs.shape)}, and the grid is "
+                f"{path}: semantics are {list(stored.shape)}, and the grid is "
                 f"{list(self.grid.shape)}; state layout.grid as it is"
             )
-        if theirs.min() < 0 or (theirs.max() >= self._known and theirs.max() != UNKNOWN):
+        # 255 may mark voxels without a label there, too.
+        if stored.min() < 0 or (stored.max() >= self._known and stored.max() != UNKNOWN):
             raise UserError(
-                f"{path}: class {theirs.max()} is not in layout.class_map, which has {self._known}"
+                f"{path}: class {stored.max()} is not in layout.class_map, which has {self._known}"
             )
-        return torch.from_numpy(self._map[theirs.astype(np.uint8)])
+
+        return torch.from_numpy(self._map[stored.astype(np.uint8)])
 
     def mask(self, scene: str, token: str, name: str) -> Tensor:
         """``mask_camera`` or ``mask_lidar`` as bool [X, Y, Z]."""
@@ -79,14 +84,15 @@ class Occ3DFolder:
 
     def inventory(self, samples: Sequence[Sample]) -> Inventory:
         """Compares what is there with the frames that are asked for, and opens every array."""
-        found, wanted, there = Inventory(), set(samples), set(self.samples)
-        found.missing += ["/".join(sample) for sample in sorted(wanted - there)]
-        found.extra += ["/".join(sample) for sample in sorted(there - wanted)]
-        found.corrupt += ["/".join(one) for one in sorted(wanted & there) if not self.has(*one)]
-        return found
+        wanted, present = set(samples), set(self.samples)
+        return Inventory(
+            missing=["/".join(sample) for sample in sorted(wanted - present)],
+            extra=["/".join(sample) for sample in sorted(present - wanted)],
+            corrupt=["/".join(one) for one in sorted(wanted & present) if not self.has(*one)],
+        )
 
     def has(self, scene: str, token: str) -> bool:
-        """Whether a frame is there and can be scored."""
+        """Tells whether a frame is on the disk and can be scored."""
         try:
             return bool((self.labels(scene, token) != UNKNOWN).all())
         except UserError:
@@ -97,5 +103,5 @@ class Occ3DFolder:
         try:
             with np.load(path, allow_pickle=False) as archive:
                 return archive[name]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        except BROKEN as error:
             raise UserError(f"{path}: {name} cannot be read ({error})") from error

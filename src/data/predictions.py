@@ -1,13 +1,12 @@
 """Predicted labels on disk: ``<clip>/occupancy.npz`` with a ``semantics_<frame>`` for each frame.
 
-The layout is that of a data set's own labels. Class scores may lie beside them, in ``logits.npz``
+The layout is that of a dataset's own labels. Class scores may lie beside them, in ``logits.npz``
 as ``logits_<frame>``, floats [C, X, Y, Z]. ``predictions.json`` says whose they are.
 """
 
 import json
 import os
 import shutil
-import zipfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ from torch import Tensor
 
 from ..errors import UserError
 from ..ontology import NUM_CLASSES
+from .files import BROKEN
 
 FACTS = "predictions.json"
 LABELS, LOGITS = "occupancy.npz", "logits.npz"
@@ -37,7 +37,7 @@ class PredictionWriter:
         self.folder, self.facts = Path(folder), facts
         self._part = self.folder.with_name(f".{self.folder.name}.part")
         if self.folder.exists():
-            raise UserError(f"{self.folder}: is there already; delete it, or choose another folder")
+            raise UserError(f"{self.folder}: exists already; delete it, or choose another folder")
 
     def __enter__(self) -> "PredictionWriter":
         shutil.rmtree(self._part, ignore_errors=True)
@@ -53,10 +53,12 @@ class PredictionWriter:
         logits: Float[Tensor, "c X Y Z"] | None = None,
     ) -> None:
         """Keep one frame; ``logits`` are stored with half precision."""
+        # An archive is written at once, so a clip's frames are kept until the next clip comes.
         if clip != self._clip:
             self._flush()
             self._clip = clip
         self._labels[f"semantics_{frame:06d}"] = labels.cpu().numpy().astype(np.uint8)
+
         if logits is not None:
             self._logits[f"logits_{frame:06d}"] = logits.cpu().numpy().astype(np.float16)
 
@@ -80,7 +82,7 @@ class PredictionWriter:
 
 @dataclass
 class Inventory:
-    """What is wrong with a folder of predictions, by frame."""
+    """The frames that are missing, extra or corrupt in a folder of predictions."""
 
     missing: list[str] = field(default_factory=list)
     extra: list[str] = field(default_factory=list)
@@ -88,11 +90,13 @@ class Inventory:
 
     def __str__(self) -> str:
         kinds = {"missing": self.missing, "extra": self.extra, "corrupt": self.corrupt}
-        return "; ".join(
-            f"{len(frames)} {kind}: {', '.join(frames[:SHOWN])}{', ...' * (len(frames) > SHOWN)}"
-            for kind, frames in kinds.items()
-            if frames
-        )
+        lines = []
+        for kind, frames in kinds.items():
+            named = [*frames[:SHOWN], "..."] if len(frames) > SHOWN else frames
+            if frames:
+                lines.append(f"{len(frames)} {kind}: {', '.join(named)}")
+
+        return "; ".join(lines)
 
     @property
     def sound(self) -> bool:
@@ -110,7 +114,7 @@ class Predictions:
 
     @property
     def facts(self) -> dict:
-        """What ``predictions.json`` says; nothing where there is none."""
+        """The content of ``predictions.json``; nothing where there is no such file."""
         try:
             facts = json.loads((self.folder / FACTS).read_text())
         except (OSError, ValueError):
@@ -128,21 +132,27 @@ class Predictions:
 
     def inventory(self, samples: Sequence[Sample], shape: tuple[int, int, int]) -> Inventory:
         """Compares what is there with the frames that are asked for, and opens every array."""
-        found, inventory = Inventory(), self._names()
+        names = self._names()
         wanted = {(clip, f"semantics_{frame:06d}") for clip, frame in samples}
-        there = {(clip, name) for clip, names in inventory.items() for name in names or ()}
-        broken = {clip for clip, names in inventory.items() if names is None}
-        found.corrupt += [f"{clip}/{LABELS}" for clip in sorted(broken)]
-        gone = sorted(wanted - there)
-        found.missing += [f"{clip} {name}" for clip, name in gone if clip not in broken]
-        found.extra += [f"{clip} {name}" for clip, name in sorted(there - wanted)]
-        for clip, frame in samples:
-            if (clip, f"semantics_{frame:06d}") in there and not self._is_sound(clip, frame, shape):
-                found.corrupt.append(f"{clip} semantics_{frame:06d}")
-        return found
+        present = {(clip, name) for clip, arrays in names.items() for name in arrays or ()}
+        unreadable = {clip for clip, arrays in names.items() if arrays is None}
+
+        unsound = [
+            f"{clip} semantics_{frame:06d}"
+            for clip, frame in samples
+            if (clip, f"semantics_{frame:06d}") in present
+            and not self._is_sound(clip, frame, shape)
+        ]
+        return Inventory(
+            missing=[
+                f"{clip} {a}" for clip, a in sorted(wanted - present) if clip not in unreadable
+            ],
+            extra=[f"{clip} {array}" for clip, array in sorted(present - wanted)],
+            corrupt=[f"{clip}/{LABELS}" for clip in sorted(unreadable)] + unsound,
+        )
 
     def has(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
-        """Whether a frame is there and can be scored."""
+        """Tells whether a frame is on the disk and can be scored."""
         return (self.folder / clip / LABELS).is_file() and self._is_sound(clip, frame, shape)
 
     def _names(self) -> dict[str, Iterable[str] | None]:
@@ -153,7 +163,7 @@ class Predictions:
             try:
                 with np.load(path, allow_pickle=False) as archive:
                     names[clip] = tuple(archive.files)
-            except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+            except BROKEN:
                 names[clip] = None
         return names
 
@@ -162,24 +172,19 @@ class Predictions:
             labels = self._read(clip, LABELS, f"semantics_{frame:06d}")
         except UserError:
             return False
+        # A prediction says something of every voxel: unknown is no class of it.
         whole = np.issubdtype(labels.dtype, np.integer) and labels.shape == shape
         return whole and labels.min() >= 0 and labels.max() < NUM_CLASSES
 
     def _read(self, clip: str, name: str, array: str) -> np.ndarray:
         path = self.folder / clip / name
+
         try:
+            # Frames come clip by clip, so one open archive is enough.
             if self._open is None or self._open[0] != path:
                 self._open = (path, np.load(path, allow_pickle=False))
             return self._open[1][array]
-        except (
-            OSError,
-            ValueError,
-            KeyError,
-            EOFError,
-            zipfile.BadZipFile,
-            zipfile.zlib.error,
-        ) as error:
+        except BROKEN as error:
             self._open = None
-            raise UserError(
-                f"{path}: {array} cannot be read ({error}); predict it again"
-            ) from error
+            message = f"{path}: {array} cannot be read ({error}); predict it again"
+            raise UserError(message) from error

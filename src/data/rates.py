@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from ..errors import UserError
 from .clip import CLIP_SECONDS
 
+# Rate of the simulation. Captures subsample it, so that their rate never changes a flight.
 STEP_HZ = 50
-"""Rate of the simulation. Captures subsample it, so that their rate never changes a flight."""
 
 
 def require_rates(sim: Mapping) -> None:

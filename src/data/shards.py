@@ -1,8 +1,8 @@
-"""Shares of one data set, each made by a process or machine of its own.
+"""Shares of one dataset, each made by a process or machine of its own.
 
 Settings decide the folder's name, so shards of different settings would never meet: each would
-leave a part of another data set. Therefore the first shard leaves a record beside the folder,
-against which all others are held until the data set is whole.
+leave a part of another dataset. Therefore the first shard leaves a record beside the folder,
+against which all others are held until the dataset is whole.
 """
 
 import json
@@ -33,35 +33,35 @@ def share_of(items: Sequence[T], shard: int, shards: int) -> list[T]:
 
 
 def record_of(data_folder: Path, scale: str) -> Path:
-    """The file that says which data set of a scale is being made in shards."""
+    """The file that says which dataset of a scale is being made in shards."""
     return data_folder / f".{scale}.shards.json"
 
 
 def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
     """Leaves the record, or refuses to join shards of other settings, code or number."""
     path = record_of(data_folder, spec.scale)
-    mine = {"sim": spec.sim, "generator": spec.generator, "shards": shards}
-    _write_first(path, mine)
+    joining = {"sim": spec.sim, "generator": spec.generator, "shards": shards}
+    _write_first(path, joining)
+
     try:
-        theirs = json.loads(path.read_text())
-        changed = _difference(theirs, mine)
+        changed = _difference(json.loads(path.read_text()), joining)
     except FileNotFoundError:
         return  # The others have just finished.
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise UserError(f"{path}: cannot be read ({error}); delete it") from error
     if changed:
         raise UserError(
-            f"{changed}; give all shards of a data set the same, or delete {path} if no other is "
+            f"{changed}; give all shards of a dataset the same, or delete {path} if no other is "
             "to be finished"
         )
 
 
 def forget_shards(data_folder: Path, spec: DatasetSpec) -> None:
-    """Removes the record of a data set that is whole now; that of another one stays."""
+    """Removes the record of a dataset that is whole now; that of another one stays."""
     path = record_of(data_folder, spec.scale)
     try:
-        theirs = json.loads(path.read_text())
-        if (theirs["sim"], theirs["generator"]) == (spec.sim, spec.generator):
+        record = json.loads(path.read_text())
+        if (record["sim"], record["generator"]) == (spec.sim, spec.generator):
             path.unlink(missing_ok=True)
     except (FileNotFoundError, ValueError, TypeError, KeyError):
         return
@@ -73,6 +73,7 @@ def _write_first(path: Path, record: dict) -> None:
     with replacing(candidate) as temporary:
         temporary.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
     try:
+        # A link fails where the file exists, and so only one shard is the first.
         os.link(candidate, path)
     except FileExistsError:
         pass
@@ -80,18 +81,16 @@ def _write_first(path: Path, record: dict) -> None:
         candidate.unlink()
 
 
-def _difference(theirs: dict, mine: dict) -> str | None:
-    if found := different_setting(theirs["sim"], mine["sim"]):
-        key, old, new = found
+def _difference(under_way: dict, joining: dict) -> str | None:
+    if changed := different_setting(under_way["sim"], joining["sim"]):
+        key, old, new = changed
         return f"sim.{key}: this shard has {new}, and the shards under way have {old}"
-    if theirs["shards"] != mine["shards"]:
-        return (
-            f"sim.shards: this is one of {mine['shards']} shards, and those under way are of "
-            f"{theirs['shards']}"
-        )
-    if theirs["generator"] != mine["generator"]:
-        return (
-            f"sim: this shard's code is {mine['generator']}, and that of those under way "
-            f"{theirs['generator']}"
-        )
+
+    old, new = under_way["shards"], joining["shards"]
+    if old != new:
+        return f"sim.shards: this is one of {new} shards, and those under way are of {old}"
+
+    old, new = under_way["generator"], joining["generator"]
+    if old != new:
+        return f"sim: this shard's code is {new}, and that of those under way {old}"
     return None

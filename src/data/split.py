@@ -7,8 +7,8 @@ from ..errors import UserError
 TRAIN_UNTIL_S = 10.0
 VAL_UNTIL_S = 11.0
 
+# ``train``, ``val`` and ``test``: lists of (clip id, frame).
 Split = dict[str, list[tuple[str, int]]]
-"""``train``, ``val`` and ``test``: lists of (clip id, frame)."""
 
 
 def make_split(
@@ -33,7 +33,9 @@ def make_split(
         )
     if len(set(held_out)) < len(held_out):
         raise UserError("data.val_clips/data.test_clips: a clip is held out twice; name it once")
+
     split: Split = {"train": [], "val": [], "test": []}
+    # Clips and frames keep their order: a score of the test split depends on no shuffle.
     for clip in clip_ids:
         for frame in range(frames_per_clip):
             if clip in val_clips:
@@ -43,11 +45,13 @@ def make_split(
             else:
                 part = part_of_time(frame / capture_hz)
             split[part].append((clip, frame))
+
     return split
 
 
 def held_out_clips(split: Split) -> dict[str, list[str]]:
     """The clips that belong whole to ``val`` or to ``test``, in the order of the split."""
+    # A clip with a training frame is split by time; all others belong to one part.
     trained_on = {clip for clip, _ in split["train"]}
     return {
         part: list(dict.fromkeys(clip for clip, _ in split[part] if clip not in trained_on))

@@ -1,7 +1,7 @@
-"""The numbers of a data set, read from its files: a row a frame, and what the paper reports.
+"""The numbers of a dataset, read from its files: a row a frame, and what the paper reports.
 
 The paper gives shares of voxels without saying of which voxels, so that every share here comes with
-three denominators: the labelled voxels, those whose centre lies in the front image, and all of the
+three denominators: the labelled voxels, those whose center lies in the front image, and all of the
 grid (App. B of the paper, "SkyShield Dataset and Generation Details").
 """
 
@@ -23,11 +23,11 @@ from .clip import Clip
 from .manifest import missing_clips, read_manifest
 from .split import part_of_time
 
+# An actor with this share of the image's pixels or more counts as visible.
 MIN_VISIBLE_SHARE = 5e-5
-"""An actor with this share of the image's pixels or more counts as visible."""
 
+# The paper gives the share of frames below this height.
 LOW_FLIGHT_M = 11.0
-"""The paper gives the share of frames below this height."""
 
 DENOMINATORS = ("labelled", "in image", "all")
 PARTS = ("train", "val", "test")
@@ -35,7 +35,7 @@ PARTS = ("train", "val", "test")
 
 @dataclass(frozen=True)
 class Statistics:
-    """A data set in two tables; the rest is derived from them.
+    """A dataset in two tables; the rest is derived from them.
 
     ``frames`` has a row a frame: ``clip``, ``town``, ``weather``, ``part`` of the split,
     ``altitude_m``, ``speed_mps``, ``roll_rad``, ``pitch_rad``, the voxels of each class
@@ -75,6 +75,7 @@ class Statistics:
     def by_town_and_weather(self, table: pd.DataFrame) -> pd.DataFrame:
         """Number of rows of ``clips`` or of ``frames``, town by weather, in order of appearance."""
         towns, weathers = (self.clips[key].unique() for key in ("town", "weather"))
+        # crosstab sorts its keys; the plan's order is restored below.
         counts = pd.crosstab(table["town"], table["weather"])
         return counts.reindex(index=towns, columns=weathers, fill_value=0)
 
@@ -89,19 +90,22 @@ class Statistics:
         visible = of_clip[[f"visible/{name}" for name in ACTOR_TYPES]].sum()
         voxels = of_clip[[f"voxels/{name}" for name in CLASSES]].sum()
         shares = voxels.div(of_clip["voxels/labelled"].sum().clip(lower=1), axis=0).round(8)
-        columns = [
-            means,
-            visible.rename(columns=lambda name: name.replace("/", "_")),
-            shares.rename(columns=lambda name: name.replace("voxels/", "share_")),
-        ]
-        table = self.clips.set_index("clip").assign(frames=of_clip.size()).join(columns)
+        visible.columns = visible.columns.str.replace("/", "_")
+        shares.columns = shares.columns.str.replace("voxels/", "share_")
+
+        table = (
+            self.clips.set_index("clip")
+            .assign(frames=of_clip.size())
+            .join([means, visible, shares])
+        )
+
         return table[[*table.columns.drop("bytes"), "bytes"]].reset_index()
 
 
 def statistics_of(root: Path) -> Statistics:
-    """Statistics of a finished data set.
+    """Statistics of a finished dataset.
 
-    Raises `UserError` where the data set is unfinished or a file cannot be read.
+    Raises `UserError` where the dataset is unfinished or a file cannot be read.
     """
     manifest = read_manifest(root)
     clip_ids = sorted(manifest["clips"], key=_place_in(manifest["sim"]["towns"]))
@@ -117,7 +121,7 @@ def statistics_of(root: Path) -> Statistics:
 def statistics_of_clips(
     root: Path, clip_ids: Sequence[str], roles: Mapping[str, str] | None = None
 ) -> Statistics:
-    """Statistics of some clips, also of a data set that is still being made.
+    """Statistics of some clips, also of a dataset that is still being made.
 
     ``roles`` gives the part (``val`` or ``test``) of the clips that are held out.
     """
@@ -156,29 +160,18 @@ def _frames_of(clip: Clip, role: str) -> pd.DataFrame:
     rows, meta = clip.frames, clip.meta
     parts = [part_of_time(n / meta.capture_hz) if role == "split" else role for n in rows["frame"]]
     velocity_mps = rows[["vx_mps", "vy_mps", "vz_mps"]].to_numpy()
-    table = pd.DataFrame(
-        {
-            "clip": clip.clip_id,
-            "town": meta.town,
-            "weather": meta.weather,
-            "part": parts,
-            "altitude_m": rows["altitude_m"],
-            "speed_mps": np.linalg.norm(velocity_mps, axis=1),
-            "roll_rad": rows["roll_rad"],
-            "pitch_rad": rows["pitch_rad"],
-        }
-    )
+    names = {"clip": clip.clip_id, "town": meta.town, "weather": meta.weather, "part": parts}
+    speed_mps = np.linalg.norm(velocity_mps, axis=1)
+    motion = rows[["altitude_m", "roll_rad", "pitch_rad"]]
+    table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
+
     return pd.concat([table, _voxel_counts(clip), _visible_actors(clip)], axis=1)
 
 
 def _voxel_counts(clip: Clip) -> pd.DataFrame:
     """Voxels of each class and of each denominator, a row a frame."""
-    counts = np.stack(
-        [
-            np.bincount(clip.semantics(n).reshape(-1), minlength=UNKNOWN + 1)
-            for n in range(len(clip))
-        ]
-    )
+    labels = (clip.semantics(n).reshape(-1) for n in range(len(clip)))
+    counts = np.stack([np.bincount(ids, minlength=UNKNOWN + 1) for ids in labels])
     table = pd.DataFrame(counts[:, : len(CLASSES)], columns=[f"voxels/{name}" for name in CLASSES])
     every = counts.sum(axis=1)
     table["voxels/labelled"] = every - counts[:, UNKNOWN]
@@ -189,6 +182,7 @@ def _voxel_counts(clip: Clip) -> pd.DataFrame:
 
 def _visible_actors(clip: Clip) -> pd.DataFrame:
     """Visible actors of each type, a row a frame."""
+    # A share of the image, so that the count means the same at every resolution.
     pixels = clip.meta.width * clip.meta.height
     visible = clip.actors[clip.actors["visible_pixels"] >= MIN_VISIBLE_SHARE * pixels]
     counts = pd.crosstab(visible["frame"], visible["type"])
@@ -197,18 +191,16 @@ def _visible_actors(clip: Clip) -> pd.DataFrame:
 
 
 def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:
-    """Voxels of each frame whose centre projects into the front image."""
+    """Voxels of each frame whose center projects into the front image."""
     meta = clip.meta
     chain = camera_from_occ(clip.world_from_body, meta.body_from_camera)
+    # Intrinsics and chain as one 3x4 matrix: a voxel then costs a few products.
     pix_from_occ = (meta.pix_from_camera @ chain[:, :3]).numpy()
-    lower_m, shape = np.array(meta.grid.lower_m), meta.grid.shape
-    return np.array(
-        [
-            _count_in_image(matrix, lower_m, meta.grid.voxel_m, shape, meta.width, meta.height)
-            for matrix in pix_from_occ
-        ],
-        dtype=np.int64,
-    )
+    place = np.array(meta.grid.lower_m), meta.grid.voxel_m, meta.grid.shape
+
+    size_pix = (meta.width, meta.height)
+    counts = [_count_in_image(matrix, *place, *size_pix) for matrix in pix_from_occ]
+    return np.array(counts, dtype=np.int64)
 
 
 @njit(nogil=True)
@@ -220,7 +212,7 @@ def _count_in_image(
     width: int,
     height: int,
 ) -> int:
-    """Voxels whose centre is in the image: `project` and `in_image`, without an array of points."""
+    """Voxels whose center is in the image: `project` and `in_image`, without an array of points."""
     count = 0
     for i in range(shape[0]):
         x = lower_m[0] + (i + 0.5) * voxel_m
@@ -233,4 +225,5 @@ def _count_in_image(
                 u, v = column[0] + pix_from_occ[0, 2] * z, column[1] + pix_from_occ[1, 2] * z
                 inside = 0 <= u < width * depth and 0 <= v < height * depth
                 count += depth > MIN_DEPTH_M and inside
+
     return count

@@ -17,7 +17,7 @@ PARTS = ("test", "val", "train")
 
 
 class SkyShieldTruth:
-    """The labels of one part of a finished data set.
+    """The labels of one part of a finished dataset.
 
     The clips of ``val`` and ``test`` that are ``held_out`` may be named; otherwise they are those
     of its manifest. Raises `UserError` for a folder that is none, for a part that there is not, and
@@ -32,10 +32,12 @@ class SkyShieldTruth:
     ) -> None:
         if part not in PARTS:
             raise UserError(f"task.part: {part!r}; there are {', '.join(PARTS)}")
+
         self.root = Path(root)
         manifest = read_manifest(self.root)
         self.clips = {clip: Clip(self.root / clip) for clip in manifest["clips"]}
         first = next(iter(self.clips.values()))
+        # A study may hold out other clips than the dataset's default.
         held_out = held_out or manifest["held_out"]
         split = make_split(
             list(self.clips), len(first), first.meta.capture_hz, held_out["val"], held_out["test"]
@@ -54,21 +56,23 @@ class SkyShieldTruth:
 
 def truth_at(clip: Clip, frame: int) -> dict:
     """A frame's labels, velocity and camera as a batch of one; a `metrics.suite.GroundTruth`."""
-    meta, pose = clip.meta, clip.world_from_body[frame]
-    velocity_mps = inverse(world_from_occ(pose))[:3, :3] @ velocity_world_mps(clip, frame)
+    meta, world_from_body = clip.meta, clip.world_from_body[frame]
+    occ_from_world = inverse(world_from_occ(world_from_body))
+    velocity_mps = occ_from_world[:3, :3] @ velocity_world_mps(clip, frame)
+
     return {
         "clip": [clip.clip_id],
         "semantics": torch.from_numpy(clip.semantics(frame))[None],
         "visible": torch.from_numpy(clip.visible(frame))[None],
         "velocity_mps": velocity_mps[None],
-        "camera_from_occ": camera_from_occ(pose, meta.body_from_camera)[None],
+        "camera_from_occ": camera_from_occ(world_from_body, meta.body_from_camera)[None],
         "pix_from_camera": meta.pix_from_camera[None],
         "size_pix": (meta.width, meta.height),
     }
 
 
 def truth_of(batch: Batch) -> dict:
-    """What a loader's batch holds of it, the current frame's."""
+    """The current frames of a loader's batch, as `truth_at` gives one."""
     return {
         **{key: batch[key] for key in ("clip", "semantics", "visible", "velocity_mps")},
         "camera_from_occ": camera_from_occ(

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from ..errors import UserError
-from ..geometry import VoxelGrid, inverse, pixel_centres, transform
+from ..geometry import VoxelGrid, inverse, pixel_centers, transform
 from .backbone import STRIDES
 from .heights import height_projections, projected_sum
 from .references import References
@@ -102,8 +102,7 @@ class LiftSplat(nn.Module):
         chain = references.camera_from_volume
         bins = torch.arange(self.num_bins, dtype=chain.dtype, device=chain.device)
         depth_m = self.near_m + (bins + 0.5) * self.step_m
-        pix = (self.stride * pixel_centres(width, height)).flatten(0, 1).to(chain)
-
+        pix = (self.stride * pixel_centers(width, height)).flatten(0, 1).to(chain)
         # Autocast would round coordinates to 8 bits.
         with torch.autocast(chain.device.type, enabled=False):
             at_one_metre = rays_camera(pix, references.pix_from_camera)

@@ -1,4 +1,4 @@
-"""How a frame is annotated (App. A.3), drawn from what the annotation itself computed."""
+"""The picture of how a frame is annotated (App. A.3), from the annotation's own arrays."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +10,7 @@ from jaxtyping import Float, Int, UInt8
 from matplotlib.colors import LogNorm
 from PIL import Image
 
-from ..geometry import in_image, project
+from ..geometry import in_image, inverse, project
 from ..ontology import FREE, SKY, UNKNOWN
 from ..report.top import render_top
 from ..report.view import Frustum
@@ -37,6 +37,7 @@ def draw_pipeline(sim: Mapping, plan: ClipPlan, path: Path) -> None:
     The frame is the one whose pixels are spread most evenly over the classes; it is captured at the
     LiDARs' rate, at which the clips fuse too. Raises `UserError` for settings that cannot be made.
     """
+    # More frames would take longer and fuse nothing more.
     rate_hz = min(sim["capture_hz"], sim["lidar_hz"])
     maker = ClipMaker({**sim, "capture_hz": rate_hz}, Path())
     images: list[Picture] = []
@@ -82,7 +83,7 @@ def _classes(view: View) -> Picture:
 
 
 def _instances(view: View) -> Picture:
-    """Every actor in a colour of its own, all else pale."""
+    """Every actor in a color of its own, all else pale."""
     hues = matplotlib.colormaps["tab20"](view.actor_id % 20, bytes=True)[..., :3]
     pale = (0.25 * _classes(view) + 0.75 * 255).astype(np.uint8)
     return np.where((view.actor_id > 0)[..., None], hues, pale)
@@ -91,22 +92,25 @@ def _instances(view: View) -> Picture:
 def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) -> Picture:
     """The LiDAR returns of the frame's own scan that lie in the image, over it."""
     view, sim = seen.signals[frame].view, maker.sim
-    pose, step = view.world_from_body.numpy(), maker.step_of(frame)
-    scans = scan(seen.scene, step, pose, sim["lidar_rays"], frame, maker.range_m)
+    world_from_body, step = view.world_from_body.numpy(), maker.step_of(frame)
+    scans = scan(seen.scene, step, world_from_body, sim["lidar_rays"], frame, maker.range_m)
     points_m = np.concatenate([each.points_m(each.hits.actor_id >= 0) for each in scans])
     height, width = view.depth_m.shape
-    camera_from_world = torch.linalg.inv(view.world_from_body @ view.body_from_camera)
+    camera_from_world = inverse(view.world_from_body @ view.body_from_camera)
     pix, depth_m = project(torch.from_numpy(points_m), camera_from_world, view.pix_from_camera)
-    shown = in_image(pix, depth_m, width, height)
+    inside = in_image(pix, depth_m, width, height)
     scale = CELL_PIX[0] / width
     picture = (0.35 * _scaled(image) + 0.65 * 255).astype(np.uint8)
-    order = torch.argsort(depth_m[shown], descending=True)
-    column, row = (pix[shown][order] * scale).long().numpy().T
-    colors = _by_range(depth_m[shown][order].numpy())
+    # Far points first, so that near ones are drawn over them.
+    order = torch.argsort(depth_m[inside], descending=True)
+    column, row = (pix[inside][order] * scale).long().numpy().T
+    colors = _by_range(depth_m[inside][order].numpy())
+
     for right in range(DOT_PIX):
         for down in range(DOT_PIX):
             u = np.minimum(column + right, picture.shape[1] - 1)
             picture[np.minimum(row + down, picture.shape[0] - 1), u] = colors
+
     return picture
 
 
@@ -116,6 +120,7 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) ->
 def _labelled(maker: ClipMaker, seen: Observation, frame: int) -> list[tuple[str, Picture]]:
     view, grid = seen.signals[frame].view, maker.grid
     fused = _elected(_static_votes(maker, seen, view))
+    # App. A.3: static surfaces are fused over time, actors are placed as they are now.
     placed = _elected(_all_votes(maker, seen, frame))
     labels = maker.label(seen, frame)
     final = labels.semantics
@@ -142,7 +147,7 @@ def _static_votes(maker: ClipMaker, seen: Observation, view: View) -> Int[np.nda
 
 
 def _all_votes(maker: ClipMaker, seen: Observation, frame: int) -> Int[np.ndarray, "X Y Z 8"]:
-    """Of all surfaces that any signal speaks for, in the image or not."""
+    """Votes for all surfaces that any signal speaks for, in the image or not."""
     signal = seen.signals[frame]
     votes = _static_votes(maker, seen, signal.view)
     vote_camera(votes, signal.view, maker.grid)
@@ -164,7 +169,7 @@ def _scaled(picture: Picture) -> Picture:
 
 
 def _shaped(picture: Picture) -> Picture:
-    """As wide as a cell, its middle as high as a cell, on white where it is lower."""
+    """A picture as wide as a cell: its middle where it is higher, on white where it is lower."""
     scaled = _scaled(picture) if picture.shape[1] != CELL_PIX[0] else picture
     height = scaled.shape[0]
     if height >= CELL_PIX[1]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from ..report.canvas import Canvas, resized, write_small_jpeg
+from ..report.canvas import Canvas, resized, write_picture
 
 GAP_PIX, TITLE_PIX = 8, 32
 
@@ -27,9 +27,10 @@ def write_sheet(
     row_pix = cell_pix[1] + TITLE_PIX
     width = GAP_PIX + max(map(len, rows)) * (cell_pix[0] + GAP_PIX)
     page = Canvas(width, len(rows) * row_pix + GAP_PIX)
+
     for n, row in enumerate(rows):
         for k, (title, picture) in enumerate(row):
             left, top = GAP_PIX + k * (cell_pix[0] + GAP_PIX), n * row_pix
             page.text(left + 2, top + 0.55 * TITLE_PIX, title, size=13)
             page.picture(resized(picture, *cell_pix), left, top + TITLE_PIX)
-    write_small_jpeg(page.drawn(), path, max_bytes)
+    write_picture(page.drawn(), path, max_bytes)

@@ -26,13 +26,15 @@ from ..sim.weather import Weather
 from ..sim.world import World
 
 SIZE_PIX = (960, 544)
+
+# Size of the pictures among which `street_shot` chooses, one for every second of the flight.
 PREVIEW_PIX = (96, 64)
-"""Size of the pictures among which `street_shot` chooses, one for every second of the flight."""
 
 AERIAL_HFOV_RAD, AERIAL_PITCH_RAD = math.radians(46), math.radians(38)
 AERIAL_YAW_RAD = math.radians(60)
+
+# Of the aerial camera from the middle of the town, in diagonals of what can be flown through.
 AERIAL_DISTANCE = 1.25
-"""Of the aerial camera from the middle of the town, in diagonals of what can be flown through."""
 
 AERIAL_DEPTH_RANGE_M = (10.0, 900.0)
 
@@ -55,11 +57,12 @@ def aerial_shot(sim: Mapping, town: str) -> Shot:
     lower_m, upper_m = points_m.min(axis=0), points_m.max(axis=0)
     angles = torch.tensor([0.0, AERIAL_PITCH_RAD, AERIAL_YAW_RAD], dtype=torch.float64)
     rotation = rotation_from_euler(*angles) @ front_mount((0.0, 0.0, 0.0))[:3, :3]
+    # The camera looks at the middle of the corridors, from a distance that fits them.
     middle_m = torch.tensor([*(lower_m + upper_m) / 2, 0.0], dtype=torch.float64)
     away_m = AERIAL_DISTANCE * float(np.linalg.norm(upper_m - lower_m))
-    pose = rigid(rotation, middle_m - away_m * rotation[:, 2])
+    world_from_camera = rigid(rotation, middle_m - away_m * rotation[:, 2])
     lens = pinhole(*SIZE_PIX, AERIAL_HFOV_RAD)
-    return Shot(place.whole, 0, pose, lens, AERIAL_DEPTH_RANGE_M)
+    return Shot(place.whole, 0, world_from_camera, lens, AERIAL_DEPTH_RANGE_M)
 
 
 def street_shot(sim: Mapping, town: str) -> Shot:
@@ -69,17 +72,18 @@ def street_shot(sim: Mapping, town: str) -> Shot:
     """
     maker = ClipMaker(sim, Path())
     flight, scene = maker.stage(ClipPlan(f"{town}/clip00", town, "cloudy", 0))
-    poses = flight.world_from_body @ maker.body_from_camera.numpy()
+    world_from_camera = flight.world_from_body @ maker.body_from_camera.numpy()
     hfov_rad = math.radians(sim["image"]["hfov_deg"])
-    steps = range(0, len(poses), STEP_HZ)
+    steps, cloudy = range(0, len(world_from_camera), STEP_HZ), Weather.of(sim, "cloudy")
+
     with World(scene, pinhole(*PREVIEW_PIX, hfov_rad), *PREVIEW_PIX) as world:
         previews = [
-            world.render(step, torch.from_numpy(poses[step]), Weather.of(sim, "cloudy"))
-            for step in steps
+            world.render(step, torch.from_numpy(world_from_camera[step]), cloudy) for step in steps
         ]
-    richest = max(range(len(steps)), key=lambda n: entropy(previews[n].class_id))
-    pose = torch.from_numpy(poses[steps[richest]])
-    return Shot(scene, steps[richest], pose, pinhole(*SIZE_PIX, hfov_rad))
+
+    richest = steps[max(range(len(steps)), key=lambda n: entropy(previews[n].class_id))]
+    camera = torch.from_numpy(world_from_camera[richest])
+    return Shot(scene, richest, camera, pinhole(*SIZE_PIX, hfov_rad))
 
 
 def entropy(class_id: UInt8[np.ndarray, "h w"]) -> float:
@@ -96,6 +100,7 @@ def photograph(
     """The picture of a shot under each weather. Raises `UserError` for an unknown one."""
     pictures = {}
     viewpoint = Viewpoint.of(shot.world_from_camera, shot.pix_from_camera)
+
     with World(
         shot.scene, shot.pix_from_camera, *SIZE_PIX, depth_range_m=shot.depth_range_m
     ) as world:
@@ -104,4 +109,5 @@ def photograph(
             rendering = world.render(shot.step, shot.world_from_camera, weather)
             rng = generator_for(sim["seed"], "portrait", name)
             pictures[name] = apply_weather(rendering, viewpoint, weather, rng)
+
     return pictures

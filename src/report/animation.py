@@ -1,6 +1,7 @@
 """One flight as a looping picture: what the camera sees, and the labels of the space ahead."""
 
 import io
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from PIL import Image
 from ..atomic import replacing
 from ..data.clip import Clip
 from ..data.statistics import Statistics
-from ..geometry import camera_from_occ
+from .canvas import within_bytes
 from .view import Frustum
 from .voxels import render_voxels, view_of
 
@@ -32,30 +33,31 @@ def draw_flight(root: Path, statistics: Statistics, path: str | Path) -> None:
     first = (len(clip) - count * stride) // 2
     pictures = _pictures(clip, range(first, first + count * stride, stride))
     duration_ms = round(1000 * stride / clip.meta.capture_hz)
+    encoded = within_bytes(pictures, partial(_gif, duration_ms=duration_ms), MAX_BYTES)
+
     with replacing(path) as temporary:
-        temporary.write_bytes(_encode(pictures, duration_ms))
+        temporary.write_bytes(encoded)
 
 
 def liveliest(clips: pd.DataFrame, frames: pd.DataFrame) -> str:
     """The clip in whose image most actors are visible, among those of the first weather."""
-    shown = frames[frames["weather"] == clips["weather"].iloc[0]].set_index("clip")
-    visible = shown.filter(like="visible/").sum(axis=1)
+    first = frames[frames["weather"] == clips["weather"].iloc[0]].set_index("clip")
+    visible = first.filter(like="visible/").sum(axis=1)
     return visible.groupby(level=0, sort=False).mean().idxmax()
 
 
 def _pictures(clip: Clip, frames: range) -> list[Image.Image]:
     """Image and labels of every frame, side by side, the labels from one steady point of view."""
-    meta = clip.meta
-    size_pix = (round(HEIGHT_PIX * VOXEL_ASPECT), HEIGHT_PIX)
-    scenes = [clip.semantics(n) for n in frames]
-    view = view_of(scenes, meta.grid, size_pix)
-    pictures = []
-    for n, labels in zip(frames, scenes):
-        chain = camera_from_occ(clip.world_from_body[n], meta.body_from_camera)
-        frustum = Frustum(chain, meta.pix_from_camera, (meta.width, meta.height))
-        voxels = render_voxels(labels, meta.grid, size_pix, view, frustum)
-        pictures.append(_side_by_side(clip.image(n), voxels))
-    return pictures
+    grid, size_pix = clip.meta.grid, (round(HEIGHT_PIX * VOXEL_ASPECT), HEIGHT_PIX)
+    labels = {n: clip.semantics(n) for n in frames}
+    view = view_of(list(labels.values()), grid, size_pix)
+
+    return [
+        _side_by_side(
+            clip.image(n), render_voxels(labels[n], grid, size_pix, view, Frustum.of(clip, n))
+        )
+        for n in frames
+    ]
 
 
 def _side_by_side(
@@ -69,16 +71,11 @@ def _side_by_side(
     return sheet
 
 
-def _encode(pictures: list[Image.Image], duration_ms: int) -> bytes:
-    """GIF bytes, of smaller pictures where the whole ones are too heavy."""
-    while True:
-        buffer = io.BytesIO()
-        # Median cut would give the few voxels of a rare class their neighbours' colour.
-        first, *others = (p.quantize(256, Image.Quantize.FASTOCTREE) for p in pictures)
-        settings = {"duration": duration_ms, "loop": 0, "optimize": False}
-        first.save(buffer, "GIF", save_all=True, append_images=others, **settings)
-        if buffer.tell() <= MAX_BYTES:
-            return buffer.getvalue()
-        share = max(0.5, min(0.95, (MAX_BYTES / buffer.tell()) ** 0.5))
-        size_pix = (int(pictures[0].width * share), int(pictures[0].height * share))
-        pictures = [picture.resize(size_pix, Image.Resampling.LANCZOS) for picture in pictures]
+def _gif(pictures: list[Image.Image], duration_ms: int) -> bytes:
+    # Median cut would give the few voxels of a rare class their neighbours' color.
+    first, *others = (p.quantize(256, Image.Quantize.FASTOCTREE) for p in pictures)
+    settings = {"duration": duration_ms, "loop": 0, "optimize": False}
+
+    buffer = io.BytesIO()
+    first.save(buffer, "GIF", save_all=True, append_images=others, **settings)
+    return buffer.getvalue()

@@ -1,6 +1,7 @@
 """A white page on which text and pictures are placed to the pixel, and its files."""
 
 import io
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,11 @@ from ..atomic import replacing
 
 DPI = 100
 INK, MUTED = "#181c24", "#5a606a"
+
+# How heavy a figure may be, by the suffix of its path.
+MAX_BYTES = {".png": 1_500_000, ".jpg": 500_000}
+# Qualities of a JPEG, the best first.
 QUALITIES = range(92, 39, -4)
-"""Of JPEG, the best first."""
 
 
 class Canvas:
@@ -54,25 +58,53 @@ def resized(
 
 
 def write_jpeg(image: Image.Image, path: str | Path, quality: int) -> None:
-    """Write a JPEG of one quality. Raises `UserError` for a path that cannot be written."""
+    """Writes a JPEG of one quality. Raises `UserError` for a path that cannot be written."""
     with replacing(path) as temporary:
-        temporary.write_bytes(_jpeg(image, quality=quality))
+        image.save(temporary, "JPEG", quality=quality)
 
 
-def write_small_jpeg(image: Image.Image, path: str | Path, max_bytes: int) -> None:
-    """Write a JPEG of as good a quality as ``max_bytes`` allow, and of 40 at the least.
+def write_picture(image: Image.Image, path: str | Path, max_bytes: int | None = None) -> None:
+    """Writes a JPEG or a PNG, by the suffix of the path, of at most some bytes.
 
-    Raises `UserError` for a path that cannot be written.
+    A JPEG that is too heavy gets less quality, down to 40; a PNG gets smaller. Raises `UserError`
+    for a path that cannot be written.
     """
-    for quality in QUALITIES:
-        encoded = _jpeg(image, quality=quality, optimize=True, progressive=True)
-        if len(encoded) <= max_bytes:
-            break
+    suffix = Path(path).suffix
+    max_bytes = max_bytes or MAX_BYTES[suffix]
+    if suffix == ".jpg":
+        encoded = _small_jpeg(image, max_bytes)
+    else:
+        encoded = within_bytes([image], _png, max_bytes)
+
     with replacing(path) as temporary:
         temporary.write_bytes(encoded)
 
 
-def _jpeg(image: Image.Image, **settings) -> bytes:
+def within_bytes(
+    pictures: list[Image.Image], encode: Callable[[list[Image.Image]], bytes], max_bytes: int
+) -> bytes:
+    """Encodes pictures of one size, and smaller ones where the whole ones are too heavy."""
+    encoded = encode(pictures)
+    while len(encoded) > max_bytes:
+        share = max(0.5, min(0.95, (max_bytes / len(encoded)) ** 0.5))
+        size_pix = (int(pictures[0].width * share), int(pictures[0].height * share))
+        pictures = [picture.resize(size_pix, Image.Resampling.LANCZOS) for picture in pictures]
+        encoded = encode(pictures)
+
+    return encoded
+
+
+def _png(pictures: list[Image.Image]) -> bytes:
     buffer = io.BytesIO()
-    image.save(buffer, "JPEG", **settings)
+    pictures[0].save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def _small_jpeg(image: Image.Image, max_bytes: int) -> bytes:
+    for quality in QUALITIES:
+        buffer = io.BytesIO()
+        image.save(buffer, "JPEG", quality=quality, optimize=True, progressive=True)
+        if buffer.tell() <= max_bytes:
+            break
+
     return buffer.getvalue()

@@ -1,4 +1,4 @@
-"""The card of a finished data set: a page for people, figures, a table, and Croissant metadata."""
+"""The card of a finished dataset: a page for people, figures, a table, and Croissant metadata."""
 
 import json
 from pathlib import Path
@@ -18,17 +18,18 @@ CARD_SUMS = f"{FIGURES}/{SUMS}"
 
 
 def write_card(root: Path) -> None:
-    """Write ``README.md``, ``card/`` and ``croissant.json`` into a data set's folder, and the
+    """Write ``README.md``, ``card/`` and ``croissant.json`` into a dataset's folder, and the
     SHA-256 of each of these files.
 
-    Everything comes from the files there, and the same data set gives the same bytes. Raises
-    `UserError` where the data set is unfinished, a file cannot be read, or nothing can be written.
+    Everything comes from the files there, and the same dataset gives the same bytes. Raises
+    `UserError` where the dataset is unfinished, a file cannot be read, or nothing can be written.
     """
     root = Path(root)
     manifest = read_manifest(root)
     figures = root / FIGURES
     statistics = statistics_of(root)
     clips = statistics.clip_table()
+
     with replacing(figures / "clips.csv") as temporary:
         clips.to_csv(temporary, index=False, lineterminator="\n")
     draw_statistics(statistics, figures / "statistics.png")
@@ -36,6 +37,7 @@ def write_card(root: Path) -> None:
     draw_flight(root, statistics, figures / "flight.gif")
     metadata = croissant_of(root, manifest, WHAT_IT_IS.replace("*", ""), figures / "clips.csv")
     _write(root / CROISSANT, json.dumps(metadata, indent=1) + "\n")
+    # Pictures of task=portraits may lie here as well.
     pictures = [path.name for path in figures.iterdir() if path.is_file() and path.name != SUMS]
     _write(root / CARD, card_text(root.name, manifest, statistics, clips, pictures))
     files = [root / CARD, root / CROISSANT, *(figures / name for name in sorted(pictures))]

@@ -1,4 +1,4 @@
-"""The tables of a data set's card, in Markdown, ours beside the paper's."""
+"""The tables of a dataset's card, in Markdown, ours beside the paper's."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,8 +17,9 @@ BESIDE = ("", "here", "the paper")
 def settings_table(sim: Mapping, statistics: Statistics) -> str:
     """The paper's table of statistics; ``sim`` are the settings in the manifest."""
     clips, heights_m = statistics.clips, statistics.frames["altitude_m"]
+    # A dataset may have more clips of one town than of another.
     clips_per_town = clips.groupby("town").size()
-    ours = {
+    here = {
         "Simulator": f"Bullet, renderer `{sim['renderer']}`",
         "Scenes": str(clips["town"].nunique()),
         "Weather conditions": str(clips["weather"].nunique()),
@@ -31,45 +32,42 @@ def settings_table(sim: Mapping, statistics: Statistics) -> str:
         "Learning input": "monocular front-view RGB",
         "Annotation signals": "dual LiDAR + simulator semantics",
     }
-    return _table(BESIDE, [(item, ours[item], text) for item, text in paper.STATISTICS.items()])
+
+    return _table(BESIDE, [(item, here[item], text) for item, text in paper.STATISTICS.items()])
 
 
 def flight_table(statistics: Statistics) -> str:
     """Heights, speeds, attitude, and the ratio of the rare classes."""
     frames = statistics.frames
-    theirs = [paper.CLASS_SHARES[name] for name in ("thin_structure", "car", "vru")]
+    heights_m, speeds_mps = frames["altitude_m"], frames["speed_mps"]
+    speeds = f"{speeds_mps.mean():.2f} / {speeds_mps.max():.2f} m/s"
     rows = [
-        ("mean height", f"{frames['altitude_m'].mean():.2f} m", f"{paper.MEAN_HEIGHT_M} m"),
+        ("mean height", f"{heights_m.mean():.2f} m", f"{paper.MEAN_HEIGHT_M} m"),
         ("frames below 11 m", f"{statistics.share_below():.1%}", f"{paper.SHARE_BELOW_11_M:.1%}"),
-        ("greatest height", f"{frames['altitude_m'].max():.2f} m", f"< {paper.MAX_HEIGHT_M:g} m"),
-        (
-            "speed, mean / greatest",
-            f"{frames['speed_mps'].mean():.2f} / {frames['speed_mps'].max():.2f} m/s",
-            NONE,
-        ),
+        ("greatest height", f"{heights_m.max():.2f} m", f"< {paper.MAX_HEIGHT_M:g} m"),
+        ("speed, mean / greatest", speeds, NONE),
     ]
     for name in ("roll", "pitch"):
         angles_deg = np.rad2deg(frames[f"{name}_rad"])
         spread_deg, most_deg = angles_deg.std(ddof=0), angles_deg.abs().max()
         rows.append((f"{name}, deviation / greatest", f"{spread_deg:.1f}° / {most_deg:.1f}°", NONE))
-    ratio = _ratio(statistics.thin_car_vru()), _ratio([share / theirs[-1] for share in theirs])
+
+    reported = [paper.CLASS_SHARES[name] for name in ("thin_structure", "car", "vru")]
+    ratio = _ratio(statistics.thin_car_vru()), _ratio([r / reported[-1] for r in reported])
+
     return _table(BESIDE, [*rows, ("voxels, thin : car : VRU", *ratio)])
 
 
 def actor_table(statistics: Statistics) -> str:
     """Visible actors by type: sums, means of a frame, and sums at the paper's number of frames."""
     totals, means = visible_totals(statistics), statistics.visible_per_frame()
-    header = (
-        *("visible actors", "here, in all", "here, a frame", "the paper, a frame"),
-        *(f"here, at {paper.FRAMES:,} frames", "the paper"),
-    )
-    rows = [
-        (
-            *(name, f"{totals[name]:,}", f"{means[name]:.2f}", f"{theirs / paper.FRAMES:.2f}"),
-            *(f"{paper.FRAMES * means[name]:,.0f}", f"{theirs:,}"),
-        )
-        for name, theirs in paper.INSTANCES.items()
-    ]
+    header = ["visible actors", "here, in all", "here, a frame", "the paper, a frame"]
+    header += [f"here, at {paper.FRAMES:,} frames", "the paper"]
+
+    rows = []
+    for name, reported in paper.INSTANCES.items():
+        row = [name, f"{totals[name]:,}", f"{means[name]:.2f}", f"{reported / paper.FRAMES:.2f}"]
+        rows.append([*row, f"{paper.FRAMES * means[name]:,.0f}", f"{reported:,}"])
     return _table(header, rows)
 
 
@@ -77,8 +75,8 @@ def class_table(statistics: Statistics) -> str:
     """Shares of the voxels by class, for each of the denominators."""
     rows = []
     for name, shares in statistics.class_shares().iterrows():
-        theirs = paper.CLASS_SHARES.get(name)
-        reported = NONE if theirs is None else f"{100 * theirs:.4g}%"
+        share = paper.CLASS_SHARES.get(name)
+        reported = NONE if share is None else f"{100 * share:.4g}%"
         rows.append((readable(name), *map(percent, shares), reported))
     voxels = [statistics.frames[f"voxels/{of}"].mean() for of in DENOMINATORS]
     rows.append(("voxels in a frame", *(f"{count:,.0f}" for count in voxels), NONE))
@@ -97,15 +95,12 @@ def split_table(statistics: Statistics) -> str:
 
 
 def benchmark_table(statistics: Statistics) -> str:
-    """The paper's Table 1 with a row for this data set."""
+    """The paper's Table 1 with a row for this dataset."""
     weathers, sizes = statistics.clips["weather"].nunique(), statistics.part_sizes()
-    ours = paper.Benchmark("**this data set**", True, True, True, True, weathers, **sizes)
-    header = (
-        *("", "UAV view", "3-D annotation", "occupancy", "dynamic camera", "diversity"),
-        *PARTS,
-    )
+    here = paper.Benchmark("**this dataset**", True, True, True, True, weathers, **sizes)
+    header = ["", "UAV view", "3-D annotation", "occupancy", "dynamic camera", "diversity", *PARTS]
     rows = []
-    for name, *properties, diversity, train, val, test in (*paper.BENCHMARKS, ours):
+    for name, *properties, diversity, train, val, test in (*paper.BENCHMARKS, here):
         marks = ["✓" if has else NONE for has in properties]
         rows.append((name, *marks, str(diversity), *(f"{n:,}" for n in (train, val, test))))
     return _table(header, rows)
@@ -113,20 +108,16 @@ def benchmark_table(statistics: Statistics) -> str:
 
 def clip_rows(clips: pd.DataFrame) -> str:
     """A row a clip of `Statistics.clip_table`, the columns that one reads first."""
-    header = (
-        *("clip", "weather", "role", "frames", "height (m)", "speed (m/s)"),
-        *("visible actors a frame", "thin", "car", "VRU", "MB"),
-    )
+    header = ["clip", "weather", "role", "frames", "height (m)", "speed (m/s)"]
+    header += ["visible actors a frame", "thin", "car", "VRU", "MB"]
     actors = clips.filter(like="visible_").sum(axis=1) / clips["frames"]
-    rows = [
-        (
-            *(f"`{clip.clip}`", readable(clip.weather), clip.role, str(clip.frames)),
-            *(f"{clip.mean_altitude_m:.1f}", f"{clip.mean_speed_mps:.1f}", f"{visible:.1f}"),
-            *map(percent, (clip.share_thin_structure, clip.share_car, clip.share_vru)),
-            f"{clip.bytes / 1e6:.1f}",
-        )
-        for clip, visible in zip(clips.itertuples(), actors)
-    ]
+
+    rows = []
+    for clip, visible in zip(clips.itertuples(), actors):
+        row = [f"`{clip.clip}`", readable(clip.weather), clip.role, str(clip.frames)]
+        row += [f"{clip.mean_altitude_m:.1f}", f"{clip.mean_speed_mps:.1f}", f"{visible:.1f}"]
+        row += map(percent, (clip.share_thin_structure, clip.share_car, clip.share_vru))
+        rows.append([*row, f"{clip.bytes / 1e6:.1f}"])
     return _table(header, rows)
 
 

@@ -1,4 +1,4 @@
-"""The words of a data set's card, in Markdown."""
+"""The words of a dataset's card, in Markdown."""
 
 import shlex
 from collections.abc import Collection, Mapping
@@ -19,16 +19,17 @@ from .card_tables import (
 from .command import overrides_of
 
 WHAT_IT_IS = (
-    "A semantic occupancy data set for low-altitude UAV flight: front images of flights of 12 s "
-    "through procedural towns, the pose of every frame, and the occupied, free and unknown voxels "
-    "of the space ahead. It regenerates itself from a seed, after the paper *SkyShield: Occupancy "
-    "as a Safety Interface for Low-Altitude UAV Autonomy*."
+    "A semantic occupancy dataset for low-altitude UAV flight: front images of flights of 12 s "
+    "through procedural towns, the attitude and place of every frame, and the occupied, free and "
+    "unknown voxels of the space ahead. It regenerates itself from a seed, after the paper "
+    "*SkyShield: Occupancy as a Safety Interface for Low-Altitude UAV Autonomy*."
 )
+
+# Made with the simulator by another task; shown where they lie beside the card's own.
 PICTURES = {
     "weathers.jpg": "One frame under every weather",
     "pipeline.jpg": "How a frame is annotated, from its real intermediate results",
 }
-"""Made with the simulator by another task; shown where they lie beside the card's own."""
 
 FILES = """\
 | file | content |
@@ -67,12 +68,12 @@ SPLIT_RULE = (
     "Clips that are held out belong whole to their part."
 )
 CLASS_RULE = (
-    "A voxel is in the image if its centre projects into it, and labelled if an annotation signal "
+    "A voxel is in the image if its center projects into it, and labelled if an annotation signal "
     "also reached it; all others are unknown. The paper does not say of which voxels its shares "
     "are."
 )
 DIVERSITY_RULE = (
-    "The other rows are the paper's Table 1. The diversity of this data set is its number of "
+    "The other rows are the paper's Table 1. The diversity of this dataset is its number of "
     "weathers, as the 10 of the paper's is."
 )
 
@@ -84,41 +85,38 @@ def card_text(
     clips: pd.DataFrame,
     pictures: Collection[str],
 ) -> str:
-    """The card of a data set as Markdown.
+    """The card of a dataset as Markdown.
 
     ``name`` is its folder's, ``clips`` its `Statistics.clip_table`, ``pictures`` the files in
     ``card/``: those of `PICTURES` among them are shown.
     """
     extra = [f"![{PICTURES[file]}](card/{file})" for file in PICTURES if file in pictures]
-    sections = [
-        f"# SkyShield data set `{name}`",
-        WHAT_IT_IS,
-        "![A flight: the front image and its labels](card/flight.gif)",
-        "![Every town under every weather that it was flown in](card/contact_sheet.jpg)",
-        *extra,
-        *("## Make it again", _regeneration(manifest, statistics)),
-        *("## Statistics", "![Town by weather, heights, voxels, actors](card/statistics.png)"),
-        *(settings_table(manifest["sim"], statistics), flight_table(statistics)),
-        *(actor_table(statistics), f"Visible is {MIN_VISIBLE_SHARE:.3%} of the image or more."),
-        *("## Voxels of each class", CLASS_RULE, class_table(statistics)),
-        *("## Split", SPLIT_RULE, split_table(statistics)),
-        *("## Beside other data sets", benchmark_table(statistics), DIVERSITY_RULE),
-        *("## Clips", _clips(clips)),
-        *("## Files", FILES),
-        *("## Known limits", LIMITS),
-        *("## Licence", "MIT, data and code alike. Nothing in it shows a real person or place."),
-    ]
+    flight = "![A flight: the front image and its labels](card/flight.gif)"
+    sheet = "![Every town under every weather that it was flown in](card/contact_sheet.jpg)"
+    figure = "![Town by weather, heights, voxels, actors](card/statistics.png)"
+    actors = f"Visible is {MIN_VISIBLE_SHARE:.3%} of the image or more."
+
+    sections = [f"# SkyShield dataset `{name}`", WHAT_IT_IS, flight, sheet, *extra]
+    sections += ["## Make it again", _regeneration(manifest, statistics)]
+    sections += ["## Statistics", figure, settings_table(manifest["sim"], statistics)]
+    sections += [flight_table(statistics), actor_table(statistics), actors]
+    sections += ["## Voxels of each class", CLASS_RULE, class_table(statistics)]
+    sections += ["## Split", SPLIT_RULE, split_table(statistics)]
+    sections += ["## Beside other datasets", benchmark_table(statistics), DIVERSITY_RULE]
+    sections += ["## Clips", _clips(clips), "## Files", FILES, "## Known limits", LIMITS]
+    licence = "MIT, data and code alike. Nothing in it shows a real person or place."
+    sections += ["## Licence", licence]
     return "\n\n".join(sections) + "\n"
 
 
 def _regeneration(manifest: Mapping, statistics: Statistics) -> str:
     spec = DatasetSpec(manifest["scale"], manifest["sim"], manifest["generator"])
-    words = " \\\n    ".join(map(shlex.quote, overrides_of(manifest)))
+    overrides = " \\\n    ".join(map(shlex.quote, overrides_of(manifest)))
     size_mb = statistics.clips["bytes"].sum() / 1e6
     packages = ", ".join(f"{name} {version}" for name, version in manifest["packages"].items())
     return f"""\
 ```
-python run.py {words}
+python run.py {overrides}
 ```
 
 makes these {len(statistics.clips)} clips ({size_mb:,.1f} MB), with `sim.seed=\

@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import UInt8
 
 from ..data.clip import Clip
-from ..geometry import camera_from_occ
 from .canvas import MUTED, Canvas, resized, write_jpeg
 from .labels_in_image import labels_in_image
 from .qualitative import add_legend
@@ -22,7 +21,7 @@ def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading:
     """Write a JPEG of frames of some clips: the image, and the image under its own labels.
 
     Shows the most tilted frame of each of six clips, evenly spaced among those given; of fewer
-    clips, more frames each. A wrong attitude, mount or grid shows as colours beside their objects.
+    clips, more frames each. A wrong attitude, mount or grid shows as colors beside their objects.
     Raises `UserError` for a clip that cannot be read and a path that cannot be written.
     """
     picked = [(Clip(root / clip_ids[n]), frame) for n, frame in _picked(root, clip_ids)]
@@ -33,15 +32,14 @@ def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading:
 
 def overlaid(clip: Clip, frame: int) -> UInt8[np.ndarray, "h w 3"]:
     """A frame's image under its labels, by the chain that the model projects with."""
-    meta = clip.meta
-    chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
-    camera = Frustum(chain, meta.pix_from_camera, (meta.width, meta.height))
-    return labels_in_image(clip.image(frame), clip.semantics(frame), meta.grid, camera)
+    labels, camera = clip.semantics(frame), Frustum.of(clip, frame)
+    return labels_in_image(clip.image(frame), labels, clip.meta.grid, camera)
 
 
 def _picked(root: Path, clip_ids: list[str]) -> list[tuple[int, int]]:
     """Clips by index, each with its most tilted frames."""
     count = min(FRAMES, len(clip_ids))
+    # Evenly spaced, so that a long list shows several towns.
     clips = np.unique(np.linspace(0, len(clip_ids) - 1, count).round().astype(int)).tolist()
     shares = [FRAMES // len(clips) + (n < FRAMES % len(clips)) for n in range(len(clips))]
     picked = []
@@ -71,6 +69,7 @@ def _page(pairs: list[tuple[np.ndarray, np.ndarray]], titles: list[str], heading
     rows = -(-len(pairs) // COLUMNS)
     page = Canvas(COLUMNS * pair_pix, HEADER_PIX + rows * row_pix + FOOTER_PIX)
     page.text(GAP_PIX, HEADER_PIX / 2, heading, size=19)
+
     for n, (pair, title) in enumerate(zip(pairs, titles)):
         row, column = divmod(n, COLUMNS)
         left, top = GAP_PIX + column * pair_pix, HEADER_PIX + row * row_pix
@@ -79,4 +78,5 @@ def _page(pairs: list[tuple[np.ndarray, np.ndarray]], titles: list[str], heading
             u = left + side * (cell_pix[0] + GAP_PIX)
             page.picture(resized(picture, *cell_pix), u, top + TITLE_PIX)
     add_legend(page.figure, FOOTER_PIX / 2 / page.height_pix, skip=("free",))
+
     return page

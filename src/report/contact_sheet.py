@@ -1,4 +1,4 @@
-"""One picture of a data set: a frame of every town under every weather that it was flown in."""
+"""One picture of a dataset: a frame of every town under every weather that it was flown in."""
 
 from pathlib import Path
 
@@ -19,6 +19,7 @@ def draw_contact_sheet(root: Path, statistics: Statistics, path: str | Path) -> 
     A cell is blank where a town was never flown in a weather. Raises `UserError` for an image that
     cannot be read and a path that cannot be written.
     """
+    # The first clip of every town and weather stands for all of them.
     clips = statistics.clips.drop_duplicates(["town", "weather"])
     towns, weathers = (list(clips[key].unique()) for key in ("town", "weather"))
     pictures = {
@@ -32,11 +33,13 @@ def draw_contact_sheet(root: Path, statistics: Statistics, path: str | Path) -> 
     lefts = [LABEL_PIX + GAP_PIX + n * (CELL_WIDTH_PIX + GAP_PIX) for n in range(len(weathers))]
     tops = [HEADER_PIX + n * (cell_height_pix + GAP_PIX) for n in range(len(towns))]
     style = {"size": 17, "ha": "center"}
+
     for left, weather in zip(lefts, weathers):
         page.text(left + CELL_WIDTH_PIX / 2, HEADER_PIX / 2, readable(weather), **style)
     for top, town in zip(tops, towns):
         v = top + cell_height_pix / 2
         page.text(LABEL_PIX / 2, v, readable(town), rotation=90, **style)
+
     for (row, column), picture in pictures.items():
         page.picture(picture, lefts[column], tops[row])
     write_jpeg(page.drawn(), path, JPEG_QUALITY)

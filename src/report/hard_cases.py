@@ -1,9 +1,11 @@
-"""Which test frames a comparison of models shows: the hardest, by rules that see no prediction."""
+"""The test frames that a comparison shows: the hardest, by rules that see no prediction."""
 
 from typing import NamedTuple
 
 import pandas as pd
 
+# What makes a frame hard, and the column that says how hard: |roll| + |pitch|, or how many voxels
+# of a class the camera sees.
 RULES = {
     "most tilted": "tilt_rad",
     "most thin structure in view": "thin_structure",
@@ -12,8 +14,6 @@ RULES = {
     "most large vehicle in view": "large_vehicle",
     "most vegetation in view": "vegetation",
 }
-"""What makes a frame hard, and the column that says how hard: |roll| + |pitch|, or how many voxels
-of a class the camera sees."""
 
 
 class HardCase(NamedTuple):
@@ -33,8 +33,10 @@ def hard_cases(frames: pd.DataFrame, count: int) -> list[HardCase]:
     """
     chosen: list[HardCase] = []
     for reason, column in list(RULES.items())[:count]:
+        # Another clip each time: two frames of one flight show nearly the same street.
         left = frames[~frames["clip"].isin([case.clip for case in chosen]) & (frames[column] > 0)]
         if len(left):
             hardest = left.loc[left[column].idxmax()]
             chosen.append(HardCase(reason, str(hardest["clip"]), int(hardest["frame"])))
+
     return chosen

@@ -3,15 +3,15 @@
 import numpy as np
 from jaxtyping import UInt8
 
-from ..geometry import VoxelGrid, pixel_centres
+from ..geometry import VoxelGrid, pixel_centers
 from ..ontology import FREE
-from ..rays import rays_in_grid
+from ..voxels import rays_in_grid
 from .raycast import VOXEL, cast
 from .view import Frustum
 from .voxels import PALETTE, SUN
 
+# How much of a pixel is its voxel's color, and how much darker the voxel's edges are.
 COLOR_SHARE, EDGE_SHARE = 0.6, 0.35
-"""How much of a pixel is its voxel's colour, and how much darker the voxel's edges are."""
 
 
 def labels_in_image(
@@ -22,10 +22,10 @@ def labels_in_image(
 ) -> UInt8[np.ndarray, "h w 3"]:
     """The image, every pixel tinted by the first occupied voxel on its ray, edges darker.
 
-    The ray is the one through the pixel's centre. With another ``camera`` than the one that took
-    the image, colours stand beside their objects.
+    The ray is the one through the pixel's center. With another ``camera`` than the one that took
+    the image, colors stand beside their objects.
     """
-    pix = pixel_centres(*camera.size_pix).reshape(-1, 2)
+    pix = pixel_centers(*camera.size_pix).reshape(-1, 2)
     origin, rays = rays_in_grid(pix, camera.camera_from_occ, camera.pix_from_camera, grid)
     hits = cast(labels < FREE, origin.numpy(), rays.contiguous().numpy(), SUN, -np.inf)
     met = hits.kind == VOXEL
@@ -35,4 +35,5 @@ def labels_in_image(
     color = color * (1 - EDGE_SHARE * (hits.edge[met] < pixel))[:, None]
     tinted = image.reshape(-1, 3).astype(np.float32)
     tinted[met] += COLOR_SHARE * (color - tinted[met])
+
     return np.rint(tinted).astype(np.uint8).reshape(image.shape)

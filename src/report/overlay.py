@@ -9,13 +9,14 @@ from PIL import ImageDraw
 from torch import Tensor
 
 from ..geometry import VoxelGrid
-from .view import Frustum, View
+from .view import Frustum, Viewpoint
 
 FLOOR_LINE_M = 10.0
 FLOOR_LINE_COLOR, PLUMB_COLOR, FRUSTUM_COLOR = (214, 219, 226), (90, 96, 106), (235, 94, 20)
 UAV_COLOR, ROTOR_COLOR = (24, 28, 36), (225, 230, 236)
+
+# Span of the drawn UAV and depth of the drawn frustum, as shares of the grid's length.
 UAV_SHARE, FRUSTUM_SHARE = 0.045, 0.16
-"""Span of the drawn UAV and depth of the drawn frustum, as shares of the grid's length."""
 
 
 class Pen:
@@ -25,7 +26,7 @@ class Pen:
         self,
         draw: ImageDraw.ImageDraw,
         depth_m: Float[np.ndarray, "h w"],
-        view: View,
+        view: Viewpoint,
         tolerance_m: float,
     ) -> None:
         self.draw, self.depth_m, self.view, self.tolerance_m = draw, depth_m, view, tolerance_m
@@ -34,6 +35,7 @@ class Pen:
         self, start: Float[Tensor, "3"], end: Float[Tensor, "3"], color: tuple, width_pix: int
     ) -> None:
         """A straight line between two points in metres, cut up so that it can be half hidden."""
+        # Pieces are short enough that a voxel's edge cuts a line cleanly.
         share = torch.linspace(0, 1, 161, dtype=torch.float64)[:, None]
         pix, depth_m = self._project(start + share * (end - start))
         visible = self._visible(pix, depth_m)
@@ -61,6 +63,7 @@ class Pen:
 
     def _visible(self, pix: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
         height, width = self.depth_m.shape
+        # A point beside the picture is compared with the pixel at its border.
         column = np.clip(np.floor(pix[:, 0]), 0, width - 1).astype(int)
         row = np.clip(np.floor(pix[:, 1]), 0, height - 1).astype(int)
         return (depth_m > 0) & (depth_m <= self.depth_m[row, column] + self.tolerance_m)

@@ -25,10 +25,12 @@ def draw_penalty(path: str | Path) -> None:
     distance_m = torch.linspace(0, REACH_M, 1401, dtype=torch.float64)
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
     axes = figure.subplots()
+
     for speed_mps, color in zip(SPEEDS_MPS, COLORS):
         edge_m = penalty.horizon_s * speed_mps
         weight = 1 + penalty.excess(distance_m, speed_mps)
-        at_most = " or less" * (speed_mps == penalty.min_speed_mps)
+        # No UAV counts as slower than the least speed of the penalty.
+        at_most = " or less" if speed_mps == penalty.min_speed_mps else ""
         label = f"{speed_mps:g} m/s{at_most}: bubble of {edge_m:g} m"
         inside = distance_m <= edge_m
         axes.plot(distance_m[inside], weight[inside], color=color, linewidth=2, label=label)
@@ -41,6 +43,7 @@ def draw_penalty(path: str | Path) -> None:
     axes.set_xlim(0, REACH_M)
     axes.legend(frameon=False, fontsize=9, title="speed", alignment="left")
     axes.spines[["top", "right"]].set_visible(False)
+
     with replacing(path) as temporary:
         FigureCanvasAgg(figure).print_png(temporary)
 

@@ -1,6 +1,5 @@
 """The paper's qualitative figure: RGB, ground truth and predictions, in 3-D and from above."""
 
-import io
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from pathlib import Path
@@ -11,24 +10,22 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from PIL import Image
 
-from ..atomic import replacing
 from ..errors import UserError
 from ..ontology import CLASSES, COLORS
-from .canvas import MUTED, Canvas
+from .canvas import MUTED, Canvas, write_picture
 from .scene import Scene
 from .top import render_top
 from .voxels import ground_level, render_voxels, view_of
 
 ROW_PIX, GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 440, 18, 46, 112, 104
 IMAGE_ASPECT, VOXEL_ASPECT, TOP_ASPECT = 1.2, 1.25, 0.93
-MAX_BYTES = 1_500_000
 BEHIND = "Seen from behind and above the UAV"
 ABOVE = ", and from above with its heading up. Free space shows from above only;"
 HIDDEN = " space without a label is hidden in ground truth and prediction alike."
 
 
 def pick_frames(tilt_rad: Float[np.ndarray, "n"], count: int) -> list[int]:
-    """Which of n frames to show, by rule: the most tilted one, the others evenly spaced.
+    """Picks frames to show, by rule: the most tilted one, the others evenly spaced.
 
     ``tilt_rad`` is a frame's |roll| + |pitch|. The evenly spaced frames are the middles of equal
     parts of the sequence; where the most tilted frame is one of them, the next most tilted one is
@@ -37,6 +34,7 @@ def pick_frames(tilt_rad: Float[np.ndarray, "n"], count: int) -> list[int]:
     n_frames = len(tilt_rad)
     if count >= n_frames:
         return list(range(n_frames))
+    # Middles of count - 1 equal parts; the most tilted frame is the last one.
     even = [(2 * part + 1) * n_frames // (2 * (count - 1)) for part in range(count - 1)]
     most_tilted_first = np.argsort(-np.asarray(tilt_rad), kind="stable").tolist()
     return sorted([*even, next(frame for frame in most_tilted_first if frame not in even)])
@@ -45,7 +43,7 @@ def pick_frames(tilt_rad: Float[np.ndarray, "n"], count: int) -> list[int]:
 def qualitative_sheet(
     scenes: Sequence[Scene], path: str | Path, heading: str, tops: bool = True
 ) -> None:
-    """Write the sheet as a PNG of at most 1.5 MB, one row a scene.
+    """Writes the sheet as a PNG or, by its suffix, a JPEG, with one row a scene.
 
     Columns: RGB, ground truth and each prediction in 3-D and, with ``tops``, all of them again from
     above. A prediction is hidden where the truth is unknown, so that all show the same space.
@@ -54,15 +52,18 @@ def qualitative_sheet(
     """
     if not scenes:
         raise UserError(f"{path}: no frames to draw; the split is empty")
+
     names = [name for name, _ in scenes[0].volumes()]
+    # One header names the columns of all rows.
     if any([name for name, _ in scene.volumes()] != names for scene in scenes):
         raise UserError(f"{path}: its rows show predictions of different models; draw two sheets")
+
     columns = ["RGB", *names, *(f"{name}, top" for name in names if tops)]
     rows = [list(_pictures(scene, tops)) for scene in scenes]
     caption = f"{BEHIND}{ABOVE if tops else ';'}{HIDDEN}"
     sheet = _compose(rows, columns, [scene.title for scene in scenes], heading, caption)
-    with replacing(path) as temporary:
-        temporary.write_bytes(_encode(sheet))
+
+    write_picture(sheet, path)
 
 
 def _pictures(scene: Scene, tops: bool) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
@@ -70,6 +71,7 @@ def _pictures(scene: Scene, tops: bool) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
     known, grid = scene.known().values(), scene.grid
     size, top_size = ((round(ROW_PIX * a), ROW_PIX) for a in (VOXEL_ASPECT, TOP_ASPECT))
     view = view_of(list(known), grid, size)
+    # One floor and one point of view, so that a row compares labels and nothing else.
     floor_m = ground_level(scene.truth, grid)
     yield _fit(scene.image)
     for labels in known:
@@ -104,6 +106,7 @@ def _compose(
     height = HEADER_PIX + len(rows) * (ROW_PIX + TITLE_PIX) + FOOTER_PIX
     page = Canvas(width, height)
     page.text(GAP_PIX, 30, heading, size=21, weight="bold")
+
     for name, u, w in zip(columns, left, widths):
         page.text(u + w / 2, 88, name, size=18, ha="center")
     for n, (row, title) in enumerate(zip(rows, titles)):
@@ -113,11 +116,12 @@ def _compose(
             page.picture(picture, u, top + TITLE_PIX)
     add_legend(page.figure, 66 / height)
     page.text(width / 2, height - 22, caption, size=14, ha="center", color=MUTED)
+
     return page.drawn()
 
 
 def add_legend(figure: Figure, middle: float, skip: Sequence[str] = ()) -> None:
-    """Name the classes' colours in one line, ``middle`` of the figure's height above its foot."""
+    """Name the classes' colors in one line, ``middle`` of the figure's height above its foot."""
     patches = [
         Patch(
             facecolor=np.array(COLORS[name]) / 255,
@@ -127,6 +131,7 @@ def add_legend(figure: Figure, middle: float, skip: Sequence[str] = ()) -> None:
         for name in CLASSES
         if name not in skip
     ]
+
     figure.legend(
         handles=patches,
         loc="center",
@@ -139,15 +144,3 @@ def add_legend(figure: Figure, middle: float, skip: Sequence[str] = ()) -> None:
         columnspacing=1.6,
         handletextpad=0.5,
     )
-
-
-def _encode(sheet: Image.Image) -> bytes:
-    """PNG bytes, of a smaller sheet where the whole one is too heavy."""
-    while True:
-        buffer = io.BytesIO()
-        sheet.save(buffer, format="png", optimize=True)
-        if buffer.tell() <= MAX_BYTES:
-            return buffer.getvalue()
-        share = max(0.5, min(0.95, (MAX_BYTES / buffer.tell()) ** 0.5))
-        size = (int(sheet.width * share), int(sheet.height * share))
-        sheet = sheet.resize(size, Image.Resampling.LANCZOS)

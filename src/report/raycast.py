@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from ..jit import njit
-from ..voxel_march import first_hit
+from ..voxels import first_hit
 
 MISS, VOXEL, FLOOR = 0, 1, 2
 
 
-class Hits(NamedTuple):
+class PixelHits(NamedTuple):
     """Per ray: what it hits (MISS, VOXEL, FLOOR), and for a hit the rest.
 
     ``voxel`` is the index of the voxel, ``distance`` in lengths of the ray's direction, ``axis``
@@ -40,13 +40,13 @@ def cast(
     directions: Float[np.ndarray, "n 3"],
     sun: Float[np.ndarray, "3"],
     floor: float,
-) -> Hits:
+) -> PixelHits:
     """Follow rays from one origin to the first occupied voxel, else to the plane ``z = floor``.
 
     The plane ends with the grid's footprint. ``sun`` points towards the sun.
     """
     n = len(directions)
-    hits = Hits(
+    hits = PixelHits(
         kind=np.zeros(n, np.uint8),
         voxel=np.zeros((n, 3), np.int32),
         distance=np.full(n, np.inf),
@@ -57,25 +57,26 @@ def cast(
         sunlit=np.ones(n, np.bool_),
     )
     _cast(occupied, origin, directions, sun, float(floor), hits)
+
     return hits
 
 
 @njit(error_model="numpy")
 def _cast(occupied, origin, directions, sun, floor, hits):
-    cell = np.empty(3, np.int64)
-    scratch = np.empty(3, np.int64)
+    before = np.empty(3, np.int64)
     point = np.empty(3)
+
     for n in range(len(directions)):
         direction = directions[n]
-        distance, axis = first_hit(occupied, origin, direction, cell)
+        cell, distance, axis = first_hit(occupied, origin, direction)
         if axis >= 0:
             side = -1 if direction[axis] > 0 else 1
             for a in range(3):
                 point[a] = origin[a] + distance * direction[a]
             hits.kind[n] = VOXEL
-            hits.voxel[n] = cell
+            hits.voxel[n, 0], hits.voxel[n, 1], hits.voxel[n, 2] = cell
             hits.axis[n], hits.side[n] = axis, side
-            hits.edge[n], hits.openness[n] = _face(occupied, point, cell, axis, side, scratch)
+            hits.edge[n], hits.openness[n] = _face(occupied, point, cell, axis, side, before)
         else:
             side = 1
             distance = (floor - origin[2]) / direction[2] if direction[2] != 0.0 else -1.0
@@ -89,7 +90,7 @@ def _cast(occupied, origin, directions, sun, floor, hits):
         # A point on a face may round into either voxel; a step off the face decides.
         point[axis] += 1e-4 * side
         lit = sun[axis] * side > 0
-        hits.sunlit[n] = lit and first_hit(occupied, point, sun, scratch)[1] < 0
+        hits.sunlit[n] = lit and first_hit(occupied, point, sun)[2] < 0
 
 
 @njit(error_model="numpy")
@@ -108,6 +109,7 @@ def _face(occupied, point, cell, axis, side, before):
     before[0], before[1], before[2] = cell[0], cell[1], cell[2]
     before[axis] += side
     openness = 0.0
+
     for i in (-1, 1):
         for j in (-1, 1):
             before[b], before[c] = cell[b] + i, cell[c]
@@ -116,9 +118,11 @@ def _face(occupied, point, cell, axis, side, before):
             along = _filled(occupied, before)
             before[b], before[c] = cell[b] + i, cell[c] + j
             corner = _filled(occupied, before)
+            # Where both sides are closed, the corner behind them is dark whatever stands in it.
             blocked = 3 if beside and along else beside + along + corner
             weight = (u if i > 0 else 1 - u) * (v if j > 0 else 1 - v)
             openness += weight * (3 - blocked) / 3
+
     return min(min(u, 1 - u), min(v, 1 - v)), openness
 
 

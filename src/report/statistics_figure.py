@@ -1,4 +1,4 @@
-"""The paper's four panels of data set statistics (App. B, "SkyShield Dataset and Generation")."""
+"""The paper's four panels of dataset statistics (App. B, "SkyShield Dataset and Generation")."""
 
 from pathlib import Path
 
@@ -49,9 +49,11 @@ def _draw_matrix(axes: Axes, statistics: Statistics) -> None:
     frames = statistics.by_town_and_weather(statistics.frames)
     clips = statistics.by_town_and_weather(statistics.clips)
     most = frames.to_numpy().max()
+    # The scale ends beyond the largest count, so that the darkest cell still carries dark text.
     axes.imshow(frames, cmap="Blues", vmin=0, vmax=2.2 * most, aspect="auto")
     axes.set_xticks(range(frames.shape[1]), map(readable, frames.columns), rotation=40, ha="right")
     axes.set_yticks(range(frames.shape[0]), map(readable, frames.index))
+
     for (row, column), count in np.ndenumerate(clips.to_numpy()):
         label = f"{count}\n{frames.iat[row, column]:,}" if count else "–"
         axes.text(column, row, label, ha="center", va="center", fontsize=8, color=INK)
@@ -73,6 +75,7 @@ def _draw_heights(axes: Axes, statistics: Statistics) -> None:
         (paper.MEAN_HEIGHT_M, MUTED, ":", f"the paper's mean {paper.MEAN_HEIGHT_M} m"),
         (LOW_FLIGHT_M, INK, "--", f"{LOW_FLIGHT_M:g} m: {below:.1%} below, the paper's 86.1%"),
     )
+
     for height_m, color, style, label in lines:
         axes.axvline(height_m, color=color, linestyle=style, linewidth=1.8, label=label)
     axes.legend(frameon=False, fontsize=9)
@@ -88,16 +91,19 @@ def _draw_voxels(axes: Axes, statistics: Statistics) -> None:
     """Three bars a class, one for each denominator; most frequent class first."""
     shares = statistics.class_shares().sort_values("labelled", ascending=False)
     places = np.arange(len(shares))
+
     for n, (denominator, opacity) in enumerate(DENOMINATOR_OPACITY.items()):
         bars = axes.bar(places + 0.27 * (n - 1), shares[denominator], 0.25, alpha=opacity)
         for bar, name in zip(bars, shares.index):
             bar.set(facecolor=VOXEL_COLORS[name], edgecolor="#8a919c", linewidth=0.5)
+
     for place, share in zip(places - 0.27, shares["labelled"]):
         if share:
             axes.text(place, 1.22 * share, percent(share), ha="center", fontsize=8.5, color=INK)
     reported = [(shares.index.get_loc(name), share) for name, share in paper.CLASS_SHARES.items()]
     axes.scatter(*zip(*reported), marker="D", s=34, color="white", edgecolor=INK, zorder=3)
     least = min(*shares.to_numpy()[shares > 0], *paper.CLASS_SHARES.values())
+    # Free space is thousands of times as frequent as VRUs.
     axes.set_yscale("log")
     axes.set_ylim(10 ** np.floor(np.log10(least)), 4)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{100 * share:g}%"))
@@ -121,18 +127,19 @@ def _draw_voxels(axes: Axes, statistics: Statistics) -> None:
 
 
 def _draw_actors(axes: Axes, statistics: Statistics) -> None:
-    """Mean number of visible actors in a frame, beside the paper's, and our sum above it."""
-    ours = statistics.visible_per_frame()
-    theirs = [paper.INSTANCES[name] / paper.FRAMES for name in ours.index]
-    places = np.arange(len(ours))
-    colors = [VOXEL_COLORS[CLASSES[ACTOR_TYPES[name]]] for name in ours.index]
-    axes.bar(places - 0.2, ours, 0.38, color=colors)
+    """Mean number of visible actors in a frame, beside the paper's, and the sum here above it."""
+    here = statistics.visible_per_frame()
+    reported = [paper.INSTANCES[name] / paper.FRAMES for name in here.index]
+    places = np.arange(len(here))
+    colors = [VOXEL_COLORS[CLASSES[ACTOR_TYPES[name]]] for name in here.index]
+    axes.bar(places - 0.2, here, 0.38, color=colors)
     hatched = {"facecolor": "white", "edgecolor": MUTED, "hatch": "////"}
-    axes.bar(places + 0.2, theirs, 0.38, label="the paper's", **hatched)
-    for place, count, height in zip(places - 0.2, visible_totals(statistics).values(), ours):
+    axes.bar(places + 0.2, reported, 0.38, label="the paper's", **hatched)
+
+    for place, count, height in zip(places - 0.2, visible_totals(statistics).values(), here):
         label = axes.text(place, height, f"{count:,}", ha="center", va="bottom", fontsize=8)
         label.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4})
-    axes.set_xticks(places, ours.index)
+    axes.set_xticks(places, here.index)
     axes.set_ylabel("visible actors in a frame")
     axes.margins(y=0.1)
     axes.legend(frameon=False, fontsize=9)

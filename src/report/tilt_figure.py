@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from ..atomic import replacing
-from .canvas import MUTED, Canvas, resized
+from .canvas import MUTED, Canvas, resized, write_picture
 from .labels_in_image import labels_in_image
 from .qualitative import add_legend
 from .scene import Scene
@@ -19,18 +18,21 @@ from .voxels import ground_level, render_voxels, view_of
 
 CELL_PIX = (620, 400)
 GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 18, 40, 60, 60
+
+# Depth of the drawn frustum, as a share of the grid's length.
 FRUSTUM_SHARE = 0.3
-"""Depth of the drawn frustum, as a share of the grid's length."""
 
 Picture = UInt8[np.ndarray, "h w 3"]
 
 
 def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
-    """Write a PNG of the scene's frame: the image, and a row for its own camera and for ``level``,
-    the one of a UAV without roll and pitch.
+    """Writes a picture of the scene's frame, a PNG or, by its suffix, a JPEG.
+
+    It shows the image, a row for the frame's own camera, and a row for ``level``, the camera of a
+    UAV without roll and pitch.
 
     A row has the labels in the occ frame with the camera's frustum, and the image under the labels
-    as that camera would see them: only with the true one do colours lie on their objects. Raises
+    as that camera would see them: only with the true one do colors lie on their objects. Raises
     `UserError` for a path that cannot be written.
     """
     rows = {
@@ -38,13 +40,14 @@ def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
         "A level UAV instead: by so much the labels miss their objects": _pictures(scene, level),
     }
     page = _page(_as_high(scene.image), rows, scene.title)
-    with replacing(path) as temporary:
-        page.drawn().save(temporary, format="png", optimize=True)
+
+    write_picture(page.drawn(), path)
 
 
 def _pictures(scene: Scene, camera: Frustum) -> list[Picture]:
     view = view_of([scene.truth], scene.grid, CELL_PIX)
     floor_m = ground_level(scene.truth, scene.grid)
+    # The labels are the same in both rows; only the camera differs (Eq. 5).
     in_space = render_voxels(
         scene.truth, scene.grid, CELL_PIX, view, camera, floor_m, FRUSTUM_SHARE
     )
@@ -66,6 +69,7 @@ def _page(image: Picture, rows: Mapping[str, Sequence[Picture]], heading: str) -
     page = Canvas(sum(widths) + (len(widths) + 1) * GAP_PIX, height)
     page.text(GAP_PIX, HEADER_PIX / 2, heading, size=20, weight="bold")
     page.picture(image, GAP_PIX, HEADER_PIX + (len(rows) * row_pix - image.shape[0]) // 2)
+
     for n, (title, pictures) in enumerate(rows.items()):
         top, left = HEADER_PIX + n * row_pix, image.shape[1] + 2 * GAP_PIX
         page.text(left, top + TITLE_PIX / 2, title, size=16, color=MUTED)
@@ -73,4 +77,5 @@ def _page(image: Picture, rows: Mapping[str, Sequence[Picture]], heading: str) -
             page.picture(picture, left, top + TITLE_PIX)
             left += picture.shape[1] + GAP_PIX
     add_legend(page.figure, FOOTER_PIX / 2 / height, skip=("free",))
+
     return page

@@ -7,15 +7,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..geometry import front_mount, inverse, pinhole, project, transform, unproject
+from ..data.clip import Clip
+from ..geometry import camera_from_occ, front_mount, inverse, pinhole, project, transform, unproject
 
 PITCH_RAD, HFOV_RAD = math.radians(32), math.radians(36)
+
+# Room around what `Viewpoint.behind` shows, as a share of the picture.
 MARGIN = 0.02
-"""Room around what `View.behind` shows, as a share of the picture."""
 
 
 @dataclass(frozen=True)
-class View:
+class Viewpoint:
     """Observer in the occ frame: where, how far pitched down, how wide the lens. Never rolled."""
 
     position_m: tuple[float, float, float]
@@ -23,7 +25,7 @@ class View:
     hfov_rad: float
 
     @classmethod
-    def behind(cls, points_occ: Float[Tensor, "n 3"], aspect: float) -> "View":
+    def behind(cls, points_occ: Float[Tensor, "n 3"], aspect: float) -> "Viewpoint":
         """From behind and above the UAV, as near as lets all the points into the picture.
 
         ``aspect`` is the picture's width over its height. The points bound the observer's position
@@ -31,6 +33,7 @@ class View:
         """
         occ_from_view = front_mount((0.0, 0.0, 0.0), PITCH_RAD)
         x, y, z = transform(inverse(occ_from_view), points_occ.double()).unbind(-1)
+        # Through each side of the lens runs a plane; every point must lie inside all four.
         slope_x = math.tan(HFOV_RAD / 2) * (1 - 2 * MARGIN)
         slope_y = slope_x / aspect
         right, left = (x - slope_x * z).max(), (x + slope_x * z).min()
@@ -38,11 +41,12 @@ class View:
         depth = torch.minimum((left - right) / (2 * slope_x), (top - bottom) / (2 * slope_y))
         position = torch.stack([(left + right) / 2, (top + bottom) / 2, depth])
         position_m = tuple((occ_from_view[:3, :3] @ position).tolist())
+
         return cls(position_m, PITCH_RAD, HFOV_RAD)
 
     @property
     def occ_from_view(self) -> Float[Tensor, "4 4"]:
-        """The observer's pose (x right, y down, z forward) in the occ frame, float64."""
+        """The transform of the observer's frame (x right, y down, z forward), float64."""
         return front_mount(self.position_m, self.pitch_rad)
 
     def pix_from_view(self, size_pix: tuple[int, int]) -> Float[Tensor, "3 3"]:
@@ -63,6 +67,13 @@ class Frustum:
     camera_from_occ: Float[Tensor, "4 4"]
     pix_from_camera: Float[Tensor, "3 3"]
     size_pix: tuple[int, int]
+
+    @classmethod
+    def of(cls, clip: Clip, frame: int) -> "Frustum":
+        """The camera of a frame of a clip, by the chain that the model projects with."""
+        meta = clip.meta
+        chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
+        return cls(chain, meta.pix_from_camera, (meta.width, meta.height))
 
     def corners(self, depth_m: float) -> Float[Tensor, "4 3"]:
         """The image's corners at a z-depth, in the occ frame, clockwise from the top left."""

@@ -8,25 +8,27 @@ from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw
 
 from ..errors import UserError
-from ..geometry import VoxelGrid, pixel_centres, unproject
+from ..geometry import VoxelGrid, pixel_centers, rotate, unproject
 from ..ontology import CLASSES, COLORS, FREE
 from .overlay import FRUSTUM_SHARE, Pen, draw_floor, draw_frustum, draw_uav
-from .raycast import FLOOR, VOXEL, Hits, cast
-from .view import Frustum, View
+from .raycast import FLOOR, VOXEL, PixelHits, cast
+from .view import Frustum, Viewpoint
 
 SUPERSAMPLING = 2
-PALETTE = np.array([COLORS[name] for name in CLASSES], dtype=np.float32)
-"""sRGB of every class, by its id."""
 
+# sRGB of every class, by its id.
+PALETTE = np.array([COLORS[name] for name in CLASSES], dtype=np.float32)
+
+# Towards the sun in the occ frame: behind the UAV and to its left, so that most of what one sees is
+# lit, and shadows fall forward and to the right.
 SUN = np.array([-0.42, 0.52, 0.95])
-"""Towards the sun in the occ frame: behind the UAV and to its left, so that most of what one sees
-is lit, and shadows fall forward and to the right."""
 SKY_LIGHT, SUN_LIGHT = 0.76, 0.44
 SHARE_IN_CORNERS = 0.55
 EDGE_DARKENING, EDGE_PIX = 0.28, 0.55
 FLOOR_COLOR = np.array([246.0, 248.0, 250.0], dtype=np.float32)
+
+# What the far end of the grid fades to, and how far.
 HAZE_COLOR, HAZE = np.array([255.0, 255.0, 255.0], dtype=np.float32), 0.28
-"""What the far end of the grid fades to, and how far."""
 
 
 def ground_level(labels: UInt8[np.ndarray, "X Y Z"], grid: VoxelGrid) -> float:
@@ -37,7 +39,7 @@ def ground_level(labels: UInt8[np.ndarray, "X Y Z"], grid: VoxelGrid) -> float:
 
 def view_of(
     scenes: Sequence[UInt8[np.ndarray, "X Y Z"]], grid: VoxelGrid, size_pix: tuple[int, int]
-) -> View:
+) -> Viewpoint:
     """From behind and above the UAV, with every occupied voxel of the scenes in the picture.
 
     The UAV and the ground under it are in it too; an empty scene shows its footprint.
@@ -50,19 +52,20 @@ def view_of(
         points += [[x, y, floor_m] for x in (x0, x1) for y in (y0, y1)]
     points = torch.tensor(points, dtype=torch.float64)
     centers = grid.centers(torch.float64)[torch.from_numpy(occupied)]
-    return View.behind(torch.cat([points, centers]), size_pix[0] / size_pix[1])
+
+    return Viewpoint.behind(torch.cat([points, centers]), size_pix[0] / size_pix[1])
 
 
 def render_voxels(
     labels: UInt8[np.ndarray, "X Y Z"],
     grid: VoxelGrid,
     size_pix: tuple[int, int] = (800, 600),
-    view: View | None = None,
+    view: Viewpoint | None = None,
     frustum: Frustum | None = None,
     floor_m: float | None = None,
     frustum_share: float = FRUSTUM_SHARE,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """Picture, width x height ``size_pix``, of the occupied voxels in their class colours.
+    """Picture, width x height ``size_pix``, of the occupied voxels in their class colors.
 
     Free and unknown voxels are not drawn. Under them lies the footprint of the grid with a line
     every 10 m, at ``floor_m`` (by default under the lowest occupied voxel; give two pictures the
@@ -79,12 +82,14 @@ def render_voxels(
     rgb = _shade(labels, grid, view, width, hits)
     image = Image.fromarray(rgb.reshape(height, width, 3))
     depth_m = (hits.distance * grid.voxel_m).reshape(height, width)
+    # Lines keep their share of the picture at any size.
     line_pix = max(1, round(width / 500))
     pen = Pen(ImageDraw.Draw(image), depth_m, view, tolerance_m=0.3 * grid.voxel_m)
     draw_floor(pen, grid, floor_m, line_pix)
     if frustum is not None:
         draw_frustum(pen, grid, frustum, frustum_share, line_pix + 1)
     draw_uav(pen, grid, floor_m, line_pix + 1)
+
     return np.asarray(image.reduce(SUPERSAMPLING))
 
 
@@ -100,45 +105,53 @@ def check_labels(labels: np.ndarray, grid: VoxelGrid) -> None:
 def _cast_pixels(
     labels: UInt8[np.ndarray, "X Y Z"],
     grid: VoxelGrid,
-    view: View,
+    view: Viewpoint,
     size_pix: tuple[int, int],
     floor_m: float,
-) -> Hits:
+) -> PixelHits:
     """One ray a pixel, of unit z-depth: a hit's distance is its z-depth in voxels."""
     occ_from_view = view.occ_from_view
-    pix = pixel_centres(*size_pix).reshape(-1, 2)
+    pix = pixel_centers(*size_pix).reshape(-1, 2)
     unit = torch.ones(len(pix), dtype=torch.float64)
-    rays_occ = unproject(pix, unit, view.pix_from_view(size_pix)) @ occ_from_view[:3, :3].T
+    rays_occ = rotate(occ_from_view, unproject(pix, unit, view.pix_from_view(size_pix)))
     origin = (occ_from_view[:3, 3].numpy() - grid.lower_m) / grid.voxel_m
     floor = (floor_m - grid.lower_m[2]) / grid.voxel_m
+
     return cast(labels < FREE, origin, rays_occ.contiguous().numpy(), SUN, floor)
 
 
 def _shade(
-    labels: UInt8[np.ndarray, "X Y Z"], grid: VoxelGrid, view: View, width: int, hits: Hits
+    labels: UInt8[np.ndarray, "X Y Z"],
+    grid: VoxelGrid,
+    view: Viewpoint,
+    width: int,
+    hits: PixelHits,
 ) -> UInt8[np.ndarray, "n 3"]:
-    """Colour of every ray: class colour x light x edge, fading with distance; white for a miss."""
+    """Color of every ray: class color x light x edge, fading with distance; white for a miss."""
     rgb = np.full((len(hits.kind), 3), 255.0, dtype=np.float32)
     floor, voxel = hits.kind == FLOOR, hits.kind == VOXEL
     rgb[floor] = FLOOR_COLOR * np.where(hits.sunlit[floor], 1.0, 0.90)[:, None]
-    surface = Hits(*(field[voxel] for field in hits))
+    surface = PixelHits(*(field[voxel] for field in hits))
+    # Distances are z-depths in voxels, so focal length over distance is a voxel's size.
     pix_per_voxel = float(view.pix_from_view((width, 1))[0, 0]) / surface.distance
     brightness = _light(surface) * _edges(surface, pix_per_voxel)
     color = np.minimum(PALETTE[labels[tuple(surface.voxel.T)]] * brightness[:, None], 255)
+    # Haze begins where the grid does, and ends with it.
     near = (grid.lower_m[0] - view.position_m[0]) / grid.voxel_m
     haze = HAZE * np.clip((surface.distance - near) / grid.shape[0], 0, 1)
     rgb[voxel] = color + (HAZE_COLOR - color) * haze[:, None]
+
     return rgb.round().astype(np.uint8)
 
 
-def _light(surface: Hits) -> Float[np.ndarray, "n"]:
+def _light(surface: PixelHits) -> Float[np.ndarray, "n"]:
     """Sky and sun on faces: how open the corners are, the orientation, the shadows."""
     sky = SKY_LIGHT * (SHARE_IN_CORNERS + (1 - SHARE_IN_CORNERS) * surface.openness)
     sun = SUN / np.linalg.norm(SUN)
     return sky + SUN_LIGHT * np.clip(sun[surface.axis] * surface.side, 0, 1) * surface.sunlit
 
 
-def _edges(surface: Hits, pix_per_voxel: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+def _edges(surface: PixelHits, pix_per_voxel: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
     """Darkening along the edges of faces, as thin as a pixel; none where voxels get tiny."""
     on_edge = surface.edge * pix_per_voxel < EDGE_PIX * SUPERSAMPLING
     strength = np.clip((pix_per_voxel / SUPERSAMPLING - 2) / 8, 0, 1)

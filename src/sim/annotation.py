@@ -61,7 +61,7 @@ class FrontView:
         """
         every = slice(stride // 2, None, stride)
         height, width = self.depth_m.shape
-        pix = geometry.pixel_centres(width, height)[every, every].reshape(-1, 2)
+        pix = geometry.pixel_centers(width, height)[every, every].reshape(-1, 2)
         depth_m, class_id, actor_id = (
             image[every, every].reshape(-1)
             for image in (self.depth_m, self.class_id, self.actor_id)
@@ -73,7 +73,7 @@ class FrontView:
         )
         reach = through.norm(dim=-1)
         world_from_camera = self.world_from_body @ self.body_from_camera
-        directions = (through / reach[:, None]) @ world_from_camera[:3, :3].T
+        directions = geometry.rotate(world_from_camera, through / reach[:, None])
         hits = ScanHits(depth_m * reach.numpy(), class_id, actor_id)
         return Scan(world_from_camera[:3, 3].numpy(), directions.numpy(), hits.within(range_m))
 

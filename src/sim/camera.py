@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ..geometry import unproject
+from ..geometry import transform, unproject
 
 # With these planes, TinyRenderer's float32 depth is good to 4 mm at 60 m.
 NEAR_M: Final = 0.1
@@ -98,7 +98,7 @@ def in_view(
 
     ``planes`` are those of `frustum_planes`; the middles ``middle_m`` are places in the world.
     """
-    middle_camera = middle_m @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+    middle_camera = transform(camera_from_world, middle_m)
     depth_m, reach_m = middle_camera[:, 2], reach_m + _SLACK_M
 
     # All planes pass through the camera, so a middle's product with a normal is its distance.

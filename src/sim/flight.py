@@ -5,7 +5,6 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
-import torch
 from jaxtyping import Float
 
 from ..data.clip import CLIP_SECONDS
@@ -42,8 +41,7 @@ class Flight:
     @cached_property
     def world_from_body(self) -> Float[np.ndarray, "t 4 4"]:
         """The transform at every step (float64)."""
-        rotation = rotation_from_quat(torch.from_numpy(self.quat_xyzw))
-        return rigid(rotation, torch.from_numpy(self.position_m)).numpy()
+        return rigid(rotation_from_quat(self.quat_xyzw), self.position_m)
 
     def table(self, capture_hz: float) -> pd.DataFrame:
         """Returns the captured steps as the rows of ``frames.csv``."""
@@ -149,7 +147,7 @@ def _flown(
     yaw_rad = track[1:-1, 3]
     roll_rad, pitch_rad = _attitude(velocity_mps, acceleration_mps2, yaw_rad, rng, config)
     angles = (roll_rad, pitch_rad, np.append(yaw_rad, 2 * yaw_rad[-1] - yaw_rad[-2]))
-    quat_xyzw = quat_from_euler(*(torch.from_numpy(angle) for angle in angles)).numpy()
+    quat_xyzw = quat_from_euler(*angles)
 
     return Flight(
         time_s=np.arange(len(yaw_rad)) * STEP_S,

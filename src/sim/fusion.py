@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..geometry import VoxelGrid
+from ..geometry import VoxelGrid, transform
 from .point_set import PointSet
 from .scene import SceneActor as Body
 from .sensors import Scan
@@ -114,5 +114,4 @@ class ActorMap:
     def placed(self, body: Body, step: int) -> Float[np.ndarray, "n 3"]:
         """The actor's points in the world, where it is at a step."""
         points_m = self.points_m.get(body.actor_id, np.zeros((0, 3)))
-        pose = body.world_from_actor[step]
-        return points_m @ pose[:3, :3].T + pose[:3, 3]
+        return transform(body.world_from_actor[step], points_m)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..geometry import rotate, transform
 from .layout import GroundPatch, HeightField
 from .solid import Solid
 from .towns.polyline import arc_m
@@ -33,9 +34,8 @@ class Mesh:
 
     def moved(self, b_from_a: Float[np.ndarray, "4 4"]) -> "Mesh":
         """Returns the mesh, given in frame a, in frame b."""
-        rotation, translation_m = b_from_a[:3, :3], b_from_a[:3, 3]
-        vertices_m = self.vertices_m @ rotation.T + translation_m
-        return Mesh(vertices_m, self.normals @ rotation.T, self.uvs_m, self.faces)
+        vertices_m = transform(b_from_a, self.vertices_m)
+        return Mesh(vertices_m, rotate(b_from_a, self.normals), self.uvs_m, self.faces)
 
     def bounding_sphere(self) -> tuple[Float[np.ndarray, "3"], float]:
         """Middle and radius of a sphere around it: not the least one, but a tight one."""

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
+from ..geometry import transform
 from ..ontology import GROUND, UNKNOWN
 from .layout import GroundPatch, Town
 from .mesh import Mesh, merge, mesh_of_patch, mesh_of_solid
@@ -49,7 +50,7 @@ class SceneActor:
     def triangles_at(self, step: int) -> Float[np.ndarray, "f 3 3"]:
         """Returns the actor's triangles in the world, where it is at a step."""
         world_from_actor = self.world_from_actor[step]
-        return self.triangles_m @ world_from_actor[:3, :3].T + world_from_actor[:3, 3]
+        return transform(world_from_actor, self.triangles_m)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..geometry import rotate
 from .scene import ScanHits, Scene
 
 GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
@@ -72,7 +73,7 @@ def scan(
     beyond the range count as none.
     """
     rotation, position_m = world_from_body[:3, :3], world_from_body[:3, 3]
-    directions = [lidar.directions(rays, index) @ rotation.T for lidar in LIDARS]
+    directions = [rotate(world_from_body, lidar.directions(rays, index)) for lidar in LIDARS]
     origins_m = [rotation @ np.array(lidar.position_m) + position_m for lidar in LIDARS]
 
     # Both are cast together, so that the moving actors are put into place once.

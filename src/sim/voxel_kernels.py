@@ -10,11 +10,12 @@ from jaxtyping import Bool, Float, Int, UInt8
 from ..geometry import MIN_DEPTH_M
 from ..jit import njit
 from ..ontology import FREE, RAREST_FIRST, UNKNOWN
+from ..voxels import advance, enter, is_inside
 
 _ORDER = np.array(RAREST_FIRST, dtype=np.uint8)
 
 
-@njit
+@njit(error_model="numpy")
 def carve(
     free: UInt8[np.ndarray, "X Y Z"],
     lower_m: Float[np.ndarray, "3"],
@@ -23,46 +24,27 @@ def carve(
     directions: Float[np.ndarray, "n 3"],
     distance_m: Float[np.ndarray, "n"],
 ) -> None:
-    """Marks every cell that a ray leaves before its end (Amanatides and Woo, 1987).
+    """Marks every cell that a ray leaves before its end.
 
     The cell in which a ray ends is not marked: there is a surface in it. A ray that starts outside
     the map marks nothing.
     """
-    nx, ny, nz = free.shape
-    for ray in range(len(directions)):
-        # Scalars, not arrays of three: the loop below is then several times as fast.
-        x, dx, until_x, across_x = _first_cell(origin_m[0], lower_m[0], cell_m, directions[ray, 0])
-        y, dy, until_y, across_y = _first_cell(origin_m[1], lower_m[1], cell_m, directions[ray, 1])
-        z, dz, until_z, across_z = _first_cell(origin_m[2], lower_m[2], cell_m, directions[ray, 2])
-        end_m = distance_m[ray]
-        while 0 <= x < nx and 0 <= y < ny and 0 <= z < nz:
-            if min(until_x, until_y, until_z) > end_m:
+    origin = (origin_m - lower_m) / cell_m
+    for axis in range(3):
+        if not 0 <= origin[axis] < free.shape[axis]:
+            return
+
+    direction = np.empty(3)
+    for n in range(len(directions)):
+        for axis in range(3):
+            direction[axis] = directions[n, axis] / cell_m
+        ray = enter(free.shape, origin, direction)
+        while is_inside(free.shape, ray):
+            cell = ray.cell
+            ray = advance(ray)
+            if ray.distance > distance_m[n]:
                 break
-            free[x, y, z] = 1
-            if until_x <= until_y and until_x <= until_z:
-                x += dx
-                until_x += across_x
-            elif until_y <= until_z:
-                y += dy
-                until_y += across_y
-            else:
-                z += dz
-                until_z += across_z
-
-
-@njit(inline="always")
-def _first_cell(
-    origin_m: float, lower_m: float, cell_m: float, along: float
-) -> tuple[int, int, float, float]:
-    """Along one axis: the cell of the origin, the step to the next, and how far along the ray the
-    first border and every later one lie."""
-    place = (origin_m - lower_m) / cell_m
-    cell = int(np.floor(place))
-    if along == 0:
-        return cell, 0, np.inf, np.inf
-    across_m = cell_m / abs(along)
-    rest = cell + 1 - place if along > 0 else place - cell
-    return cell, 1 if along > 0 else -1, rest * across_m, across_m
+            free[cell] = 1
 
 
 @njit
@@ -150,7 +132,7 @@ def see_centres(
         x = lower_m[0] + (i + 0.5) * voxel_m
         for j in range(inside.shape[1]):
             y = lower_m[1] + (j + 0.5) * voxel_m
-            # Scalars, not arrays of three, as in `carve`.
+            # Scalars, not arrays of three: the loop is then several times as fast.
             column_u = of_x[0] * x + of_y[0] * y + offset[0]
             column_v = of_x[1] * x + of_y[1] * y + offset[1]
             column_depth = of_x[2] * x + of_y[2] * y + offset[2]

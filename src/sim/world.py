@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
-from ..geometry import inverse, pixel_centres, unproject
+from ..geometry import inverse, pixel_centers, rotate, transform, unproject
 from ..ontology import SKY
 from . import camera
 from .camera import FAR_M, NEAR_M, SAMPLE_OFFSET_PIX
@@ -92,7 +92,7 @@ class World:
         self._planes = camera.frustum_planes(pix_from_camera, width, height)
 
         # Where, in the camera's frame, every pixel looks at a depth of 1 m.
-        pix = pixel_centres(width, height).reshape(-1, 2)
+        pix = pixel_centers(width, height).reshape(-1, 2)
         one_m = torch.ones(len(pix), dtype=pix.dtype)
         through = unproject(pix, one_m, pix_from_camera).numpy().astype(np.float32)
         self._through = through.reshape(height, width, 3)
@@ -197,7 +197,7 @@ class World:
         """Finds depth, class and actor of every pixel by a ray through its center."""
         shape = rgb.shape[:2]
         length = np.linalg.norm(self._through, axis=-1)
-        directions = (self._through / length[..., None]) @ world_from_camera[:3, :3].T
+        directions = rotate(world_from_camera, self._through / length[..., None])
         origins_m = np.broadcast_to(world_from_camera[:3, 3], directions.shape)
         hits = self._scene.cast(step, origins_m.reshape(-1, 3), directions.reshape(-1, 3))
 
@@ -211,5 +211,4 @@ class World:
         """Returns where in the world each pixel looks; at the sky, the camera's own position."""
         world_from_camera = world_from_camera.astype(np.float32)
         finite_m = np.where(np.isfinite(depth_m), depth_m, 0)
-        points_m = (finite_m[..., None] * self._through) @ world_from_camera[:3, :3].T
-        return points_m + world_from_camera[:3, 3]
+        return transform(world_from_camera, finite_m[..., None] * self._through)

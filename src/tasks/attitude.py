@@ -10,9 +10,9 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from ..atomic_folder import replacing_folder
-from ..data.attitude import MeasuredAttitude
 from ..data.datamodule import SkyShieldData
 from ..data.dataset import history_stride
+from ..data.measured_attitude import MeasuredAttitude
 from ..metrics.tally import Tally
 from ..report.attitude import SCORE, draw_attitude, print_attitude
 from ..report.attitude_evidence import ATTITUDE, TABLE

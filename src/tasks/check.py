@@ -9,7 +9,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from ..data.check import Agreement, agreement_of, problems_of
+from ..data.check import DepthAgreement, agreement_of, problems_of
 from ..data.clip import SUMS, Clip, recorded_sums, sha256_of, unfinished
 from ..data.files import differing_files
 from ..data.manifest import MANIFEST, read_manifest
@@ -33,7 +33,7 @@ class Findings:
 
     of_clips: dict[str, list[str]] = field(default_factory=dict)
     of_whole: list[str] = field(default_factory=list)
-    agreement: Agreement = field(default_factory=Agreement)
+    agreement: DepthAgreement = field(default_factory=DepthAgreement)
 
     @property
     def lines(self) -> list[str]:
@@ -101,8 +101,10 @@ def _findings(root: Path, workers: int | None) -> Findings:
     return findings
 
 
-def _check_clip(root: Path, clip_id: str, sums_sha256: str | None) -> tuple[list[str], Agreement]:
-    problems, agreement = clip_problems(root / clip_id, sums_sha256), Agreement()
+def _check_clip(
+    root: Path, clip_id: str, sums_sha256: str | None
+) -> tuple[list[str], DepthAgreement]:
+    problems, agreement = clip_problems(root / clip_id, sums_sha256), DepthAgreement()
     if not problems and (root / clip_id / "aux.npz").is_file():
         clip = Clip(root / clip_id)
         for frame in range(len(clip)):

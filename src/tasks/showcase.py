@@ -1,4 +1,4 @@
-"""What a report shows beside its numbers: hard frames, and what rungs of the ladder see there."""
+"""Pictures beside a report's numbers: hard frames, and what rungs of the ladder see there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -29,7 +29,8 @@ from ..run_folder import BEST, CONFIG
 from ..terminal import tracked
 from .scenes import camera_of, labels_of, scene_of
 
-COMPARISON, TILT = "comparison.png", "tilt.png"
+# A JPEG takes a quarter of the bytes of a PNG, whose palette would lose the rare colors.
+COMPARISON, TILT = "comparison.jpg", "tilt.jpg"
 
 
 @dataclass(frozen=True)
@@ -54,23 +55,24 @@ def showcase(
 ) -> Showcase:
     """Up to ``count`` frames, by `hard_cases`, and the figures of them, drawn into ``folder``.
 
-    Needs the data set and the runs' best checkpoints; without them it only says so.
+    Needs the dataset and the runs' best checkpoints; without them it only says so.
     """
-    shown = ends_of(runs, ladder)
-    if not count or not shown:
+    ends = ends_of(runs, ladder)
+    if not count or not ends:
         return Showcase()
-    root = Path(cfg.paths.dataset or Path(cfg.paths.data) / shown[0].tally.protocol.dataset)
+
+    root = Path(cfg.paths.dataset or Path(cfg.paths.data) / ends[0].tally.protocol.dataset)
     try:
-        data = [_data_of(run, root) for run in shown]
+        data = [_data_of(run, root) for run in ends]
         viewers = [
             _Viewer(
                 ladder.row_name(run.experiment),
                 Checkpoint.read(run.path / BEST).network(),
                 of_run.dataset("test"),
             )
-            for run, of_run in zip(shown, data)
+            for run, of_run in zip(ends, data)
         ]
-        return _drawn(data[0], viewers, folder, count, shown[0].seed)
+        return _drawn(data[0], viewers, folder, count, ends[0].seed)
     except UserError as error:
         return Showcase(missing=(f"no pictures and no scenes: {error}",))
 
@@ -93,8 +95,8 @@ def ends_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[ScoredRun
         return []
     seed = max(seeds, key=lambda seed: sum(run.seed == seed for run in rungs))
     of_seed = {run.experiment: run for run in rungs if run.seed == seed}
-    there = [of_seed[name] for name in ladder.names if name in of_seed]
-    return there if len(there) < 2 else [there[0], there[-1]]
+    present = [of_seed[name] for name in ladder.names if name in of_seed]
+    return present if len(present) < 2 else [present[0], present[-1]]
 
 
 def _drawn(
@@ -112,6 +114,7 @@ def _drawn(
         f"{scenes[0].title}: its camera's frustum in the occ frame, and the image under the labels "
         "as that camera sees them; above with the measured attitude, below as for a level UAV."
     )
+
     return Showcase(tuple(scenes), figures)
 
 
@@ -136,8 +139,7 @@ def _caption(cases: Sequence[HardCase], names: Sequence[str], seed: int) -> str:
 
 
 def facts_of(data: SkyShieldData) -> pd.DataFrame:
-    """What `hard_cases` asks of every test frame: its tilt, and how many voxels of each class the
-    camera sees."""
+    """The tilt of every test frame, and how many voxels of each class the camera sees there."""
     rows = []
     for clip_id, frame in tracked(data.split["test"], "choosing frames"):
         clip = data.clips[clip_id]

@@ -16,8 +16,8 @@ from src.geometry import (
 )
 from src.ontology import UNKNOWN
 
+# The mirror of the occ frame: left and right change places.
 ACROSS = torch.tensor([1.0, -1.0, 1.0])
-"""The mirror of the occ frame: left and right change places."""
 
 
 @pytest.fixture
@@ -55,14 +55,14 @@ def test_mirrored_points_fall_on_mirrored_pixels(sample, step):
 
 
 def test_labels_still_stand_in_the_image(clips):
-    """Supervised voxels are those whose centre is in the image; the mirror keeps that exactly."""
+    """Supervised voxels are those whose center is in the image; the mirror keeps that exactly."""
     meta: ClipMeta = clips["downtown/clip00"].meta
     sample = mirrored(OccupancyDataset(clips, [("downtown/clip00", 20)], 4, 0.2)[0])
     pix, depth_m = pixels(sample, meta.grid.centers().flatten(0, 2))
     seen = in_image(pix, depth_m, meta.width, meta.height).view(meta.grid.shape)
     supervised = sample["semantics"] != UNKNOWN
     assert torch.equal(sample["visible"], supervised)
-    # A centre on the very edge may round to either side.
+    # A center on the very edge may round to either side.
     assert (seen != supervised).sum() <= 2
     assert (sample["semantics"].flip(1) != sample["semantics"]).any()
 

@@ -83,9 +83,9 @@ def test_processes_take_together_the_batches_of_one():
 
 
 def test_more_processes_than_frames_are_refused():
-    with pytest.raises(UserError, match=r"trainer\.devices: 2 processes"):
+    with pytest.raises(UserError, match=r"trainer\.devices: 2\b.* 15\b"):
         TrainingBatches(15, 8, 0, True, Rank(0, 2))
-    with pytest.raises(UserError, match=r"trainer\.devices: 3 processes"):
+    with pytest.raises(UserError, match=r"trainer\.devices: 3\b.* 2\b"):
         BatchesInOrder(2, 8, Rank(0, 3))
 
 

@@ -22,7 +22,7 @@ absl_logging.get_absl_handler().python_handler.stream = sys.__stderr__
 
 @pytest.fixture(scope="module")
 def root(mini_dataset, tmp_path_factory):
-    """A copy of the small data set with its metadata."""
+    """A copy of the small dataset with its metadata."""
     root = tmp_path_factory.mktemp("croissant") / mini_dataset.name
     shutil.copytree(mini_dataset, root)
     clips_csv = root / "card/clips.csv"
@@ -46,7 +46,7 @@ def dataset(root):
 def test_it_is_valid(dataset):
     issues = dataset.metadata.ctx.issues
     assert not issues.errors
-    # A data set that everyone makes anew has no date of publication, and a stable card none at all.
+    # A dataset that everyone makes anew has no date of publication, and a stable card none at all.
     assert len(issues.warnings) == 1
     assert "datePublished" in next(iter(issues.warnings))
 

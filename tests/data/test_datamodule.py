@@ -1,4 +1,4 @@
-"""The data set as the trainer sees it."""
+"""The dataset as the trainer sees it."""
 
 import pytest
 import torch
@@ -73,7 +73,7 @@ def test_streams_read_the_current_image_alone_and_reach_back_as_far_as_they_went
 
 
 def test_an_unknown_order_is_refused(root):
-    with pytest.raises(UserError, match=r"data\.order: 'sorted'; there are shuffled, streams"):
+    with pytest.raises(UserError, match=r"data\.order: 'sorted'.*shuffled, streams"):
         data_of(root, order="sorted")
 
 
@@ -95,7 +95,7 @@ def test_labels_are_those_of_the_samples(root):
 
 
 def test_a_part_without_frames_is_refused(root):
-    with pytest.raises(UserError, match="no frame for train"):
+    with pytest.raises(UserError, match=r"data\.val_clips.*train"):
         data_of(root, val_clips=["downtown/clip00"])
 
 
@@ -112,5 +112,5 @@ def test_a_broken_file_is_named_even_from_a_worker(root, tmp_path):
     path = root / "downtown/clip00/rgb.zip"
     path.write_bytes(path.read_bytes()[:3000])
     for workers in (0, 1):
-        with pytest.raises(UserError, match=r"rgb\.zip: cannot be read"):
+        with pytest.raises(UserError, match=r"rgb\.zip"):
             list(data_of(root, workers=workers).train_dataloader())

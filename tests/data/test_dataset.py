@@ -37,6 +37,7 @@ def test_a_sample_has_the_shapes_and_types_of_the_contract(clips):
         "semantics": (torch.uint8, (25, 25, 15)),
         "visible": (torch.bool, (25, 25, 15)),
     }
+
     assert (sample["clip"], sample["frame"]) == (CLIP, 20)
 
 
@@ -122,6 +123,7 @@ def test_alignment_is_yaw_and_translation_by_hand(clips):
     turn = torch.stack(euler_from_rotation(actual[:3, :3]))
     expected_turn = torch.stack([yaw[0] * 0, yaw[0] * 0, yaw[0] - yaw[1]])
     torch.testing.assert_close(turn, expected_turn, atol=1e-6, rtol=0)
+
     assert torch.equal(sample["occ_from_past_occ"][-1], torch.eye(4))
 
 

@@ -15,7 +15,7 @@ from src.geometry import (
     front_mount,
     inverse,
     pinhole,
-    pixel_centres,
+    pixel_centers,
     transform,
     unproject,
 )
@@ -69,7 +69,7 @@ def test_every_pixel_names_the_voxel_at_its_depth(labelled):
     chain = camera_from_occ(sample["occ_from_body"][-1], sample["body_from_camera"]).double()
     hit = pixels["depth_m"] > 0
     assert hit.float().mean() > 0.1
-    pix = STRIDE * pixel_centres(24, 16)[hit]
+    pix = STRIDE * pixel_centers(24, 16)[hit]
     inside = pixels["depth_m"][hit].double() + 1e-4
     points = unproject(pix, inside, sample["pix_from_camera"][-1].double())
     index, is_inside = grid.index_of(transform(inverse(chain), points))

@@ -1,4 +1,4 @@
-"""Where a data set lies, and what it was made from."""
+"""Where a dataset lies, and what it was made from."""
 
 import json
 import shutil

@@ -41,25 +41,25 @@ def test_masks_are_read_by_name(tmp_path, semantics):
 
 def test_a_class_that_the_map_lacks_is_refused(tmp_path, semantics):
     path = write(tmp_path, semantics=semantics + 1)
-    with pytest.raises(UserError, match=r"class 4 is not in layout.class_map") as error:
+    with pytest.raises(UserError, match=r"class 4\b.*layout\.class_map") as error:
         Occ3DFolder(tmp_path, CLASS_MAP, GRID).labels("scene-0001", "abc")
     assert str(path) in str(error.value)
 
 
 def test_a_grid_that_does_not_fit_is_refused(tmp_path, semantics):
     write(tmp_path, semantics=semantics[:3])
-    with pytest.raises(UserError, match=r"\[3, 4, 2\], and the grid is \[4, 4, 2\]"):
+    with pytest.raises(UserError, match=r"\[3, 4, 2\].*\[4, 4, 2\].*layout\.grid"):
         Occ3DFolder(tmp_path, CLASS_MAP, GRID).labels("scene-0001", "abc")
 
 
 def test_a_name_that_is_no_class_is_refused(tmp_path, semantics):
     write(tmp_path, semantics=semantics)
-    with pytest.raises(UserError, match=r"^layout.class_map: 'kar' is no class"):
+    with pytest.raises(UserError, match=r"^layout\.class_map: 'kar'"):
         Occ3DFolder(tmp_path, ["kar"], GRID)
 
 
 def test_a_folder_without_frames_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"holds no <scene>/<token>/labels\.npz"):
+    with pytest.raises(UserError, match=r"<scene>/<token>/labels\.npz"):
         Occ3DFolder(tmp_path, CLASS_MAP, GRID)
 
 

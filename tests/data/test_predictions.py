@@ -46,7 +46,7 @@ def test_without_class_scores_there_are_no_logits(folder):
 
 
 def test_a_folder_that_is_there_is_not_written_to(folder):
-    with pytest.raises(UserError, match="is there already"):
+    with pytest.raises(UserError, match=str(folder)):
         PredictionWriter(folder, {})
 
 

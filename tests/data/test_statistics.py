@@ -37,9 +37,9 @@ def copy(mini_dataset, tmp_path):
 def centres_in_image(clip, frame):
     """The projection chain itself, point by point."""
     meta = clip.meta
-    centres = meta.grid.centers(torch.float64).flatten(0, 2)
+    centers = meta.grid.centers(torch.float64).flatten(0, 2)
     chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
-    pix, depth_m = project(centres, chain, meta.pix_from_camera)
+    pix, depth_m = project(centers, chain, meta.pix_from_camera)
     return int(in_image(pix, depth_m, meta.width, meta.height).sum())
 
 
@@ -55,8 +55,8 @@ def test_voxels_are_counted_by_class_and_by_denominator(mini_dataset, statistics
             assert row["voxels/all"] == labels.size == 25 * 25 * 15
 
 
+# Its nearest voxels are nearer to the lens than what counts as in the image.
 NEAR = VoxelGrid(lower_m=(0, -1.35, -1.4), upper_m=(2.7, 1.35, 1.3), shape=(9, 9, 9))
-"""Its nearest voxels are nearer to the lens than what counts as in the image."""
 
 
 @pytest.mark.parametrize("grid", [VoxelGrid(shape=(50, 50, 30)), NEAR])
@@ -78,10 +78,12 @@ def test_motion_and_parts_are_those_of_the_frames(mini_dataset, statistics):
     assert statistics.part_sizes() == read_manifest(mini_dataset)["split"]
     assert statistics.clips["role"].tolist() == ["split", "test"]
     table = Clip(mini_dataset / "suburb/clip01").frames
+
     for name in ("altitude_m", "roll_rad", "pitch_rad"):
         assert test_clip[name].tolist() == table[name].tolist()
     squared = table["vx_mps"] ** 2 + table["vy_mps"] ** 2 + table["vz_mps"] ** 2
     np.testing.assert_allclose(test_clip["speed_mps"], squared**0.5)
+
     for row in statistics.clips.itertuples():
         files = (mini_dataset / row.clip).iterdir()
         assert row.bytes == sum(len(file.read_bytes()) for file in files)

@@ -30,6 +30,7 @@ def test_a_sheet_places_its_pictures_and_keeps_to_its_bytes(tmp_path):
     write_sheet(rows, tmp_path / "sheet.jpg", 90, 100_000)
     sheet = np.asarray(Image.open(tmp_path / "sheet.jpg")).astype(int)
     assert sheet.shape == (2 * (60 + TITLE_PIX) + GAP_PIX, 3 * GAP_PIX + 2 * 90, 3)
+
     for n, color in enumerate(colors):
         v = TITLE_PIX + 30 + (n // 2) * (60 + TITLE_PIX)
         u = GAP_PIX + 45 + (n % 2) * (90 + GAP_PIX)

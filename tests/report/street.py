@@ -63,7 +63,7 @@ def fill(
     lower_m: tuple[float, float, float],
     upper_m: tuple[float, float, float],
 ) -> None:
-    """Set the voxels whose centre lies in a box of the occ frame."""
+    """Set the voxels whose center lies in a box of the occ frame."""
     centers = grid.centers().numpy()
     inside = ((centers >= lower_m) & (centers < upper_m)).all(axis=-1)
     labels[inside] = class_id

@@ -1,4 +1,4 @@
-"""The card of a data set: its numbers are those of the files, and it can be written again."""
+"""The card of a dataset: its numbers are those of the files, and it can be written again."""
 
 import re
 import shutil
@@ -26,7 +26,7 @@ def short_flight():
 
 @pytest.fixture(scope="module")
 def root(mini_dataset, tmp_path_factory):
-    """A copy of the small data set with its card."""
+    """A copy of the small dataset with its card."""
     root = tmp_path_factory.mktemp("card") / mini_dataset.name
     shutil.copytree(mini_dataset, root)
     write_card(root)
@@ -68,7 +68,7 @@ def test_its_numbers_are_those_of_the_files(root, text):
     assert row[3:] == [f"{36_000 * cars.mean():,.0f}", "74,530"]
     assert cells(text, "Train / Val / Test") == ["25 / 3 / 32", "29,000 / 3,200 / 3,800"]
     assert cells(text, "test") == ["32", "53.3%", "`suburb/clip01`"]
-    assert cells(text, r"**this data set**")[4:] == ["2", "25", "3", "32"]
+    assert cells(text, r"**this dataset**")[4:] == ["2", "25", "3", "32"]
     assert cells(text, "UAVDT") == ["✓", "–", "–", "–", "1", "24,143", "0", "53,676"]
 
 
@@ -111,7 +111,7 @@ def test_the_task_writes_it(root, tmp_path, capsys):
     shutil.copytree(root, copy)
     (copy / "README.md").unlink()
     card(compose_config("task=card", f"paths.dataset={copy}"))
-    assert (copy / "README.md").read_text().startswith("# SkyShield data set `data`")
+    assert (copy / "README.md").read_text().startswith("# SkyShield dataset `data`")
     assert "README.md" in capsys.readouterr().out
 
 

@@ -1,4 +1,4 @@
-"""The command on the card names the data set that it stands on."""
+"""The command on the card names the dataset that it stands on."""
 
 import pytest
 from omegaconf import OmegaConf

@@ -21,17 +21,21 @@ def first_box(occupied, origin, direction):
     return boxes[nearest], enter[nearest]
 
 
-@pytest.fixture(name="rng")
-def _rng():
-    return np.random.default_rng(3)
-
-
-def test_hits_are_those_of_a_slab_test_of_every_voxel(rng):
+@pytest.fixture(scope="module")
+def random_cast():
+    """Scattered voxels, an origin outside the grid, directions into it, and their hits."""
+    rng = np.random.default_rng(3)
     occupied = rng.random((7, 6, 5)) < 0.15
     origin = np.array([-9.0, 2.0, 8.0])
     directions = rng.uniform((0, 0, 0), (7, 6, 5), (400, 3)) - origin
     hits = cast(occupied, origin, directions, SUN, floor=0.0)
+    return occupied, origin, directions, hits
+
+
+def test_hits_are_those_of_a_slab_test_of_every_voxel(random_cast):
+    occupied, origin, directions, hits = random_cast
     assert (hits.kind == VOXEL).sum() > 100
+
     for n, direction in enumerate(directions):
         box, distance = first_box(occupied, origin, direction)
         assert (hits.kind[n] == VOXEL) == (box is not None)
@@ -45,11 +49,8 @@ def test_hits_are_those_of_a_slab_test_of_every_voxel(rng):
         assert hits.side[n] == -np.sign(direction[hits.axis[n]])
 
 
-def test_shadows_are_those_of_a_slab_test_towards_the_sun(rng):
-    occupied = rng.random((7, 6, 5)) < 0.15
-    origin = np.array([-9.0, 2.0, 8.0])
-    directions = rng.uniform((0, 0, 0), (7, 6, 5), (400, 3)) - origin
-    hits = cast(occupied, origin, directions, SUN, floor=0.0)
+def test_shadows_are_those_of_a_slab_test_towards_the_sun(random_cast):
+    occupied, origin, directions, hits = random_cast
     found = np.flatnonzero(hits.kind != MISS)
     assert 20 < hits.sunlit[found].sum() < len(found) - 20
     for n in found:

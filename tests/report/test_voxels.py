@@ -11,7 +11,7 @@ from src.geometry import VoxelGrid
 from src.ontology import BUILDING, CAR, FREE, GROUND, THIN_STRUCTURE, UNKNOWN, VEGETATION, VRU
 from src.report.overlay import FRUSTUM_COLOR
 from src.report.top import render_top
-from src.report.view import View
+from src.report.view import Viewpoint
 from src.report.voxels import PALETTE, ground_level, render_voxels, view_of
 from tests.report.street import GRID, HEIGHT, WIDTH, fill, street, tilted_frustum
 
@@ -83,7 +83,7 @@ def test_an_empty_grid_shows_footprint_and_uav_only(value):
     labels = np.full(GRID.shape, value, dtype=np.uint8)
     image = render_voxels(labels, GRID, SIZE)
     assert image.min() < 100, "the UAV"
-    assert np.ptp(image, axis=-1).max() < 20, "no class colour"
+    assert np.ptp(image, axis=-1).max() < 20, "no class color"
     assert ground_level(labels, GRID) == GRID.lower_m[2]
 
 
@@ -140,7 +140,7 @@ def test_the_frustum_is_drawn_and_voxels_hide_it():
 
 
 def test_a_given_floor_makes_two_pictures_comparable():
-    view = View((-60.0, 0.0, 45.0), math.radians(32), math.radians(40))
+    view = Viewpoint((-60.0, 0.0, 45.0), math.radians(32), math.radians(40))
     shallow = scene((CAR, (20, 8, 0), (25, 12, 2)))
     same = render_voxels(shallow, GRID, SIZE, view, floor_m=-10.0)
     assert (same != render_voxels(shallow, GRID, SIZE, view)).any()

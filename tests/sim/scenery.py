@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from src.geometry import front_mount, pinhole, pixel_centres, rigid, rotation_from_euler, unproject
+from src.geometry import front_mount, pinhole, pixel_centers, rigid, rotation_from_euler, unproject
 from src.ontology import CAR, GROUND
 from src.sim.annotation import FrontView, label_frame
 from src.sim.fusion import ActorMap, StaticMap
@@ -55,7 +55,7 @@ pose = body_at
 
 def camera_rays(world_from_body):
     """Origin and unit direction in the world of every pixel's ray, and its z-depth per metre."""
-    pix = pixel_centres(WIDTH, HEIGHT).reshape(-1, 2)
+    pix = pixel_centers(WIDTH, HEIGHT).reshape(-1, 2)
     through = unproject(pix, torch.ones(len(pix), dtype=torch.float64), PIX_FROM_CAMERA)
     reach = through.norm(dim=-1, keepdim=True)
     world_from_camera = (world_from_body @ BODY_FROM_CAMERA).numpy()

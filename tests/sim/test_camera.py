@@ -83,7 +83,7 @@ def ground_depth(world_from_body):
     """
     occ_from_camera = g.inverse(g.camera_from_occ(world_from_body, BODY_FROM_CAMERA))
     world_from_camera = g.world_from_occ(world_from_body) @ occ_from_camera
-    pix = g.pixel_centres(WIDTH, HEIGHT)
+    pix = g.pixel_centers(WIDTH, HEIGHT)
     rays_camera = g.unproject(pix, torch.ones_like(pix[..., 0]), PIX_FROM_CAMERA)
     fall = -(rays_camera @ world_from_camera[:3, :3].T)[..., 2]
     depth_m = world_from_camera[2, 3] / fall
@@ -194,7 +194,7 @@ def misjudged_pix(client, attitude_rad, offset_pix=None):
     corners_pix, _ = g.project(corners_box, camera_from_box, PIX_FROM_CAMERA)
 
     outline = cv2.convexHull(corners_pix.numpy().astype(np.float32))
-    centers = g.pixel_centres(WIDTH, HEIGHT).reshape(-1, 2).tolist()
+    centers = g.pixel_centers(WIDTH, HEIGHT).reshape(-1, 2).tolist()
     inside = [cv2.pointPolygonTest(outline, center, measureDist=True) for center in centers]
     inside = np.reshape(inside, (HEIGHT, WIDTH))
     assert (inside > 0).sum() > 300

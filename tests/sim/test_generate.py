@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from src.data.check import Agreement, agreement_of, problems_of
+from src.data.check import DepthAgreement, agreement_of, problems_of
 from src.data.clip import SUMS, Clip
 from src.data.files import sha256_of
 from src.errors import UserError
@@ -122,7 +122,7 @@ def test_actors_are_those_of_the_instance_image(mini_dataset):
 
 
 def assert_that_labels_agree_with_pixels(root):
-    total = Agreement()
+    total = DepthAgreement()
     for clip in (Clip(root / clip_id) for clip_id in hashes(root)):
         for frame in range(len(clip)):
             agreement_of(clip, frame, total)

@@ -129,10 +129,10 @@ def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path
     assert not (predictions[0] == predictions[1]).all()
     facts = facts_of(data_of(cfg, finished_dataset(cfg))).set_index(["clip", "frame"])["tilt_rad"]
     assert facts[clip_id, int(frame)] == facts.max() > 0.15
-    for name in ("comparison.png", "tilt.png"):
+    for name in ("comparison.jpg", "tilt.jpg"):
         with Image.open(tmp_path / "out/figures" / name) as figure:
             assert np.ptp(np.asarray(figure)) > 100
-    assert page.count("data:image/png") == 2
+    assert page.count("data:image/jpeg") == 2
     with opened() as browser:
         browser.open(tmp_path / "out/report.html")
         browser.wait("document.documentElement.dataset.ready === 'true'")

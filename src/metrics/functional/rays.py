@@ -5,7 +5,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from ...geometry import VoxelGrid, inverse, unproject
+from ...geometry import VoxelGrid, inverse, rotate, unproject
 
 # What a ray meets that leaves the grid.
 NOTHING = 255
@@ -32,7 +32,7 @@ def camera_rays(
 
     points = unproject(pix, torch.ones_like(pix[..., 0]), pix_from_camera.double())
     occ_from_camera = inverse(camera_from_occ.double())
-    directions = points @ occ_from_camera[:, :3, :3].transpose(-1, -2)
+    directions = rotate(occ_from_camera, points)
     return occ_from_camera[:, :3, 3], torch.nn.functional.normalize(directions, dim=-1)
 
 

@@ -45,17 +45,20 @@ class MeasuredAttitude:
             if not (math.isfinite(value) and value >= 0):
                 raise UserError(f"task.{name}: {value}; give 0 or more")
         self.step = step
+        # Drawn once for every clip in sorted order, not as batches come.
         generator = torch.Generator().manual_seed(seed)
         self.roll_pitch_rad = {}
+
         for clip_id in sorted(clips):
             reported = delayed(*roll_pitch_of(clips[clip_id]), delay_s)
+            # A level UAV is the baseline's belief: the camera never rolls (Eq. 5).
             if level:
                 reported = torch.zeros_like(reported)
             noise = torch.randn(reported.shape, generator=generator, dtype=reported.dtype)
             self.roll_pitch_rad[clip_id] = reported + math.radians(noise_deg) * noise
 
     def __call__(self, batch: Batch) -> Batch:
-        """The batch as the autopilot would have told it."""
+        """The batch as the autopilot would have reported it."""
         queue = batch["occ_from_body"].shape[1]
         ages = torch.arange(queue - 1, -1, -1) * self.step
         # What lies before the clip does not exist for the network either.
@@ -68,6 +71,7 @@ class MeasuredAttitude:
         roll_rad, pitch_rad = reported.unbind(-1)
         rotation = rotation_from_euler(roll_rad, pitch_rad, torch.zeros_like(roll_rad))
         occ_from_body = rigid(rotation, torch.zeros_like(rotation[..., 0]))
+
         return {
             **batch,
             "occ_from_body": occ_from_body.to(batch["occ_from_body"]),
@@ -84,7 +88,7 @@ def roll_pitch_of(clip: Clip) -> tuple[Float[Tensor, "t 2"], float]:
 def delayed(
     values: Float[Tensor, "t 2"], capture_hz: float, delay_s: float
 ) -> Float[Tensor, "t 2"]:
-    """What was true ``delay_s`` before each frame, between frames interpolated linearly."""
+    """Values as they were ``delay_s`` before each frame, interpolated linearly between frames."""
     place = torch.arange(len(values), dtype=values.dtype) - delay_s * capture_hz
     # So that a delay of whole frames takes them as they are.
     place = place.mul(1e6).round().div(1e6).clamp(min=0)
