@@ -25,7 +25,17 @@ from src.provenance import (
 
 PYTHONS = ("3.10", "3.11", "3.12", "3.13")
 NEUTRAL = {
-    *("errors", "atomic", "provenance", "jit", "run_folder", "locks", "terminal", "worker_pool"),
+    *(
+        "errors",
+        "bounds",
+        "atomic",
+        "provenance",
+        "jit",
+        "run_folder",
+        "locks",
+        "terminal",
+        "worker_pool",
+    ),
     *("data/shards", "data/manifest", "data/files", "tasks/scoring"),
 }
 """What the files that shape data or weights use besides, and what shapes neither: errors, writing,

@@ -1,6 +1,7 @@
 """task=pretrain: an image encoder that knows what pixels see, for trainings to begin with."""
 
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import lightning
@@ -9,6 +10,7 @@ from hydra.utils import get_class, instantiate
 from omegaconf import DictConfig, OmegaConf
 from torch.utils.data import DataLoader
 
+from ..bounds import require_at_least, require_some
 from ..data.batches import BatchesInOrder, TrainingBatches
 from ..data.datamodule import SkyShieldData
 from ..data.image_labels import ImageLabelDataset
@@ -22,6 +24,25 @@ from .dataset import data_of, finished_dataset, root_of
 from .encoder import write_encoder
 from .precision import FP32, precision_of
 from .progress import PretrainingLines
+
+# Settings that shape trainings alone, and what a pretraining reads instead.
+INSTEAD = {
+    "trainer.max_epochs": "task.epochs",
+    "trainer.limit_train_batches": "task.limit_train_batches",
+    "data.batch_size": "task.batch_size",
+    "optimizer.lr": "task.lr",
+    "debug": "task.epochs=1, task.limit_train_batches=2 and a task.out to throw away",
+}
+
+
+def require_pretraining(task: Mapping, overridden: Iterable[str]) -> None:
+    """Raises `UserError` for settings of ``task`` that train nothing, and for an overridden key
+    that only other trainings read."""
+    for key in overridden:
+        if key in INSTEAD:
+            raise UserError(f"{key}: task=pretrain reads {INSTEAD[key]} instead")
+    require_at_least(1, "task", task, "epochs", "batch_size")
+    require_some("task.limit_train_batches", task.get("limit_train_batches"))
 
 
 def pretrain(
