@@ -30,7 +30,7 @@ def run(cfg: DictConfig) -> None:
     with told_in_one_line():
         overrides = HydraConfig.get().overrides
         require_sound(cfg, overrides.task, overrides.hydra)
-        from src.tasks.trained import adopted  # only now: Lightning takes seconds to import
+        from src.tasks.session import adopted  # only now: Lightning takes seconds to import
 
         instantiate(cfg.task)(adopted(cfg, overrides.task))
 

@@ -24,8 +24,8 @@ from src.models.losses import OccupancyLoss
 from src.ontology import NUM_CLASSES
 from src.provenance import machine
 from src.tasks.dataset import data_of, finished_dataset
-from src.tasks.precision import BF16, FP32
 from src.tasks.predictor import on_device
+from src.tasks.trainer import BF16, FP32
 
 ROUNDS = 10
 

@@ -3,7 +3,7 @@
 import json
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -24,20 +24,33 @@ SESSIONS = "sessions"
 VERSION = ".version"
 CODE = ".code"
 BEST, LAST = "checkpoints/best.ckpt", "checkpoints/last.ckpt"
+# Predictions that never look at an image, scored beside every run.
 ANCHORS = ("all_free", "voxel_prior")
-"""Predictions that never look at an image, scored beside every run."""
-NOT_SHAPING = (
-    *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
-    *("predictions", "dataset", "layout", "logger", "callbacks.progress"),
-    *("data.workers", "sim.workers", "sim.shards", "sim.shard", "sim.dry_run"),
-    *(f"trainer.{key}" for key in ("default_root_dir", "log_every_n_steps")),
-    *(f"trainer.enable_{key}" for key in ("model_summary", "progress_bar")),
-)
-"""Keys that say where, how fast and what to do, not how the model is trained or scored."""
-IDENTITY = ("name", "seed", "model", "loss")
-"""Keys that say whose weights a checkpoint holds."""
-START = ("model.backbone.weights", "model.backbone.weights_sha256")
-"""Keys that say what a training begins with; its checkpoints hold what became of that."""
+# What the keys of a configuration, and the keys below them, say of a run. Every key that is not
+# listed shapes its weights or its scores.
+KEYS = {
+    # Where, how fast and what to do: no part of what shapes a run.
+    "place": (
+        *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
+        *("predictions", "dataset", "layout", "logger", "callbacks.progress"),
+        *("data.workers", "sim.workers", "sim.shards", "sim.shard", "sim.dry_run"),
+        *("trainer.default_root_dir", "trainer.log_every_n_steps"),
+        *("trainer.enable_model_summary", "trainer.enable_progress_bar"),
+    ),
+    # The machine that trains, which another machine need not be like.
+    "machine": ("callbacks", "trainer"),
+    # How a trained model is scored.
+    "scoring": ("data.batch_size", "metric", "suite"),
+    # Whose weights a checkpoint holds.
+    "identity": ("name", "seed", "model", "loss"),
+    # What a training begins with; its checkpoints hold what became of that.
+    "start": ("model.backbone.weights", "model.backbone.weights_sha256"),
+}
+
+
+def is_listed(key: str, listed: Iterable[str]) -> bool:
+    """Whether a key, or a group that it lies in, is among those listed."""
+    return any(key == known or key.startswith(f"{known}.") for known in listed)
 
 
 class RunFolder:
@@ -45,7 +58,7 @@ class RunFolder:
 
     ``version`` is the identity of the run: a digest of the code that shapes it, of the name of its
     ``dataset``, which is a digest of all that shapes the data, and of the configuration, less the
-    keys of `NOT_SHAPING`. It is the same wherever the folder lies.
+    keys of the `KEYS` that say where. It is the same wherever the folder lies.
     """
 
     def __init__(self, path: Path, config: dict, dataset: str) -> None:
@@ -180,13 +193,13 @@ def require_same_config(
 ) -> None:
     """Refuses a checkpoint of a run that was started under another configuration.
 
-    ``keys`` narrows the comparison to some at the top level, such as `IDENTITY`, less what the
-    training began with. Raises `UserError` that names the first key that differs.
+    ``keys`` narrows the comparison to some at the top level, such as those of the identity, less
+    what the training began with. Raises `UserError` that names the first key that differs.
     """
     way_out = "or another ckpt_path" if keys else "or drop ckpt_path to start anew"
     for key in keys or before.keys() | config.keys():
         for dotted, old, new in differences({key: before.get(key)}, {key: config.get(key)}):
-            if not (keys and dotted in START):
+            if not (keys and dotted in KEYS["start"]):
                 raise UserError(
                     f"ckpt_path: {checkpoint} was trained with {dotted}={json.dumps(old)}, and now "
                     f"it is {json.dumps(new)}; give the old value, {way_out}"
@@ -215,7 +228,7 @@ def shaping(config: dict) -> dict:
 
     def kept(node: object, prefix: str) -> object:
         if isinstance(node, dict):
-            names = [name for name in node if prefix + name not in NOT_SHAPING]
+            names = [name for name in node if prefix + name not in KEYS["place"]]
             return {name: kept(node[name], f"{prefix}{name}.") for name in names}
         # The run's own folder appears in the settings of callbacks and loggers.
         return node.removeprefix(run) if isinstance(node, str) else node

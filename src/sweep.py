@@ -57,7 +57,7 @@ def do_job(cfg: DictConfig) -> Outcome:
 
     A failure is told at once, as `told_in_one_line` would, but ends this job alone.
     """
-    from .tasks.trained import adopted  # only here: Lightning takes seconds to import
+    from .tasks.session import adopted  # only here: Lightning takes seconds to import
 
     quiet_libraries()
     try:

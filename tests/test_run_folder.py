@@ -12,7 +12,7 @@ from src import run_folder
 from src.errors import UserError
 from src.run_folder import (
     ANCHORS,
-    IDENTITY,
+    KEYS,
     RunFolder,
     differences,
     read_config,
@@ -236,7 +236,7 @@ def test_a_checkpoint_of_another_configuration_is_refused_by_its_key(tmp_path):
 def test_only_the_part_that_matters_is_compared(tmp_path):
     change = {"data": {"workers": 1, "batch_size": 4}}
     other = config(tmp_path, **change)
-    require_same_config(tmp_path / "last.ckpt", config(tmp_path), other, IDENTITY)
+    require_same_config(tmp_path / "last.ckpt", config(tmp_path), other, KEYS["identity"])
     assert "batch_size=8, and now it is 4" in refuse(tmp_path, change)
 
 
@@ -249,7 +249,7 @@ def test_only_the_part_that_matters_is_compared(tmp_path):
     ],
 )
 def test_a_checkpoint_of_another_rung_or_seed_is_refused_though_it_fits(tmp_path, change, said):
-    assert said in refuse(tmp_path, change, IDENTITY)
+    assert said in refuse(tmp_path, change, KEYS["identity"])
 
 
 def test_what_the_encoder_began_with_says_nothing_of_a_checkpoints_network(tmp_path):
@@ -257,7 +257,7 @@ def test_what_the_encoder_began_with_says_nothing_of_a_checkpoints_network(tmp_p
         config(tmp_path, model={"projection": "attitude", "backbone": {"weights": weights}})
         for weights in ("encoder.pth", None)
     )
-    require_same_config(tmp_path / "last.ckpt", began, other, IDENTITY)
+    require_same_config(tmp_path / "last.ckpt", began, other, KEYS["identity"])
     with pytest.raises(UserError, match=r'weights="encoder\.pth", and now it is null'):
         require_same_config(tmp_path / "last.ckpt", shaping(began), shaping(other))
 

@@ -18,7 +18,7 @@ from ..report.card import CARD, CARD_SUMS, write_card
 from ..report.check_sheet import draw_check_sheet
 from ..terminal import say, tracked
 from ..worker_pool import default_workers, mapped
-from .dataset import make_dataset, root_of, spec_of
+from .dataset import make_dataset, root_of
 
 SHEETS = "check"
 CLIPS_A_WORKER = 8
@@ -140,7 +140,7 @@ def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
         if folder.exists():
             shutil.rmtree(unfinished(folder), ignore_errors=True)
             folder.rename(unfinished(folder))
-    make_dataset(cfg, root, spec_of(cfg))
+    make_dataset(cfg)
     if findings.of_whole and (root / CARD).is_file():
         write_card(root)
 

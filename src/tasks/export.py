@@ -19,7 +19,7 @@ from ..models.export import FORMATS, ExportedStep, export_step, require_formats
 from ..models.stream import SkyOccStream, StreamFrame
 from ..provenance import git_commit, machine
 from ..terminal import say
-from .trained import trained
+from .session import Session
 
 
 def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: float) -> None:
@@ -32,7 +32,8 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
     require_formats(formats)
     if frames < 1:
         raise UserError(f"task.frames: {frames}; give 1 or more")
-    run, checkpoint = trained(cfg, "export")
+    session = Session(cfg)
+    run, checkpoint = session.folder, session.checkpoint("export")
     network, config = checkpoint.network(), checkpoint.origin.config
     folder, step_s = run.path / "export", config["data"]["history_step_s"]
     facts = {

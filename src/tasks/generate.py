@@ -11,7 +11,7 @@ from ..sim.clip_maker import ClipPlan
 from ..sim.plan import plan_clips
 from ..terminal import say
 from ..worker_pool import default_workers
-from .dataset import make_dataset, root_of, spec_of, split_of
+from .dataset import make_dataset, root_of, split_of
 
 BYTES = {"pixel": 0.76, "voxel": 0.076, "frame": 8_600}
 """Of the image, both label arrays and the tables, measured on the data set of scale=small."""
@@ -31,7 +31,7 @@ def generate(cfg: DictConfig) -> None:
         say(_effort(sim, plans))
         say(matrix_of(sim, plans).to_string())
         return
-    made, missing = make_dataset(cfg, root, spec_of(cfg))
+    made, missing = make_dataset(cfg)
     share = f"shard {sim['shard']} of {sim['shards']}, " if sim["shards"] > 1 else ""
     state = f"{len(missing)} still to be made by other shards" if missing else "all there"
     say(f"{root}: {share}{made} clips made now; of {len(plans)} clips {state}")

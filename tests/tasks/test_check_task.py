@@ -15,7 +15,7 @@ from src.report.card import CARD, CARD_SUMS, write_card
 from src.report.check_sheet import overlaid
 from src.report.labels_in_image import COLOR_SHARE, EDGE_SHARE
 from src.tasks.check import check
-from src.tasks.dataset import make_dataset, root_of, spec_of
+from src.tasks.dataset import make_dataset, root_of
 from tests.synthetic import BOXES, GROUND_RGB, SKY_RGB, config_of, write_clip
 
 
@@ -33,7 +33,7 @@ def original(mini_dataset, tmp_path_factory):
     config = config_of(mini_dataset, tmp_path_factory.mktemp("data"))
     root = root_of(config)
     shutil.copytree(mini_dataset, root)
-    make_dataset(config, root, spec_of(config))
+    make_dataset(config)
     write_card(root)
     return root
 

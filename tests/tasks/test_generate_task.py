@@ -11,7 +11,7 @@ from src.data.manifest import MANIFEST, read_manifest
 from src.data.shards import record_of
 from src.errors import UserError
 from src.report.card import CARD
-from src.tasks.dataset import make_dataset, ready_dataset, root_of, spec_of
+from src.tasks.dataset import make_dataset, ready_dataset, root_of
 from src.tasks.generate import generate
 from tests.synthetic import compose_config, mini_overrides, write_clip
 
@@ -30,10 +30,6 @@ def config(tmp_path, monkeypatch):
 def write_clips(plans, sim, root):
     for plan in plans:
         write_clip(root / plan.clip_id, sim["capture_hz"], seed=plan.index)
-
-
-def make(cfg):
-    return make_dataset(cfg, root_of(cfg), spec_of(cfg))
 
 
 def shard(number, shards, *words):
@@ -57,8 +53,8 @@ def test_the_last_shard_writes_one_manifest_of_all_clips(config, capsys):
     assert not record.exists()
     # Without shards the same bytes come out, and a shard of a finished data set does nothing.
     sharded = (root / MANIFEST).read_bytes()
-    assert make(config())[0] == 0
-    assert make(first) == (0, [])
+    assert make_dataset(config())[0] == 0
+    assert make_dataset(first) == (0, [])
     assert (root / MANIFEST).read_bytes() == sharded
 
 
@@ -67,25 +63,25 @@ def flat(capsys):
 
 
 def test_a_shard_with_other_settings_is_refused_before_it_makes_anything(config):
-    make(config(*shard(0, 2)))
+    make_dataset(config(*shard(0, 2)))
     other = config(*shard(1, 2, "sim.seed=3"))
     with pytest.raises(UserError, match=r"sim\.seed: this shard has 3, .* have 0; .*delete"):
-        make(other)
+        make_dataset(other)
     assert not root_of(other).exists()
     with pytest.raises(UserError, match=r"sim\.shards: this is one of 3 shards.* of 2"):
-        make(config(*shard(1, 3)))
+        make_dataset(config(*shard(1, 3)))
 
 
 def test_without_shards_what_shards_left_is_completed(config):
-    make(config(*shard(1, 3)))
+    make_dataset(config(*shard(1, 3)))
     whole = config()
-    assert make(whole) == (3, [])
+    assert make_dataset(whole) == (3, [])
     assert not record_of(root_of(whole).parent, "tiny").exists()
 
 
 def test_training_does_not_begin_on_a_part_of_the_data(config):
     part = config(*shard(0, 2))
-    make(part)
+    make_dataset(part)
     with pytest.raises(UserError, match=r"sim\.shards: only task=generate .* drop the key"):
         ready_dataset(part)
 
@@ -103,7 +99,7 @@ def test_the_plan_is_printed_without_making_anything(config, capsys):
 
 def test_the_record_is_plain_json(config):
     cfg = config(*shard(0, 2))
-    make(cfg)
+    make_dataset(cfg)
     assert json.loads(record_of(root_of(cfg).parent, "tiny").read_text())["shards"] == 2
 
 

@@ -13,9 +13,8 @@ from src.models.backbone import ResNet
 from src.models.image_pretraining import ImagePretraining
 from src.models.weights import ORIGIN, read_encoder
 from src.tasks.dataset import data_of, finished_dataset
-from src.tasks.encoder import require_unseen, write_encoder
 from src.tasks.fit import fit
-from src.tasks.pretrain import pretrain
+from src.tasks.pretrain import pretrain, require_unseen, write_encoder
 from tests.synthetic import compose_config, mini_overrides, untrained, write_dataset
 
 SETTINGS = {"epochs": 2, "batch_size": 4, "lr": 2e-3}

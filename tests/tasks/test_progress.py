@@ -7,7 +7,7 @@ import torch
 from torch import nn
 from torch.utils.data import DataLoader
 
-from src.tasks.progress import EpochLines
+from src.tasks.trainer import EpochLines
 
 
 class Told(lightning.LightningModule):

@@ -18,7 +18,7 @@ from src.tasks.dataset import root_of
 from src.tasks.export import export, made_up_flight
 from src.tasks.fit import fit
 from src.tasks.predict import predict
-from src.tasks.trained import adopted, trained
+from src.tasks.session import Session, adopted
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -64,7 +64,7 @@ def test_its_own_configuration_is_used_where_the_command_says_nothing(configured
     assert (cfg.data.batch_size, cfg.suite.resamples, cfg.threads) == (3, 7, 1)
     assert cfg.paths.run.endswith("/runs/tiny/skyocc/seed0")
     assert root_of(cfg).name == run[2].name
-    assert trained(cfg, "predict")[1].path == run[1]
+    assert Session(cfg).checkpoint("predict").path == run[1]
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_its_own_configuration_is_used_where_the_command_says_nothing(configured
 )
 def test_a_command_that_says_something_of_the_model_must_say_it_all(configured, word, said):
     with pytest.raises(UserError, match=said):
-        trained(configured("task=predict", word), "predict")
+        Session(configured("task=predict", word)).checkpoint("predict")
 
 
 # ----------------------------------------------------------------------------- what is needed of it
