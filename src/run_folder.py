@@ -57,8 +57,8 @@ class RunFolder:
     """``runs/<scale>/<experiment>/seed<k>/``: config, metrics, results, checkpoints and figures.
 
     ``version`` is the identity of the run: a digest of the code that shapes it, of the name of its
-    ``dataset``, which is a digest of all that shapes the data, and of the configuration, less the
-    keys of the `KEYS` that say where. It is the same wherever the folder lies.
+    ``dataset``, which is a digest of all that shapes the data, and of the configuration, without
+    the `KEYS` that only say where and how fast. It is the same wherever the folder lies.
     """
 
     def __init__(self, path: Path, config: dict, dataset: str) -> None:
@@ -70,16 +70,14 @@ class RunFolder:
         self.version = version_of(config, dataset)
 
     def checkpoint(self, name: str) -> Path:
-        """What ``ckpt_path`` means: ``best`` or ``last`` of this run, or a file."""
-        named = {"best": self.best_checkpoint, "last": self.last_checkpoint}
-        return named.get(name, Path(name))
+        """Returns the file that ``ckpt_path`` means: ``best`` or ``last`` of this run, or any."""
+        return {"best": self.best_checkpoint, "last": self.last_checkpoint}.get(name, Path(name))
 
     def is_finished(self) -> bool:
         """Whether the results of this very configuration and code are there, all of them."""
         counted = (self.config["name"], *ANCHORS)
         files = (RESULTS, SCORES, *(f"{TALLIES}/{name}.npz" for name in counted))
-        whole = all((self.path / name).is_file() for name in files)
-        return whole and self._is_same(afresh=False)
+        return all((self.path / name).is_file() for name in files) and self._is_same()
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -104,11 +102,13 @@ class RunFolder:
         checkpoint has lost nothing: it begins again where it is.
         """
         checkpoint = self.to_resume(afresh)
-        if checkpoint or self._has_no_checkpoint(afresh):
+        goes_on = not afresh and self._is_same()
+        if checkpoint or (goes_on and not any(self.last_checkpoint.parent.glob("*.ckpt"))):
             for left_over in self.path.rglob(".*.tmp"):  # of a process that was killed
                 left_over.unlink()
         elif self.path.exists():
             self._move_aside()
+
         if checkpoint is None:
             shutil.rmtree(self.path / SESSIONS, ignore_errors=True)
             self._write(CONFIG, yaml.safe_dump(self.config, sort_keys=False))
@@ -117,10 +117,10 @@ class RunFolder:
         return checkpoint
 
     def to_resume(self, afresh: bool) -> Path | None:
-        """The checkpoint of this very configuration and code that a run goes on from, if there is
-        one and it shall."""
-        is_there = self._is_same(afresh) and self.last_checkpoint.is_file()
-        return self.last_checkpoint if is_there else None
+        """Returns the last checkpoint, where it is of this very configuration and code and the run
+        shall not start ``afresh``."""
+        goes_on = not afresh and self._is_same() and self.last_checkpoint.is_file()
+        return self.last_checkpoint if goes_on else None
 
     def write_json(self, name: str, data: dict) -> None:
         """Writes a small file of facts about the run."""
@@ -137,24 +137,22 @@ class RunFolder:
             if len(joined):
                 joined = joined[joined["step"] < table["step"].min()]
             joined = pd.concat([joined, table])
+
         if len(joined):
             # Training and validation write a row each at the same step.
             rows = joined.groupby("step", as_index=False).last()
             self._write(METRICS, rows.to_csv(index=False))
 
     def _session_logs(self) -> Iterator[pd.DataFrame]:
-        """The logs that hold a row, in the order of their sessions."""
+        """Yields the logs that hold a row, in the order of their sessions."""
         folders = self.path.glob(f"{SESSIONS}/version_*")
         for folder in sorted(folders, key=lambda path: int(path.name.removeprefix("version_"))):
             log = folder / METRICS
             if log.is_file() and log.stat().st_size and len(table := pd.read_csv(log)):
                 yield table
 
-    def _is_same(self, afresh: bool) -> bool:
-        return not afresh and _recorded(self.path / VERSION) == self.version
-
-    def _has_no_checkpoint(self, afresh: bool) -> bool:
-        return self._is_same(afresh) and not any(self.last_checkpoint.parent.glob("*.ckpt"))
+    def _is_same(self) -> bool:
+        return _recorded(self.path / VERSION) == self.version
 
     def _move_aside(self) -> None:
         number = 1
@@ -172,9 +170,9 @@ class RunFolder:
 
 
 def recorded_code(folder: Path) -> dict[str, str]:
-    """Digest of every file that shaped a run, as `code_of` gave them when it began; empty for a run
-    that recorded none. Runs of before version 2 have one digest, of all of ``src/``.
-    """
+    """Returns the digest of every file that shaped a run, as `code_of` gave them when it began;
+    nothing for a run that recorded none. Runs from before version 2 have one digest, of all of
+    ``src/``."""
     lines = _recorded(Path(folder) / CODE).splitlines()
     return {file: digest for digest, _, file in (line.partition("  ") for line in lines)}
 
@@ -184,7 +182,7 @@ def _recorded(path: Path) -> str:
 
 
 def version_of(config: dict, dataset: str) -> str:
-    """The identity of a run of the code at hand: see `RunFolder`."""
+    """Returns the identity of a run of the code at hand: see `RunFolder`."""
     return digest_of([code_of(TRAINING_CODE), dataset, shaping(config)])
 
 
@@ -206,24 +204,24 @@ def require_same_config(
                 )
 
 
-def read_config(path: Path, so: str) -> dict:
-    """The configuration that a run was started with.
+def read_config(path: Path, consequence: str) -> dict:
+    """Returns the configuration that a run was started with.
 
-    Raises `UserError` where it cannot be read or is none; ``so`` says what follows from that.
+    Raises `UserError` where it cannot be read or is none; ``consequence`` ends the message.
     """
     try:
         config = yaml.safe_load(path.read_text())
         shaping(config)
         return config
-    except (OSError, ValueError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+    except (AttributeError, KeyError, TypeError):
+        reason = "it does not say where its run lies"
+    except (OSError, ValueError, yaml.YAMLError) as error:
         reason = " ".join(str(getattr(error, "strerror", None) or error).split())
-        if isinstance(error, AttributeError | KeyError | TypeError):
-            reason = "it does not say where its run lies"
-        raise UserError(f"{path}: cannot be read ({reason}), {so}") from None
+    raise UserError(f"{path}: cannot be read ({reason}), {consequence}")
 
 
 def shaping(config: dict) -> dict:
-    """The part of a configuration that shapes the trained model and its scores."""
+    """Returns the part of a configuration that shapes the trained model and its scores."""
     run = str(config["paths"]["run"])
 
     def kept(node: object, prefix: str) -> object:
@@ -237,12 +235,12 @@ def shaping(config: dict) -> dict:
 
 
 def differences(before: dict, after: dict, prefix: str = "") -> list[tuple[str, object, object]]:
-    """Dotted keys whose values differ, with both values."""
-    found = []
+    """Returns the dotted keys whose values differ, with both values."""
+    changed = []
     for key in sorted(before.keys() | after.keys()):
         old, new = before.get(key), after.get(key)
         if isinstance(old, dict) and isinstance(new, dict):
-            found += differences(old, new, f"{prefix}{key}.")
+            changed += differences(old, new, f"{prefix}{key}.")
         elif old != new:
-            found.append((prefix + key, old, new))
-    return found
+            changed.append((prefix + key, old, new))
+    return changed
