@@ -18,7 +18,7 @@ from .scoring import score_settings, suite_of
 
 
 def origin_of(cfg: DictConfig, data: SkyShieldData, folder: RunFolder) -> Origin:
-    """What shapes a training that begins now.
+    """Returns what shapes a training that begins now.
 
     Reads all training labels, for their counts and the voxel prior, and the validation labels, on
     which the prior's weight of free is chosen.
@@ -41,14 +41,14 @@ def origin_of(cfg: DictConfig, data: SkyShieldData, folder: RunFolder) -> Origin
 
 
 def network_of(cfg: DictConfig, origin: Origin) -> SkyOcc:
-    """A network to train, which begins at the frequencies of the classes."""
+    """Builds a network to train, whose answers begin at the frequencies of the classes."""
     return instantiate(cfg.model, decoder={"class_prior": origin.class_counts})
 
 
 def module_of(
     cfg: DictConfig, data: SkyShieldData, network: SkyOcc, origin: Origin
 ) -> OccupancyModule:
-    """A network with its loss and its scores."""
+    """Joins a network with its loss and its scores."""
     loss = instantiate(cfg.loss)
     rule = loss.keywords["class_weights"]
     scores = instantiate(cfg.metric)

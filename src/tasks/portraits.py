@@ -26,13 +26,14 @@ def portraits(cfg: DictConfig, out: str) -> None:
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     plans = plan_clips(sim)
     require_renderer(sim["renderer"])
-    steps = len(sim["towns"]) + 2
-    drawn = _drawn(sim, plans[0], Path(out))
-    for path in tracked(drawn, "drawing", steps):
+
+    pictures = _draw(sim, plans[0], Path(out))
+    for path in tracked(pictures, "drawing", len(sim["towns"]) + 2):
         say(path)
 
 
-def _drawn(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:
+def _draw(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:
+    """Draws one picture after the other and yields their paths."""
     first = None
     for town in sim["towns"]:
         street = street_shot(sim, town)
@@ -45,12 +46,15 @@ def _drawn(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:
         path = folder / "towns" / f"{town}.jpg"
         write_sheet([pictures], path, TOWN_WIDTH_PIX, MAX_TOWN_BYTES)
         yield path
-    shown = [
+
+    # One frame under all weathers: that of the first town.
+    weathers = [
         (name.replace("_", " "), picture)
         for name, picture in photograph(first, sim["weathers"], sim["seed"]).items()
     ]
-    rows = [shown[k : k + WEATHER_COLUMNS] for k in range(0, len(shown), WEATHER_COLUMNS)]
+    rows = [weathers[k : k + WEATHER_COLUMNS] for k in range(0, len(weathers), WEATHER_COLUMNS)]
     write_sheet(rows, folder / "weathers.jpg", WEATHER_WIDTH_PIX, MAX_WEATHER_BYTES)
     yield folder / "weathers.jpg"
+
     draw_pipeline(sim, plan, folder / "pipeline.jpg")
     yield folder / "pipeline.jpg"
