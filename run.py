@@ -26,7 +26,7 @@ os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
 def run(cfg: DictConfig) -> None:
     """Calls the configured task with the composed configuration."""
-    # In here too, or Hydra adds lines of its own.
+    # In here as well as below, or Hydra adds lines of its own.
     with told_in_one_line():
         overrides = HydraConfig.get().overrides
         require_sound(cfg, overrides.task, overrides.hydra)

@@ -23,6 +23,7 @@ def origin_of(cfg: DictConfig, data: SkyShieldData, folder: RunFolder) -> Origin
     Reads all training labels, for their counts and the voxel prior, and the validation labels, on
     which the prior's weight of free is chosen.
     """
+    # Anchor and class counts: one pass over the labels serves both.
     prior = VoxelPrior(data.grid.shape, NUM_CLASSES, FREE)
     for semantics, _ in data.labels("train"):
         prior.count(semantics)
@@ -64,8 +65,8 @@ def module_of(
 
 
 def require_buildable(cfg: DictConfig) -> None:
-    """Builds the configured network and its scores once and drops them: what is wrong with them is
-    said before any data are generated or read."""
+    """Builds the configured network and its scores once and drops them, so that what is wrong with
+    them is refused before any data are generated or read."""
     with torch.random.fork_rng(devices=[]):
         instantiate(cfg.model)
     grid = VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True))

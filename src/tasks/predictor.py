@@ -16,6 +16,7 @@ Predictor = Callable[[Batch], Float[Tensor, "b 9 x y z"]]
 def predictor(network: SkyOcc, trainer: lightning.Trainer) -> Predictor:
     """Returns the function from a batch to its logits in float32, which are computed on the
     trainer's device and in its precision."""
+    # Under the trainer's own context, so that a prediction has the bits of its scores.
     network.to(trainer.strategy.root_device).eval()
 
     @torch.no_grad()

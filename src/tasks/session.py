@@ -54,6 +54,7 @@ class Session:
         """
         if self.cfg.ckpt_path is None:
             raise UserError(f"ckpt_path: task={task} needs a checkpoint; give best, last or a file")
+
         checkpoint = Checkpoint.read(self.folder.checkpoint(self.cfg.ckpt_path))
         config = checkpoint.origin.config
         require_same_config(checkpoint.path, config, self.folder.config, KEYS["identity"])
