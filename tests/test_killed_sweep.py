@@ -20,6 +20,7 @@ from tests.synthetic import MINI, compose_config
 
 ROOT = Path(__file__).parent.parent
 RUNGS = ("baseline", "skyocc")
+# ``run.py`` with a smaller figure.
 PROGRAM = """
 import runpy
 from src.tasks import evaluate
@@ -27,7 +28,6 @@ evaluate.SHOWN_FRAMES = 1
 if __name__ == "__main__":
     runpy.run_path("run.py", run_name="__main__")
 """
-"""``run.py`` with a smaller figure."""
 
 
 def start(folder, *words):
@@ -84,8 +84,8 @@ def tables_of(folder):
 
 
 def require_same(left, right):
-    for mine, theirs in zip(what_came_out(left), what_came_out(right), strict=True):
-        pd.testing.assert_frame_equal(mine, theirs, check_exact=True)
+    for table, other in zip(what_came_out(left), what_came_out(right), strict=True):
+        pd.testing.assert_frame_equal(table, other, check_exact=True)
     assert tables_of(left) == tables_of(right)
 
 

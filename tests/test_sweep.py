@@ -24,16 +24,18 @@ ROOT = Path(__file__).parent.parent
 def sweep(monkeypatch, capsys, tmp_path):
     """Runs ``run.py -m`` in this process; returns its status, its lines and those of its errors."""
 
-    def swept(*words):
+    def swept(*overrides):
         GlobalHydra.instance().clear()
-        monkeypatch.setattr(sys, "argv", ["run.py", "-m", *words, f"paths.runs={tmp_path}/runs"])
+        monkeypatch.setattr(
+            sys, "argv", ["run.py", "-m", *overrides, f"paths.runs={tmp_path}/runs"]
+        )
         status = 0
         try:
             runpy.run_path(str(ROOT / "run.py"), run_name="__main__")
         except SystemExit as stop:
             status = stop.code
-        said = capsys.readouterr()
-        return status, said.out.splitlines(), said.err.splitlines()
+        output = capsys.readouterr()
+        return status, output.out.splitlines(), output.err.splitlines()
 
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
     yield swept
@@ -55,20 +57,20 @@ def stub(name):
 
 
 def test_each_job_is_done_and_told_in_a_line(sweep, done):
-    status, said, errors = sweep(stub("remember"), "+experiment=baseline,skyocc", "seed=0,1")
+    status, lines, errors = sweep(stub("remember"), "+experiment=baseline,skyocc", "seed=0,1")
     assert (status, errors) == (0, [])
     assert done() == ["baseline0", "baseline1", "skyocc0", "skyocc1"]
-    assert said == [
+    assert lines == [
         *("experiment=baseline seed=0: finished", "experiment=baseline seed=1: finished"),
         *("experiment=skyocc seed=0: finished", "experiment=skyocc seed=1: finished"),
     ]
 
 
 def test_a_failing_job_does_not_stop_the_others(sweep, done):
-    status, said, errors = sweep(stub("fail_between_others"), "seed=0,1,2,3")
+    status, lines, errors = sweep(stub("fail_between_others"), "seed=0,1,2,3")
     assert status == 2
     assert done() == ["custom0", "custom3"]
-    assert said == [
+    assert lines == [
         "seed=0: finished",
         "seed=1: failed: data.zip: broken; delete it",
         "seed=2: failed: ZeroDivisionError: division by zero",
@@ -80,8 +82,8 @@ def test_a_failing_job_does_not_stop_the_others(sweep, done):
 
 
 def test_a_task_says_how_it_went(sweep):
-    _, said, _ = sweep(stub("resume"), "seed=0,1")
-    assert said[0] == "seed=0: finished, went on after epoch 1 of 2"
+    _, lines, _ = sweep(stub("resume"), "seed=0,1")
+    assert lines[0] == "seed=0: finished, went on after epoch 1 of 2"
 
 
 def test_a_job_sees_its_own_words_and_nothing_of_the_one_before(sweep, done, tmp_path):
@@ -105,10 +107,10 @@ def test_a_job_is_told_where_experiments_of_ones_own_lie(sweep, done, tmp_path):
 
 
 def test_ctrl_c_ends_the_sweep_with_a_line(sweep, done):
-    status, said, errors = sweep(stub("be_interrupted"), "seed=0,1,2")
+    status, lines, errors = sweep(stub("be_interrupted"), "seed=0,1,2")
     assert status == 130
     assert done() == ["custom0"]
-    assert said == []
+    assert lines == []
     assert errors == ["error: interrupted; the same command goes on from what is finished"]
 
 
@@ -123,45 +125,43 @@ def test_jobs_are_named_by_what_tells_them_apart():
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    ("overrides", "named"),
     [
-        (["+experiment=skyocc,baselin"], "did you mean 'baseline'?"),
-        (["seed=0,1,-1"], "seed: -1 is too small"),
-        (["seed=0,1", "trainer.max_epoch=3"], "trainer.max_epoch: no such key; did you mean"),
-        (["seed=0,1", "+epochs=3"], "epochs: nothing reads this key"),
-        (["trainer.max_epochs=3,lots"], "trainer.max_epochs: 'lots' is not an integer"),
-        (["sim.image.width=96,100"], "sim.image.width: 100 is not a multiple of 32"),
-        (["trainer.precision=auto,fp16"], "trainer.precision: 'fp16'; there are auto"),
+        (["+experiment=skyocc,baselin"], "'baseline'"),
+        (["seed=0,1,-1"], "seed: -1 "),
+        (["seed=0,1", "trainer.max_epoch=3"], "trainer.max_epoch: "),
+        (["seed=0,1", "+epochs=3"], "epochs: "),
+        (["trainer.max_epochs=3,lots"], "trainer.max_epochs: 'lots'"),
+        (["sim.image.width=96,100"], "sim.image.width: 100 "),
+        (["size.blocks=2,-1"], "size.blocks: -1 "),
+        (["data.batch_size=4,0"], "data.batch_size: 0 "),
+        (["task=pretrain", "task.epochs=1,0"], "task.epochs: 0 "),
+        (["trainer.precision=auto,fp16"], "trainer.precision: 'fp16'"),
         (["seed=0,1", "hydra/launcher=gnome"], "pip install -e '.[launchers]' or '.[ray]'"),
     ],
 )
 def test_a_mistake_in_any_job_is_told_before_the_first_one_starts(
-    words, line, sweep, done, tmp_path
+    overrides, named, sweep, tmp_path
 ):
-    status, said, errors = sweep(stub("remember"), *words)
-    assert (status, said, len(errors)) == (2, [], 1)
-    assert line in errors[0]
-    assert not list(tmp_path.iterdir())
-
-
-def test_two_jobs_that_would_train_in_one_folder_are_refused(sweep, tmp_path):
-    status, _, (line,) = sweep("+experiment=skyocc", "optimizer.lr=1e-3,1e-4")
-    assert status == 2
-    assert re.search(r"'optimizer\.lr=0\.001' and 'optimizer\.lr=0\.0001' would both train", line)
+    task = [] if overrides[0].startswith("task=") else [stub("remember")]
+    status, lines, errors = sweep(*task, *overrides)
+    assert (status, lines, len(errors)) == (2, [], 1)
+    assert named in errors[0]
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("overrides", "named"),
     [
-        ["task=attitude", "task.noise_deg=[1.0],[3.0]"],
-        ["task=test", "metric.horizon_s=4.0,5.0"],
+        (["optimizer.lr=1e-3,1e-4"], r"paths\.run: 'optimizer\.lr=0\.001' .* both train"),
+        (["ckpt_path=best", "task=attitude", "task.noise_deg=[1.0],[3.0]"], "both write"),
+        (["ckpt_path=best", "task=test", "metric.horizon_s=4.0,5.0"], "both write"),
     ],
 )
-def test_two_jobs_that_would_overwrite_each_others_scores_are_refused(words, sweep, tmp_path):
-    status, _, (line,) = sweep("+experiment=skyocc", "ckpt_path=best", *words)
+def test_two_jobs_that_would_write_to_one_folder_are_refused(overrides, named, sweep, tmp_path):
+    status, _, (line,) = sweep("+experiment=skyocc", *overrides)
     assert status == 2
-    assert "would both write their scores to" in line
+    assert re.search(named, line)
     assert not list(tmp_path.iterdir())
 
 
