@@ -97,6 +97,7 @@ def test_experiments_are_added_on_the_command_line():
 def test_everything_instantiates(rung, scale, tmp_path):
     cfg = compose_config(f"+experiment={rung}", f"scale={scale}", f"paths.runs={tmp_path}")
     cfg.trainer.accelerator, cfg.trainer.precision = "cpu", "32-true"
+
     with torch.device("meta"):
         network = instantiate(cfg.model, decoder={"class_prior": [1] * NUM_CLASSES})
     assert network.encoder.references.projection == FACTORS[rung][0]

@@ -112,6 +112,7 @@ def test_killed_at_three_random_moments_it_ends_as_if_undisturbed(undisturbed, t
     stages = [lambda: True, kept[0].is_file, kept[1].is_file]
     # Longest for the first stage: a start alone takes seconds, the rest of a training little more.
     delays_s = np.random.default_rng(0).uniform(0, [10, 2, 2])
+
     for stage, delay_s in zip(stages, delays_s, strict=True):
         kill_in(stage, delay_s, start(tmp_path))
     first, last = outcomes(said_by(start(tmp_path)))

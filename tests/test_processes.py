@@ -53,6 +53,7 @@ def test_two_processes_have_the_gradients_of_one_that_accumulates(folder, order)
     shared = folder / f"{order}.pt"
     python("-m", "tests.gradients_of_one_step", str(shared), *words, *TWO)
     ranks = [torch.load(f"{shared}.{rank}", weights_only=True) for rank in range(2)]
+
     assert all(gradient is not None for gradient in ranks[0].values())
     for name, gradient in ranks[0].items():
         assert gradient.equal(ranks[1][name]), f"{name} differs between the processes"

@@ -170,6 +170,7 @@ def test_it_is_the_same_under_every_python():
             if done.returncode == 0:
                 printed[version] = done.stdout
                 break
+
     assert f"{sys.version_info[0]}.{sys.version_info[1]}" in printed
     assert len(set(printed.values())) == 1, printed
     data, training = (digest_of(code_of(parts)) for parts in (DATA_CODE, TRAINING_CODE))

@@ -167,6 +167,7 @@ def test_a_run_leaves_its_folder_complete(finished):
 def test_results_hold_every_score_of_the_model_and_the_anchors_on_every_part(finished):
     table = read_results(finished[0] / "results.csv")
     parts = ("test", "test_unseen_clips", "test_seen_clips")
+
     assert set(zip(table["experiment"], table["split"])) == {
         (name, part) for name in ("skyocc", "all_free", "voxel_prior") for part in parts
     }
@@ -218,6 +219,7 @@ def test_it_says_what_it_trains_and_needs_no_simulator_where_the_data_exist(here
         "runpy.run_path('run.py', run_name='__main__')\n"
     )
     done = command(*here, "trainer.max_epochs=1", start=("-c", script))
+
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     first, second, *_ = done.stdout.splitlines()
@@ -408,6 +410,7 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path, monkeyp
     )
     of_logits = kept.index.str.startswith(("ece", "nll"))
     pd.testing.assert_frame_equal(whole[~of_logits], kept[~of_logits], atol=1e-6, rtol=0)
+
     # The class scores were rounded to half precision, and nothing else: as if the network had.
     forward = SkyOcc.forward
     monkeypatch.setattr(SkyOcc, "forward", lambda self, b: forward(self, b).half().float())
@@ -628,6 +631,7 @@ def test_four_samples_can_be_learnt_by_heart(mini_dataset, tmp_path):
     batch = next(iter(data.train_dataloader()))
     optimizer = torch.optim.AdamW(module.network.parameters())
     losses = []
+
     for step in range(300):
         optimizer.param_groups[0]["lr"] = 5e-3 * rate_share(step, 300, 0.1)
         loss = module.loss(module(batch), batch["semantics"])["total"]

@@ -200,6 +200,7 @@ def test_under_a_launcher_of_processes_the_summary_is_the_same(launcher, done, t
         f"hydra/launcher={launcher}",
     )
     said = process.communicate(timeout=300)[0].splitlines()
+
     assert process.returncode == 2
     assert done() == ["custom0", "custom3"]
     assert [line for line in said if line.startswith("seed=")] == [

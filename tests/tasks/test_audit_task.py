@@ -40,16 +40,18 @@ def test_the_labels_are_scored_against_the_scenes(config, tmp_path, capsys):
 def test_what_cannot_be_audited_is_refused(config, tmp_path):
     with pytest.raises(UserError, match=r"task\.frames_per_clip: 0"):
         audit(config, frames_per_clip=0, out=None)
+
     root = root_of(config)
     shutil.rmtree(root / "suburb/clip01")
-    with pytest.raises(UserError, match="1 clips are missing"):
+    with pytest.raises(UserError, match="task=generate"):
         audit(config, frames_per_clip=1, out=None)
+
     manifest = json.loads((root / MANIFEST).read_text()) | {"generator": "another"}
     manifest["digest"] = digest_of({**manifest, "digest": None})
     (root / MANIFEST).write_text(json.dumps(manifest))
-    with pytest.raises(UserError, match=r"other code .*another"):
+    with pytest.raises(UserError, match="generator another"):
         audit(config, frames_per_clip=1, out=None)
     (root / MANIFEST).unlink()
-    with pytest.raises(UserError, match="not found"):
+    with pytest.raises(UserError, match=MANIFEST):
         audit(config, frames_per_clip=1, out=None)
     assert not (root / "audit").exists()

@@ -133,6 +133,7 @@ def test_colors_lie_on_their_objects(tmp_path):
     """A red box and a green one on grey ground: whatever is red is tinted as a building."""
     write_clip(tmp_path / "suburb/clip00", grid=VoxelGrid(shape=(100, 100, 60)))
     clip = Clip(tmp_path / "suburb/clip00")
+
     for frame in (0, 7, 20):
         image = clip.image(frame).astype(float)
         # What was mixed in, but for the edges of voxels, which are darker.

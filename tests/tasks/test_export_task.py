@@ -26,6 +26,7 @@ def test_it_writes_the_graphs_beside_the_run_and_says_how_near_they_are(override
     export(cfg, formats=["onnx", "torch"], frames=5, tolerance=1e-3)
     folder = f"{cfg.paths.run}/export"
     output = capsys.readouterr().out
+
     assert "5 frames" in output
     assert folder in output.replace("\n", "")
     assert {path.name for path in Path(folder).iterdir()} == {DESCRIPTION, *FORMATS.values()}

@@ -40,6 +40,7 @@ def shard(number, shards, *overrides):
 def test_the_last_shard_writes_one_manifest_of_all_clips(config, capsys):
     first, second = (config(*shard(number, 2)) for number in (0, 1))
     root, record = root_of(first), record_of(root_of(first).parent, "tiny")
+
     assert root_of(second) == root
     generate(first)
     assert re.search("shard 0 of 2, 2 clips .* 4 clips 2 ", flat(capsys))
