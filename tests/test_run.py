@@ -79,7 +79,7 @@ def _small_figure(monkeypatch):
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A folder with a finished data set of synthetic clips."""
+    """A folder with a finished dataset of synthetic clips."""
     folder = tmp_path_factory.mktemp("place")
     write_dataset(compose_config(*mini_overrides(folder)))
     return folder
@@ -87,7 +87,7 @@ def place(tmp_path_factory):
 
 @pytest.fixture
 def here(place, tmp_path):
-    """A fresh folder for runs beside the shared data set."""
+    """A fresh folder for runs beside the shared dataset."""
     return [*mini_overrides(place, *FIT), f"paths.runs={tmp_path}/runs"]
 
 

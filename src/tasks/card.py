@@ -15,6 +15,7 @@ def card(cfg: DictConfig) -> None:
     One frame is simulated again, for the picture of how it was annotated; without pybullet the
     card goes without that picture.
     """
+    # A dataset that is named by paths.dataset has settings of its own.
     root = root_of(cfg)
     sim = OmegaConf.to_container(cfg.sim, resolve=True) | read_manifest(root)["sim"]
     try:

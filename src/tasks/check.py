@@ -87,6 +87,7 @@ def _findings(root: Path, workers: int | None) -> Findings:
     except UserError as error:
         if not (root / MANIFEST).is_file():
             raise
+        # Without a list of sums every clip is still held against its own.
         findings.of_whole.append(str(error))
         folders = sorted(path.parent for path in root.glob(f"*/*/{SUMS}"))
         clips = {folder.relative_to(root).as_posix(): None for folder in folders}
@@ -136,6 +137,7 @@ def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
     for clip in findings.of_clips:
         folder = root / clip
         if folder.exists():
+            # Renamed, not removed: what the generator finds under this name it clears away.
             shutil.rmtree(unfinished(folder), ignore_errors=True)
             folder.rename(unfinished(folder))
 

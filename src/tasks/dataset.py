@@ -61,6 +61,7 @@ def ready_dataset(cfg: DictConfig) -> Path:
     refused, and never added to; so is a request for a part of one.
     """
     root = root_of(cfg)
+    # A manifest is written last, so clips are missing only where somebody has removed them.
     if (root / MANIFEST).is_file():
         finished_dataset(cfg)
         if not missing_clips(root, list(read_manifest(root)["clips"])):
@@ -95,10 +96,12 @@ def make_dataset(cfg: DictConfig) -> tuple[int, list[str]]:
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     clip_ids = [plan.clip_id for plan in plan_clips(sim)]
     split = split_of(cfg, clip_ids)
+    # Before anything is made: shards of other settings would fill another folder.
     if sim["shards"] > 1 and missing_clips(root, clip_ids):
         join_shards(root.parent, spec, sim["shards"])
 
     made = generate(sim, root)
+    # Another process may have made the last clips meanwhile, so what is missing is asked anew.
     with _finishing(root / LOCK, sim["shards"]) as alone:
         missing = missing_clips(root, clip_ids)
         if alone and not missing:
@@ -124,6 +127,7 @@ def _finishing(lock: Path, shards: int) -> Iterator[bool]:
 
 def data_of(cfg: DictConfig, root: Path, allow_missing: bool = False) -> SkyShieldData:
     """Opens the loaders of a finished dataset; seeds everything that training draws from."""
+    # Here, because every task that draws at random opens the data first.
     lightning.seed_everything(cfg.seed, workers=True, verbose=False)
     settings = OmegaConf.to_container(cfg.data, resolve=True)
     return SkyShieldData(root, seed=cfg.seed, allow_missing=allow_missing, **settings)

@@ -47,6 +47,7 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
 
     # A moment later the history of the stream is still there, and so the example is a full one.
     batch, history = stream.arguments(flight[-1]._replace(time_s=flight[-1].time_s + 1e-3))
+    # A graph that fails leaves the folder of an earlier export as it was.
     with replacing_folder(folder) as unchecked:
         export_step(network, batch, history, unchecked, formats, _facts(session, config))
         for name in formats:

@@ -32,11 +32,12 @@ def fit(cfg: DictConfig) -> str:
         return SKIPPED
 
     # What cannot be done is refused here, in order of cost, before anything is made or moved aside.
-    _ = session.trainer
+    _ = session.trainer  # for its refusal of a device or a precision
     named = None if cfg.ckpt_path is None else _checkpoint_to_resume(session)
     require_buildable(cfg)
     require_unseen(cfg.model.backbone.get("weights"), session.data)
 
+    # The other processes of a run would wait for the lock of the first one.
     if not is_first_process():
         return _train(session, named)
     with session.folder.alone():
@@ -76,6 +77,7 @@ def _train(session: Session, named: Path | None) -> str:
         if is_first_process():
             folder.merge_metrics()
 
+    # The best epoch by validation is scored; the last one stays, to go on from.
     load_weights(module, Checkpoint.read(folder.best_checkpoint).state, folder.best_checkpoint)
     evaluate(cfg, folder, session.trainer, module, session.data)
     return f"finished, went on after {done}" if done else "finished"
@@ -99,6 +101,7 @@ def _checkpoint_to_resume(session: Session) -> Path:
     origin = Checkpoint.read(path).origin
     require_same_config(path, origin.config, {**shaping(folder.config), "name": cfg.name})
 
+    # To go on here would split one training over two folders.
     if path.resolve().parent != folder.last_checkpoint.resolve().parent:
         raise UserError(
             f"ckpt_path: {path} belongs to another run than {folder.path}; set paths.run to its "

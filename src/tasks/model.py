@@ -53,6 +53,7 @@ def module_of(
     loss = instantiate(cfg.loss)
     rule = loss.keywords["class_weights"]
     scores = instantiate(cfg.metric)
+    # Only streams of consecutive frames have a history that earlier steps have computed.
     return OccupancyModule(
         network,
         loss(class_weights=None if rule is None else rule(origin.class_counts)),
@@ -67,6 +68,7 @@ def module_of(
 def require_buildable(cfg: DictConfig) -> None:
     """Builds the configured network and its scores once and drops them, so that what is wrong with
     them is refused before any data are generated or read."""
+    # The weights of the network to train are drawn later, from an untouched generator.
     with torch.random.fork_rng(devices=[]):
         instantiate(cfg.model)
     grid = VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True))

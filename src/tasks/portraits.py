@@ -13,6 +13,7 @@ from ..sim.plan import plan_clips
 from ..sim.renderer import require_renderer
 from ..terminal import say, tracked
 
+# Pictures in the repository's docs must stay small.
 MAX_TOWN_BYTES, MAX_WEATHER_BYTES = 150_000, 450_000
 TOWN_WIDTH_PIX, WEATHER_WIDTH_PIX, WEATHER_COLUMNS = 620, 400, 5
 

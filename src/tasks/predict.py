@@ -32,6 +32,7 @@ def predict(cfg: DictConfig, part: str, logits: bool) -> None:
     folder = Path(cfg.predictions or session.folder.path / "predictions" / part)
     network = checkpoint.network()
     scores_of = predictor(network, trainer)
+    # The folder appears under its name when all frames are in it.
     with PredictionWriter(folder, _facts(session, network, part)) as writer:
         for batch in tracked(data.in_order(part), f"predicting {part}"):
             scores = scores_of(batch)

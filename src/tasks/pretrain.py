@@ -2,7 +2,7 @@
 
 import hashlib
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import lightning
@@ -67,31 +67,42 @@ def pretrain(
     Raises `UserError` for a backbone that is not a `ResNet`, a dataset that is not there, and a
     checkpoint that is broken.
     """
-    settings = {"epochs": epochs, "batch_size": batch_size, "lr": lr}
-    settings["limit_train_batches"] = limit_train_batches
     if get_class(cfg.model.backbone._target_) is not ResNet:
         raise UserError("model/backbone: task=pretrain trains a resnet; the others have their own")
     precision_of(cfg)  # refuses a device that is not there
     data = Session(cfg).data
+    settings = {"epochs": epochs, "batch_size": batch_size, "lr": lr}
+    settings["limit_train_batches"] = limit_train_batches
     folder = _folder_of(cfg, Path(out), settings, data.root.name)
     backbone = instantiate(cfg.model.backbone)
     module = ImagePretraining(backbone, cfg.size.dim, lr, cfg.optimizer.weight_decay)
 
     with folder.alone():
-        checkpoint = folder.open(afresh=cfg.overwrite)
-        if checkpoint:
-            # A broken one is refused here, in one line.
-            load_weights(module, read_content(checkpoint)["state_dict"], checkpoint)
-        trainer = _trainer_of(cfg, folder, epochs, limit_train_batches)
         loaders = [_loader(cfg, data, part, batch_size) for part in ("train", "val")]
-        try:
-            trainer.fit(module, *loaders, ckpt_path=checkpoint, weights_only=True)
-        finally:
-            folder.merge_metrics()
+        _train(cfg, folder, module, loaders, epochs, limit_train_batches)
         path = write_encoder(folder.path, backbone, data)
-
     say(f"model.backbone.weights={path}")
     return "finished"
+
+
+def _train(
+    cfg: DictConfig,
+    folder: RunFolder,
+    module: ImagePretraining,
+    loaders: Sequence[DataLoader],
+    epochs: int,
+    limit: int | float,
+) -> None:
+    checkpoint = folder.open(afresh=cfg.overwrite)
+    if checkpoint:
+        # A broken one is refused here, in one line.
+        load_weights(module, read_content(checkpoint)["state_dict"], checkpoint)
+
+    trainer = _trainer_of(cfg, folder, epochs, limit)
+    try:
+        trainer.fit(module, *loaders, ckpt_path=checkpoint, weights_only=True)
+    finally:
+        folder.merge_metrics()
 
 
 def _folder_of(cfg: DictConfig, out: Path, settings: dict, dataset: str) -> RunFolder:

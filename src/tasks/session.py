@@ -67,6 +67,7 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
 
     ``overrides`` are those of the command line. Raises `UserError` as `Checkpoint.read` does.
     """
+    # An override of the model names another rung, whose configuration must then be given whole.
     parsed = OverridesParser.create().parse_overrides(list(overrides))
     keys = [override.key_or_group for override in parsed]
     says_nothing = (*KEYS["place"], *KEYS["machine"], *KEYS["scoring"])
@@ -79,6 +80,7 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
     OmegaConf.set_struct(adopted, False)
     for key in taken:
         adopted[key] = own[key]
+    # The trainer is this machine's, but scores depend on the precision.
     adopted.trainer.precision = own["trainer"]["precision"]
 
     # What the checkpoint does not say, or the command says itself.

@@ -16,5 +16,6 @@ def test(cfg: DictConfig) -> None:
     session = Session(cfg)
     trainer, run, checkpoint = session.trainer, session.folder, session.checkpoint("test")
     module = module_of(cfg, session.data, checkpoint.network(), checkpoint.origin)
+    # Not in the run's own folder, whose results say what its training ended with.
     folder = RunFolder(run.path / "test", run.config, session.data.root.name)
     evaluate(cfg, folder, trainer, module, session.data)

@@ -1,4 +1,4 @@
-"""task=audit as its user meets it: a table of the whole data set, or one line of refusal."""
+"""task=audit as its user meets it: a table of the whole dataset, or one line of refusal."""
 
 import json
 import shutil
@@ -15,7 +15,7 @@ from tests.synthetic import config_of
 
 @pytest.fixture
 def config(mini_dataset, tmp_path):
-    """The configuration of a copy of the small data set."""
+    """The configuration of a copy of the small dataset."""
     config = config_of(mini_dataset, tmp_path / "data")
     shutil.copytree(mini_dataset, root_of(config))
     return config
