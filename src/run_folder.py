@@ -11,6 +11,7 @@ import pandas as pd
 import yaml
 
 from .atomic import replacing
+from .data.manifest import NOT_SHAPING
 from .errors import UserError
 from .locks import locked, telling
 from .provenance import TRAINING_CODE, code_of, different_file, digest_of
@@ -33,7 +34,7 @@ KEYS = {
     "place": (
         *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
         *("predictions", "dataset", "layout", "logger", "callbacks.progress"),
-        *("data.workers", "sim.workers", "sim.shards", "sim.shard", "sim.dry_run"),
+        *("data.workers", *(f"sim.{key}" for key in NOT_SHAPING)),
         *("trainer.default_root_dir", "trainer.log_every_n_steps"),
         *("trainer.enable_model_summary", "trainer.enable_progress_bar"),
     ),
