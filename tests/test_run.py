@@ -39,10 +39,10 @@ ROOT = Path(__file__).parent.parent
 FIT = ("+experiment=skyocc", "trainer.accelerator=cpu")
 
 
-def command(*words, start=("run.py",)):
-    """``python run.py <words>``, with the output of a pipe."""
+def command(*overrides, start=("run.py",)):
+    """``python run.py <overrides>``, with the output of a pipe."""
     return subprocess.run(
-        [sys.executable, *start, *words],
+        [sys.executable, *start, *overrides],
         cwd=ROOT,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
         capture_output=True,
@@ -55,9 +55,9 @@ def command(*words, start=("run.py",)):
 def refusal(monkeypatch, capsys):
     """Runs a command in this process and returns the one line with which it is refused."""
 
-    def refused(*words):
+    def refused(*overrides):
         GlobalHydra.instance().clear()
-        monkeypatch.setattr(sys, "argv", ["run.py", *words])
+        monkeypatch.setattr(sys, "argv", ["run.py", *overrides])
         with pytest.raises(SystemExit) as info:
             runpy.run_path(str(ROOT / "run.py"), run_name="__main__")
         assert info.value.code == 2
@@ -93,14 +93,14 @@ def here(place, tmp_path):
 
 @pytest.fixture(scope="module")
 def finished(place):
-    """The folder of one finished run, and the words that made it."""
-    words = mini_overrides(place, *FIT)
-    fit(compose_config(*words))
-    return place / "runs/tiny/skyocc/seed0", words
+    """The folder of one finished run, and the overrides that made it."""
+    overrides = mini_overrides(place, *FIT)
+    fit(compose_config(*overrides))
+    return place / "runs/tiny/skyocc/seed0", overrides
 
 
-def folder_of(words):
-    return Path(compose_config(*words).paths.run)
+def folder_of(overrides):
+    return Path(compose_config(*overrides).paths.run)
 
 
 def weights(path):
@@ -201,10 +201,10 @@ def test_checkpoints_hold_plain_tensors(finished):
 
 
 def test_the_same_command_again_shows_the_finished_run(finished, capsys, monkeypatch):
-    folder, words = finished
+    folder, overrides = finished
     stop_at(monkeypatch, 0, 0)
     before = (folder / "results.csv").stat().st_mtime_ns
-    assert fit(compose_config(*words)) == "already finished, skipped"
+    assert fit(compose_config(*overrides)) == "already finished, skipped"
     shown = capsys.readouterr().out
     assert "already finished" in shown
     assert "voxel_prior" in shown
@@ -247,9 +247,9 @@ def test_a_half_done_run_goes_on_as_if_undisturbed(finished, here, interrupt, ep
 @pytest.mark.parametrize("epoch", [1, 2])
 def test_the_best_one_stays_and_no_later_one_is_trained_again(here, interrupt, epoch):
     """Here the first one is called the best, as its loss is the greatest."""
-    words = [*here, "callbacks.best.monitor=val/loss", "trainer.max_epochs=3"]
-    interrupt(words, epoch, 1)
-    assert fit(compose_config(*words)) == f"finished, went on after epoch {epoch} of 3"
+    overrides = [*here, "callbacks.best.monitor=val/loss", "trainer.max_epochs=3"]
+    interrupt(overrides, epoch, 1)
+    assert fit(compose_config(*overrides)) == f"finished, went on after epoch {epoch} of 3"
     checkpoints = folder_of(here) / "checkpoints"
     assert {path.name for path in checkpoints.iterdir()} == {"best.ckpt", "last.ckpt"}
     epochs = [Checkpoint.read(checkpoints / f"{name}.ckpt").epochs for name in ("best", "last")]
@@ -317,9 +317,9 @@ def test_a_run_resumes_without_reading_the_training_labels_again(here, interrupt
 
 
 def test_a_precision_holds_for_training_and_for_what_comes_after(here, monkeypatch):
-    words = [*here, "trainer.precision=bf16-mixed", "trainer.max_epochs=1"]
-    fit(compose_config(*words))
-    table = read_results(folder_of(words) / "results.csv").set_index("experiment")
+    overrides = [*here, "trainer.precision=bf16-mixed", "trainer.max_epochs=1"]
+    fit(compose_config(*overrides))
+    table = read_results(folder_of(overrides) / "results.csv").set_index("experiment")
     assert set(table.loc["skyocc", "precision"]) == {"bf16-mixed"}
     forward, autocast = SkyOcc.forward, []
 
@@ -328,9 +328,9 @@ def test_a_precision_holds_for_training_and_for_what_comes_after(here, monkeypat
         return forward(self, batch)
 
     monkeypatch.setattr(SkyOcc, "forward", watched)
-    predict(compose_config(*words, "task=predict", "ckpt_path=last"), "val", logits=False)
+    predict(compose_config(*overrides, "task=predict", "ckpt_path=last"), "val", logits=False)
     assert set(autocast) == {True}
-    facts = yaml.safe_load((folder_of(words) / "predictions/val/predictions.json").read_text())
+    facts = yaml.safe_load((folder_of(overrides) / "predictions/val/predictions.json").read_text())
     assert facts["precision"] == "bf16-mixed"
     assert facts["held_out"] == {"val": [], "test": ["suburb/clip00"]}
 
@@ -348,39 +348,39 @@ def test_fit_does_not_go_on_from_another_run(finished, here):
 @pytest.mark.parametrize("late", [False, True])
 def test_what_cannot_be_done_is_refused_before_a_finished_run_is_moved(finished, late, monkeypatch):
     """A device that there is not, or labels that cannot be read, for another training there."""
-    folder, words = finished
-    words = [*words, "optimizer.lr=0.1", *([] if late else ["trainer.accelerator=tpu"])]
+    folder, overrides = finished
+    overrides = [*overrides, "optimizer.lr=0.1", *([] if late else ["trainer.accelerator=tpu"])]
     if late:
         monkeypatch.setattr(Clip, "semantics", lambda *_: Path("gone.npz").read_bytes())
     with pytest.raises((UserError, FileNotFoundError), match=r"finds only cpu|gone\.npz"):
-        fit(compose_config(*words))
+        fit(compose_config(*overrides))
     assert (folder / "results.csv").is_file()
     assert not folder.with_name("seed0.before1").exists()
 
 
 def test_overwriting_keeps_the_old_run_aside(place, here):
-    words = [*here, "trainer.max_epochs=1"]
-    fit(compose_config(*words))
-    fit(compose_config(*words, "overwrite=true"))
-    assert (folder_of(words).with_name("seed0.before1") / "results.csv").is_file()
-    assert (folder_of(words) / "results.csv").is_file()
+    overrides = [*here, "trainer.max_epochs=1"]
+    fit(compose_config(*overrides))
+    fit(compose_config(*overrides, "overwrite=true"))
+    assert (folder_of(overrides).with_name("seed0.before1") / "results.csv").is_file()
+    assert (folder_of(overrides) / "results.csv").is_file()
 
 
 # ----------------------------------------------------------------------------- scoring a checkpoint
 
 
 def test_scoring_a_checkpoint_repeats_the_run_s_own_scores(finished):
-    folder, words = finished
-    score(compose_config(*words, "task=test", "ckpt_path=best"))
+    folder, overrides = finished
+    score(compose_config(*overrides, "task=test", "ckpt_path=best"))
     again, first = (read_results(path / "results.csv") for path in (folder / "test", folder))
     columns = ["experiment", "split", *SCORES, "dataset", "code_version"]
     pd.testing.assert_frame_equal(again[columns], first[columns])
 
 
 def test_what_is_scored_in_part_says_so(finished):
-    folder, words = finished
+    folder, overrides = finished
     few = ("data.batch_size=2", "+trainer.limit_test_batches=1")
-    score(compose_config(*words, *few, "task=test", "ckpt_path=best"))
+    score(compose_config(*overrides, *few, "task=test", "ckpt_path=best"))
     part = {path.stem: Tally.read(path) for path in (folder / "test/tallies").iterdir()}
     frames = {sum(tally.frames) for tally in part.values()}
     assert frames == {tally.protocol.frames for tally in part.values()} == {2}
@@ -391,10 +391,10 @@ def test_what_is_scored_in_part_says_so(finished):
 
 
 def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path, monkeypatch):
-    folder, words = finished
-    words = [*words, f"predictions={tmp_path}/mine"]
-    predict(compose_config(*words, "task=predict", "ckpt_path=best"), "test", logits=True)
-    score_predictions(compose_config(*words, "task=score"), "test", False, None)
+    folder, overrides = finished
+    overrides = [*overrides, f"predictions={tmp_path}/mine"]
+    predict(compose_config(*overrides, "task=predict", "ckpt_path=best"), "test", logits=True)
+    score_predictions(compose_config(*overrides, "task=score"), "test", False, None)
     again = read_results(tmp_path / "mine/scores/results.csv")
     first = read_results(folder / "results.csv")
     first = first[first["experiment"] == "skyocc"].reset_index(drop=True)
@@ -441,8 +441,8 @@ def test_predictions_need_a_checkpoint_and_a_part_that_there_is(finished):
 )
 def test_a_checkpoint_is_not_scored_as_another_rung(finished, other, said):
     """Its weights would fit."""
-    folder, words = finished
-    kept = [word for word in words if word.split("=")[0] != other.split("=")[0]]
+    folder, overrides = finished
+    kept = [word for word in overrides if word.split("=")[0] != other.split("=")[0]]
     path = folder / "checkpoints/best.ckpt"
     cfg = compose_config(*kept, other, "task=test", f"ckpt_path={path}")
     with pytest.raises(UserError, match=said):
@@ -460,9 +460,9 @@ def test_a_file_that_is_no_checkpoint_is_named(finished, tmp_path, content):
 
 
 def test_a_checkpoint_of_another_architecture_is_named(finished):
-    words = [*finished[1], "task=test", "ckpt_path=best", "model.encoder.dim=32"]
+    overrides = [*finished[1], "task=test", "ckpt_path=best", "model.encoder.dim=32"]
     with pytest.raises(UserError, match=r"decoder\.dim=16.* 32"):
-        score(compose_config(*words))
+        score(compose_config(*overrides))
 
 
 def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, interrupt):
@@ -558,11 +558,11 @@ def test_data_made_under_another_configuration_are_refused(place, here, refusal)
 
 
 def test_a_broken_clip_stops_training_with_its_name(tmp_path, refusal):
-    words = mini_overrides(tmp_path, *FIT, "data.workers=1")
-    root = write_dataset(compose_config(*words))
+    overrides = mini_overrides(tmp_path, *FIT, "data.workers=1")
+    root = write_dataset(compose_config(*overrides))
     path = root / "downtown/clip00/rgb.zip"
     path.write_bytes(path.read_bytes()[:5000])
-    assert str(path) in refusal(*words)
+    assert str(path) in refusal(*overrides)
 
 
 def test_no_pybullet_and_no_data_is_one_line(tmp_path, monkeypatch):
@@ -610,9 +610,9 @@ def test_a_loss_that_is_not_finite_keeps_the_last_good_checkpoint(here, monkeypa
 
 @pytest.mark.slow
 def test_the_ladder_leaves_four_folders(place, tmp_path):
-    words = mini_overrides(place, "trainer.accelerator=cpu", f"paths.runs={tmp_path}/runs")
+    overrides = mini_overrides(place, "trainer.accelerator=cpu", f"paths.runs={tmp_path}/runs")
     rungs = ["attitude", "baseline", "skyocc", "weights"]
-    done = command("-m", f"+experiment={','.join(rungs)}", *words)
+    done = command("-m", f"+experiment={','.join(rungs)}", *overrides)
     assert done.returncode == 0, done.stderr
     results = sorted((tmp_path / "runs/tiny").glob("*/seed0/results.csv"))
     assert [path.parent.parent.name for path in results] == rungs
@@ -623,8 +623,8 @@ def test_the_ladder_leaves_four_folders(place, tmp_path):
 @pytest.mark.slow
 def test_four_samples_can_be_learnt_by_heart(mini_dataset, tmp_path):
     """Generated frames, network, loss and scores: the loss falls tenfold, the score passes 0.9."""
-    words = mini_overrides(tmp_path, *FIT, "data.mirror=false", "data.batch_size=4")
-    cfg = compose_config(*words, "data.val_clips=[]", "data.test_clips=[suburb/clip01]")
+    overrides = mini_overrides(tmp_path, *FIT, "data.mirror=false", "data.batch_size=4")
+    cfg = compose_config(*overrides, "data.val_clips=[]", "data.test_clips=[suburb/clip01]")
     data = data_of(cfg, mini_dataset)
     data.split["train"] = [("suburb/clip00", frame) for frame in (4, 10, 16, 22)]
     module = untrained(cfg, data)

@@ -90,8 +90,8 @@ def test_a_job_sees_its_own_words_and_nothing_of_the_one_before(sweep, done, tmp
     status, _, errors = sweep(stub("be_one_of_many"), "seed=0,1")
     assert (status, errors) == (0, [])
     for seed in (0, 1):
-        words = (tmp_path / f"runs/custom{seed}").read_text()
-        assert words == f"{stub('be_one_of_many')} seed={seed} paths.runs={tmp_path}/runs"
+        overrides = (tmp_path / f"runs/custom{seed}").read_text()
+        assert overrides == f"{stub('be_one_of_many')} seed={seed} paths.runs={tmp_path}/runs"
     assert "LOCAL_RANK" not in os.environ
 
 
@@ -102,7 +102,7 @@ def test_a_job_is_told_where_experiments_of_ones_own_lie(sweep, done, tmp_path):
     there = f"hydra.searchpath=[file://{tmp_path}/conf]"
     status, _, errors = sweep(stub("remember"), "+experiment=mine", "seed=0,1", there)
     assert (status, errors) == (0, [])
-    # A process that Lightning starts for a second device composes these words.
+    # A process that Lightning starts for a second device composes these overrides.
     assert (tmp_path / "runs/mine1").read_text().startswith(f"{there} {stub('remember')} ")
 
 
@@ -174,14 +174,14 @@ def test_a_place_that_is_no_folder_is_not_the_launchers_fault():
 # ----------------------------------------------------------------------------------- in processes
 
 
-def start(*words):
+def start(*overrides):
     """``run.py -m`` as the leader of a session, where Ctrl-C means what it means in a terminal."""
 
     def as_in_a_terminal():
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     return subprocess.Popen(
-        [sys.executable, "run.py", "-m", *words],
+        [sys.executable, "run.py", "-m", *overrides],
         cwd=ROOT,
         env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"},
         stdout=subprocess.PIPE,
@@ -199,37 +199,37 @@ def test_under_a_launcher_of_processes_the_summary_is_the_same(launcher, done, t
         *(stub("fail_between_others"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"),
         f"hydra/launcher={launcher}",
     )
-    said = process.communicate(timeout=300)[0].splitlines()
+    lines = process.communicate(timeout=300)[0].splitlines()
 
     assert process.returncode == 2
     assert done() == ["custom0", "custom3"]
-    assert [line for line in said if line.startswith("seed=")] == [
+    assert [line for line in lines if line.startswith("seed=")] == [
         "seed=0: finished",
         "seed=1: failed: data.zip: broken; delete it",
         "seed=2: failed: ZeroDivisionError: division by zero",
         "seed=3: finished",
     ]
-    assert said[-1].startswith("error: 2 of 4 jobs failed")
+    assert lines[-1].startswith("error: 2 of 4 jobs failed")
 
 
 @pytest.mark.slow
 def test_a_launcher_that_loses_a_job_is_told_in_a_line(tmp_path):
-    words = [stub("be_killed"), "seed=0,1", f"paths.runs={tmp_path}/runs"]
-    said = start(*words, "hydra/launcher=joblib").communicate(timeout=300)[0]
+    overrides = [stub("be_killed"), "seed=0,1", f"paths.runs={tmp_path}/runs"]
+    lines = start(*overrides, "hydra/launcher=joblib").communicate(timeout=300)[0]
     told = r"^error: hydra/launcher: TerminatedWorkerError: .*the same command goes on"
-    assert re.search(told, said, re.MULTILINE)
+    assert re.search(told, lines, re.MULTILINE)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", [["basic"], ["joblib", "hydra.launcher.n_jobs=2"]])
 def test_ctrl_c_ends_it_at_once_and_leaves_nothing_running(launcher, done, tmp_path):
-    words = [stub("sleep"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"]
-    process = start(*words, f"hydra/launcher={launcher[0]}", *launcher[1:])
+    overrides = [stub("sleep"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"]
+    process = start(*overrides, f"hydra/launcher={launcher[0]}", *launcher[1:])
     assert process.stdout.readline() == "asleep\n"
     os.killpg(process.pid, signal.SIGINT)
-    said = process.communicate(timeout=60)[0]
+    lines = process.communicate(timeout=60)[0]
     assert process.returncode == 130
-    assert said.splitlines()[-1] == (
+    assert lines.splitlines()[-1] == (
         "error: interrupted; the same command goes on from what is finished"
     )
     assert len(done()) < 4
