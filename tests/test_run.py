@@ -442,7 +442,7 @@ def test_predictions_need_a_checkpoint_and_a_part_that_there_is(finished):
 def test_a_checkpoint_is_not_scored_as_another_rung(finished, other, said):
     """Its weights would fit."""
     folder, overrides = finished
-    kept = [word for word in overrides if word.split("=")[0] != other.split("=")[0]]
+    kept = [key for key in overrides if key.split("=")[0] != other.split("=")[0]]
     path = folder / "checkpoints/best.ckpt"
     cfg = compose_config(*kept, other, "task=test", f"ckpt_path={path}")
     with pytest.raises(UserError, match=said):

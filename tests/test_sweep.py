@@ -90,8 +90,8 @@ def test_a_job_sees_its_own_words_and_nothing_of_the_one_before(sweep, done, tmp
     status, _, errors = sweep(stub("be_one_of_many"), "seed=0,1")
     assert (status, errors) == (0, [])
     for seed in (0, 1):
-        overrides = (tmp_path / f"runs/custom{seed}").read_text()
-        assert overrides == f"{stub('be_one_of_many')} seed={seed} paths.runs={tmp_path}/runs"
+        typed = (tmp_path / f"runs/custom{seed}").read_text()
+        assert typed == f"{stub('be_one_of_many')} seed={seed} paths.runs={tmp_path}/runs"
     assert "LOCAL_RANK" not in os.environ
 
 
@@ -215,9 +215,9 @@ def test_under_a_launcher_of_processes_the_summary_is_the_same(launcher, done, t
 @pytest.mark.slow
 def test_a_launcher_that_loses_a_job_is_told_in_a_line(tmp_path):
     overrides = [stub("be_killed"), "seed=0,1", f"paths.runs={tmp_path}/runs"]
-    lines = start(*overrides, "hydra/launcher=joblib").communicate(timeout=300)[0]
+    output = start(*overrides, "hydra/launcher=joblib").communicate(timeout=300)[0]
     told = r"^error: hydra/launcher: TerminatedWorkerError: .*the same command goes on"
-    assert re.search(told, lines, re.MULTILINE)
+    assert re.search(told, output, re.MULTILINE)
 
 
 @pytest.mark.slow
@@ -227,9 +227,9 @@ def test_ctrl_c_ends_it_at_once_and_leaves_nothing_running(launcher, done, tmp_p
     process = start(*overrides, f"hydra/launcher={launcher[0]}", *launcher[1:])
     assert process.stdout.readline() == "asleep\n"
     os.killpg(process.pid, signal.SIGINT)
-    lines = process.communicate(timeout=60)[0]
+    output = process.communicate(timeout=60)[0]
     assert process.returncode == 130
-    assert lines.splitlines()[-1] == (
+    assert output.splitlines()[-1] == (
         "error: interrupted; the same command goes on from what is finished"
     )
     assert len(done()) < 4
