@@ -27,12 +27,12 @@ os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
 def run(cfg: DictConfig) -> None:
     """Calls the configured task with the composed configuration."""
-    # In here too, or Hydra adds lines of its own.
+    # In here as well as below, or Hydra adds lines of its own.
     with told_in_one_line():
         overrides = HydraConfig.get().overrides
         require_sound(cfg, overrides.task, overrides.hydra)
         add_named_weathers(cfg, overrides.hydra)
-        from src.tasks.trained import adopted  # only now: Lightning takes seconds to import
+        from src.tasks.session import adopted  # only now: Lightning takes seconds to import
 
         instantiate(cfg.task)(adopted(cfg, overrides.task))
 

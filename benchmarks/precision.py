@@ -18,8 +18,8 @@ from benchmarks.tables import print_table
 from benchmarks.timing import milliseconds
 from src.ontology import NUM_CLASSES
 from src.tasks.dataset import data_of, finished_dataset
-from src.tasks.precision import BF16, FP32
 from src.tasks.predictor import on_device
+from src.tasks.trainer import BF16, FP32
 
 ROUNDS = 10
 

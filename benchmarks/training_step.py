@@ -28,8 +28,8 @@ from src.models.network import Frame, SkyOcc
 from src.ontology import NUM_CLASSES
 from src.provenance import git_commit
 from src.tasks.dataset import data_of, finished_dataset
-from src.tasks.precision import BF16, precision_of
 from src.tasks.predictor import on_device
+from src.tasks.trainer import BF16, precision_of
 from tests.simulated_cuda import CUDA, Waits, simulated_cuda
 
 WARM_UP = 2

@@ -24,11 +24,11 @@ class ThoroughSweeper(BasicSweeper):
 
     def sweep(self, arguments: list[str]) -> Any:
         """Raises `UserError` before anything is made, or after everything was tried."""
-        from src.sweep import launcher_failure, require_sound_jobs, summarise
+        from src.sweep import launcher_failure, require_sound_jobs, summarize
 
         loader = self.hydra_context.config_loader
-        words = [*self._parse_config(), *arguments]
-        overrides = OverridesParser.create(loader).parse_overrides(words)
+        overrides = [*self._parse_config(), *arguments]
+        overrides = OverridesParser.create(loader).parse_overrides(overrides)
         batches = self.split_arguments(overrides, self.max_batch_size)
         jobs = [job for batch in batches for job in batch]
         require_sound_jobs([loader.load_sweep_config(self.config, job) for job in jobs])
@@ -38,5 +38,5 @@ class ThoroughSweeper(BasicSweeper):
                 returns += self.launcher.launch(batch, initial_job_idx=len(returns))
         except Exception as error:
             raise launcher_failure(error) from error
-        summarise(jobs, [job.return_value for job in returns])
+        summarize(jobs, [job.return_value for job in returns])
         return returns

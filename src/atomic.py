@@ -11,13 +11,14 @@ from .errors import UserError
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A temporary path beside ``path`` to write to; it takes its place when the block succeeds.
+    """Yields a temporary path beside ``path``, which takes its place when the block succeeds.
 
     Makes missing folders. After any failure the old file stands and no temporary one is left.
     Raises `UserError` where the disk is read-only or full.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
@@ -31,7 +32,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def unwritable(path: Path, error: OSError) -> UserError:
-    """What to say where a file or a folder cannot be written."""
-    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-    way_out = f"{'free some space or ' * full}choose another folder"
+    """Returns the error to raise where a file or a folder cannot be written."""
+    way_out = "choose another folder"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        way_out = f"free some space or {way_out}"
     return UserError(f"{path}: cannot be written ({error.strerror or error}); {way_out}")

@@ -14,20 +14,21 @@ A_DAY_S = 86_400
 
 @contextmanager
 def replacing_folder(path: str | Path) -> Iterator[Path]:
-    """A new folder to fill, which takes the place of ``path`` when the block succeeds.
+    """Yields a new folder to fill, which takes the place of ``path`` when the block succeeds.
 
-    After any failure the old one stands. Of two processes that write the same folder at once, each
-    fills its own, and the later one stays. Raises `UserError` where it cannot be written.
+    After any failure the old one stands. Two processes that write the same folder at once fill one
+    each, and the later one stays. Raises `UserError` where it cannot be written.
 
     A process that is killed between the two renames leaves the old folder as ``.<name>.old``; the
     next one puts it back before it begins, and removes what was left half filled a day ago.
     """
     path = Path(path)
-    temporary, old = (
-        path.with_name(f".{path.name}.{kind}") for kind in (f"{os.getpid()}.new", "old")
-    )
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.new")
+    old = path.with_name(f".{path.name}.old")
+
     try:
         _put_back(old, path)
+        # A younger one may be another process's work.
         for left_over in path.parent.glob(f".{path.name}.*.new"):
             if time.time() - left_over.stat().st_mtime > A_DAY_S:
                 shutil.rmtree(left_over, ignore_errors=True)
@@ -35,6 +36,7 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
         temporary.mkdir(parents=True)
         yield temporary
 
+        # No name can be given to two folders, so the old one must go first.
         shutil.rmtree(old, ignore_errors=True)
         if path.exists():
             os.rename(path, old)

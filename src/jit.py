@@ -13,11 +13,12 @@ import numba
 from numba.core import config
 
 SOURCE = Path(__file__).parent
+# Whatever file holds this line has compiled functions.
 MARK = b"jit import njit"
 
 
 def kernels_digest(source: Path = SOURCE) -> str:
-    """Twelve hexadecimal digits of the SHA-256 of every file with compiled functions."""
+    """Returns twelve hexadecimal digits of the SHA-256 of every file with compiled functions."""
     texts = [path.read_bytes() for path in sorted(source.rglob("*.py"))]
     return hashlib.sha256(b"".join(text for text in texts if MARK in text)).hexdigest()[:12]
 

@@ -1,4 +1,4 @@
-"""What keys of a configuration there may be, and which values they may have."""
+"""Which keys a configuration may have, and of which types their values may be."""
 
 import inspect
 from collections.abc import Iterator, Mapping
@@ -9,23 +9,16 @@ from omegaconf import DictConfig, OmegaConf
 from .errors import UserError
 from .failures import closest
 
-INTEGER_OR_NULL = ("threads", "sim.workers")
-UNION = ("trainer.devices",)
-"""Settings of several types, which Lightning itself checks."""
-ANY_LENGTH = ("suite.", "task.")
-"""Where a list of numbers may be longer or shorter than the configuration's."""
-NOT_EMPTY = ("suite.",)
-"""Where it may not be empty then."""
-UNITS = ("_m", "_s", "_hz", "_deg", "_mps")
-"""Endings of quantities: any number will do, even where the configuration has a round one."""
 TARGET = "_target_"
+# Endings of quantities: any number will do, even where the configuration has a round one.
+UNITS = ("_m", "_s", "_hz", "_deg", "_mps")
 
 
-def require_set_soundly(before: DictConfig, cfg: DictConfig, told_by: str) -> None:
+def require_set_soundly(before: DictConfig, cfg: DictConfig, files: str) -> None:
     """Raises `UserError` where files have added a key that nothing reads, or changed the type of a
-    value. Of what they build from another class, all keys are taken.
+    value. Where they build another class than before, all of its keys are taken.
 
-    ``before`` is the configuration without them, and ``told_by`` names them.
+    ``before`` is the configuration without these files, which the message names by ``files``.
     """
     trees = (OmegaConf.to_container(node, resolve=False) for node in (before, cfg))
     for key, is_new in _changed(*trees):
@@ -35,16 +28,17 @@ def require_set_soundly(before: DictConfig, cfg: DictConfig, told_by: str) -> No
             else:
                 require_type(key, before, cfg)
         except UserError as error:
-            raise UserError(f"{told_by}: {error}") from None
+            raise UserError(f"{files}: {error}") from None
 
 
 def _changed(before: Mapping, after: Mapping, prefix: str = "") -> Iterator[tuple[str, bool]]:
-    """Dotted keys that are new or have another value, and whether they are new."""
+    """Yields each dotted key that is new or has another value, and whether it is new."""
     for name, value in after.items():
         key, old = f"{prefix}{name}", before.get(name)
         if name not in before:
             yield key, True
         elif isinstance(value, dict) and isinstance(old, dict):
+            # The arguments of another class have nothing to be compared with.
             if value.get(TARGET) == old.get(TARGET):
                 yield from _changed(old, value, f"{key}.")
         elif value != old:
@@ -54,20 +48,22 @@ def _changed(before: Mapping, after: Mapping, prefix: str = "") -> Iterator[tupl
 def require_known(key: str, before: DictConfig, value: object = None) -> None:
     """Raises `UserError` for a new key, unless a class takes it as an argument.
 
-    A group of nothing but classes, as ``callbacks``, takes another one.
+    A group that holds only classes, such as ``callbacks``, takes another class.
     """
     parent, _, name = key.rpartition(".")
     node = OmegaConf.select(before, parent) if parent else before
     known = list(map(str, node)) if isinstance(node, DictConfig) else []
+
     if known and TARGET in node:
         arguments = _arguments(node[TARGET])
         if arguments is None or name in arguments:
             return
-        known += [each for each in arguments if each not in known]
+        known += [argument for argument in arguments if argument not in known]
     elif isinstance(node, DictConfig):
-        of_classes = parent and all(_is_class(node[each]) for each in node)
-        if not node or (of_classes and _is_class(value)):
+        holds_classes = parent and all(_is_class(node[sibling]) for sibling in node)
+        if not node or (holds_classes and _is_class(value)):
             return
+
     raise UserError(
         f"{key}: nothing reads this key{closest(name, known)} there are {', '.join(known)}"
     )
@@ -78,54 +74,58 @@ def _is_class(node: object) -> bool:
 
 
 def _arguments(target: str) -> list[str] | None:
-    """What a class or a function may be given; ``None`` where that is anything, or unknown."""
+    """Names what a class or a function may be given; ``None`` for anything, or for unknown."""
     try:
         parameters = inspect.signature(get_object(target)).parameters.values()
     except (ImportError, TypeError, ValueError):
         return None
-    if any(each.kind is each.VAR_KEYWORD for each in parameters):
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return None
-    return [each.name for each in parameters]
+    return [parameter.name for parameter in parameters]
 
 
 def require_type(key: str, before: DictConfig, cfg: DictConfig) -> None:
-    """Raises `UserError` for a value that is of another type than it was."""
-    was, now = (plain(OmegaConf.select(node, key)) for node in (before, cfg))
-    if key in UNION or (now is None and (was is None or key.startswith("trainer."))):
+    """Raises `UserError` for a value that is of another type than it was before."""
+    old, new = (plain(OmegaConf.select(node, key)) for node in (before, cfg))
+    group = key.partition(".")[0]
+
+    # Lightning takes several types of devices, and null as its own default; it checks both itself.
+    if key == "trainer.devices" or (new is None and (old is None or group == "trainer")):
         return
-    if key in INTEGER_OR_NULL:
-        was = 1
-    elif key.endswith(UNITS) and isinstance(was, int):
-        was = float(was)
-    both_lists = isinstance(was, list) and isinstance(now, list)
-    if both_lists and key.startswith(ANY_LENGTH) and (now or not key.startswith(NOT_EMPTY)):
-        was = was[:1] * len(now)
-    wanted = _mismatch(was, now)
-    if wanted:
-        raise UserError(f"{key}: {now!r} is not {wanted}; the configuration has {was!r}")
+    if isinstance(old, int) and key.endswith(UNITS):
+        old = float(old)
+    # A list of edges or of runs has any length, but a suite without edges scores nothing. All
+    # other lists of numbers are vectors.
+    any_length = group == "task" or (group == "suite" and new)
+    if isinstance(old, list) and isinstance(new, list) and any_length:
+        old = old[:1] * len(new)
+
+    if wanted := _mismatch(old, new):
+        raise UserError(f"{key}: {new!r} is not {wanted}; the configuration has {old!r}")
 
 
-def _mismatch(was: object, now: object) -> str | None:
-    """What a value should have been, or ``None`` where it is of the right type."""
-    if isinstance(was, bool):
-        return None if isinstance(now, bool) else "true or false"
-    if isinstance(was, int | float):
-        kinds = int if isinstance(was, int) else int | float
-        ok = isinstance(now, kinds) and not isinstance(now, bool)
-        return None if ok else ("an integer" if kinds is int else "a number")
-    if isinstance(was, dict):
-        return None if isinstance(now, dict) else "a group of keys"
-    if isinstance(was, list):
-        if not isinstance(now, list):
+def _mismatch(old: object, new: object) -> str | None:
+    """Says what a value should have been, or returns ``None`` where it has the right type."""
+    if isinstance(old, bool):
+        return None if isinstance(new, bool) else "true or false"
+    if isinstance(old, int | float):
+        kinds = int if isinstance(old, int) else int | float
+        is_number = isinstance(new, kinds) and not isinstance(new, bool)
+        return None if is_number else ("an integer" if kinds is int else "a number")
+    if isinstance(old, dict):
+        return None if isinstance(new, dict) else "a group of keys"
+
+    if isinstance(old, list):
+        if not isinstance(new, list):
             return "a list"
-        if was and all(isinstance(item, int | float) for item in was):
-            same = len(now) == len(was) and not any(map(_mismatch, was, now))
-            return None if same else f"a list of {len(was)} numbers of that type"
-    if isinstance(was, str) and isinstance(now, dict | list | None):
+        if old and all(isinstance(item, int | float) for item in old):
+            same = len(new) == len(old) and not any(map(_mismatch, old, new))
+            return None if same else f"a list of {len(old)} numbers of that type"
+    if isinstance(old, str) and isinstance(new, dict | list | None):
         return "a word"
     return None
 
 
 def plain(node: object) -> object:
-    """A value of a configuration, without OmegaConf's classes."""
+    """Returns a value of a configuration without OmegaConf's classes."""
     return OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node

@@ -1,4 +1,9 @@
-"""Locks between processes: the system frees those of a process that dies."""
+"""Locks between processes: the system frees those of a process that dies.
+
+They are those of flock. The package filelock has no lock that could take their place: its own are
+exclusive only, and its read-write lock, which is one of SQLite, takes "no locks available" for
+"busy". On a file system without locks it would wait for days instead of saying so.
+"""
 
 import errno
 import fcntl
@@ -12,10 +17,10 @@ from .terminal import say
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
-def telling(what: str) -> Callable[[], None]:
-    """An ``on_wait`` that says in one line what is waited for."""
+def telling(reason: str) -> Callable[[], None]:
+    """Returns an ``on_wait`` that says in one line what is waited for."""
 
-    return lambda: say(f"{what}; waiting for it")
+    return lambda: say(f"{reason}; waiting for it")
 
 
 @contextmanager
@@ -50,6 +55,6 @@ def _take(descriptor: int, kind: int, path: Path) -> bool:
             raise
         raise UserError(
             f"{path}: this file system has no file locks; set paths.data to a folder on one that "
-            "has, and move the finished data set"
+            "has, and move the finished dataset"
         ) from error
     return True

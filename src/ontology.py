@@ -1,50 +1,8 @@
-"""The nine evaluated classes, the unknown label, and their colours (Sec. 5.1 of the paper)."""
+"""The nine evaluated classes, the unknown label, and their colors (Sec. 5.1 of the paper)."""
 
 from typing import Final
 
-CLASSES: Final = (
-    "building",
-    "ground",
-    "vegetation",
-    "thin_structure",
-    "large_vehicle",
-    "car",
-    "vru",
-    "general",
-    "free",
-)
-NUM_CLASSES: Final = len(CLASSES)
-BUILDING, GROUND, VEGETATION, THIN_STRUCTURE, LARGE_VEHICLE, CAR, VRU, GENERAL, FREE = range(9)
-UNKNOWN: Final = 255
-"""No loss and no score ever counts a voxel with this label."""
-
-SKY: Final = 255
-"""In the ``class_*`` images of ``aux.npz``: a pixel whose ray hits nothing."""
-
-OCCUPIED: Final = tuple(range(FREE))
-
-RAREST_FIRST: Final = (
-    VRU,
-    CAR,
-    THIN_STRUCTURE,
-    LARGE_VEHICLE,
-    GENERAL,
-    VEGETATION,
-    BUILDING,
-    GROUND,
-)
-"""Who wins a tied vote for a voxel: the rarer class (Fig. 5 C of the paper gives the order of the
-rare ones; the rest is ordered by how little room the class takes in a street)."""
-
-ACTOR_TYPES: Final = {
-    "car": CAR,
-    "truck": LARGE_VEHICLE,
-    "bus": LARGE_VEHICLE,
-    "pedestrian": VRU,
-    "bicycle": VRU,
-    "motorcycle": VRU,
-}
-
+# sRGB, 0 to 255. The classes have the order of their labels; unknown is none of them.
 COLORS: Final = {
     "building": (112, 128, 150),
     "ground": (188, 170, 146),
@@ -57,4 +15,26 @@ COLORS: Final = {
     "free": (236, 242, 248),
     "unknown": (255, 255, 255),
 }
-"""sRGB, 0 to 255."""
+CLASSES: Final = tuple(name for name in COLORS if name != "unknown")
+NUM_CLASSES: Final = len(CLASSES)
+BUILDING, GROUND, VEGETATION, THIN_STRUCTURE, LARGE_VEHICLE, CAR, VRU, GENERAL, FREE = range(9)
+OCCUPIED: Final = tuple(range(FREE))
+
+# No loss and no score ever counts a voxel with this label.
+UNKNOWN: Final = 255
+# In the ``class_*`` images of ``aux.npz``: a pixel whose ray hits nothing.
+SKY: Final = 255
+
+# A tied vote for a voxel goes to the rarer class. Fig. 5 C of the paper gives the order of the
+# rare ones; the rest is ordered by how little room the class takes in a street.
+_RARE = (VRU, CAR, THIN_STRUCTURE, LARGE_VEHICLE)
+RAREST_FIRST: Final = (*_RARE, GENERAL, VEGETATION, BUILDING, GROUND)
+
+ACTOR_TYPES: Final = {
+    "car": CAR,
+    "truck": LARGE_VEHICLE,
+    "bus": LARGE_VEHICLE,
+    "pedestrian": VRU,
+    "bicycle": VRU,
+    "motorcycle": VRU,
+}

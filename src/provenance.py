@@ -15,23 +15,23 @@ from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parent
+# These parts shape the bytes of a dataset.
 DATA_CODE = ("sim", "geometry.py", "voxels.py", "ontology.py", "data/clip.py", "data/rates.py")
-"""What shapes the bytes of a data set."""
+# These shape the weights and the scores of a run, beside its data and its configuration.
 TRAINING_CODE = (
     *("models", "data", "metrics", "tasks/model.py"),
     *("geometry.py", "ontology.py", "voxels.py"),
 )
-"""What shapes the weights and the scores of a run, beside its data and its configuration."""
 
 
 def digest_of(data: object) -> str:
-    """Twelve hexadecimal digits of the SHA-256 of plain data."""
+    """Returns twelve hexadecimal digits of the SHA-256 of plain data."""
     text = json.dumps(data, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def code_of(parts: Iterable[str]) -> dict[str, str]:
-    """Digest of what each Python file of some parts of ``src/`` does, by its path in there.
+    """Returns a digest of what each Python file of some parts of ``src/`` does, by its path there.
 
     Comments, docstrings, layout and the messages of errors do not count.
     """
@@ -44,23 +44,27 @@ def code_of(parts: Iterable[str]) -> dict[str, str]:
 
 
 def different_file(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """The first file of ``src/`` in which two results of `code_of` differ, or nothing."""
+    """Returns the first file of ``src/`` in which two results of `code_of` differ, or nothing."""
     files = sorted(before.keys() | now.keys())
     return next((file for file in files if before.get(file) != now.get(file)), "")
 
 
 def git_commit() -> str:
-    """The commit of the working tree, with ``+`` where it has changes; empty outside a checkout."""
-    words = ["git", "describe", "--always", "--exclude=*", "--abbrev=12", "--dirty=+"]
-    how = {"cwd": SOURCE, "check": True, "capture_output": True, "text": True, "timeout": 10}
+    """Returns the commit of the working tree, with ``+`` where it has changes.
+
+    Outside a checkout it is empty.
+    """
+    command = ["git", "describe", "--always", "--exclude=*", "--abbrev=12", "--dirty=+"]
     try:
-        return subprocess.run(words, **how).stdout.strip()
+        return subprocess.check_output(
+            command, cwd=SOURCE, stderr=subprocess.DEVNULL, text=True, timeout=10
+        ).strip()
     except (OSError, subprocess.SubprocessError):
         return ""
 
 
 def machine() -> str:
-    """What ran it: the processor's name, the cores that this process may use, Python's version."""
+    """Returns the processor's name, the cores that this process may use, and Python's version."""
     file, name = Path("/proc/cpuinfo"), platform.processor() or platform.machine()
     for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else ():
         if line.startswith("model name"):
@@ -74,7 +78,7 @@ def _file_digest(source: str) -> str:
 
 
 def _meaning(node: object) -> object:
-    """A syntax tree as plain data. `ast.unparse` would write it otherwise in each Python."""
+    """Turns a syntax tree into plain data; `ast.unparse` would differ between Pythons."""
     match node:
         case ast.Expr(value=ast.Constant(value=str())):  # a docstring
             return None

@@ -3,7 +3,7 @@
 import json
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import pandas as pd
 import yaml
 
 from .atomic import replacing
+from .data.manifest import NOT_SHAPING
 from .errors import UserError
 from .locks import locked, telling
 from .provenance import TRAINING_CODE, code_of, different_file, digest_of
@@ -24,28 +25,41 @@ SESSIONS = "sessions"
 VERSION = ".version"
 CODE = ".code"
 BEST, LAST = "checkpoints/best.ckpt", "checkpoints/last.ckpt"
+# Predictions that never look at an image, scored beside every run.
 ANCHORS = ("all_free", "voxel_prior")
-"""Predictions that never look at an image, scored beside every run."""
-NOT_SHAPING = (
-    *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
-    *("predictions", "dataset", "layout", "logger", "callbacks.progress"),
-    *("data.workers", "sim.workers", "sim.shards", "sim.shard", "sim.dry_run"),
-    *(f"trainer.{key}" for key in ("default_root_dir", "log_every_n_steps")),
-    *(f"trainer.enable_{key}" for key in ("model_summary", "progress_bar")),
-)
-"""Keys that say where, how fast and what to do, not how the model is trained or scored."""
-IDENTITY = ("name", "seed", "model", "loss")
-"""Keys that say whose weights a checkpoint holds."""
-START = ("model.backbone.weights", "model.backbone.weights_sha256")
-"""Keys that say what a training begins with; its checkpoints hold what became of that."""
+# What the keys of a configuration, and the keys below them, say of a run. Every key that is not
+# listed shapes its weights or its scores.
+KEYS = {
+    # Where, how fast and what to do: no part of what shapes a run.
+    "place": (
+        *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
+        *("predictions", "dataset", "layout", "logger", "callbacks.progress"),
+        *("data.workers", *(f"sim.{key}" for key in NOT_SHAPING)),
+        *("trainer.default_root_dir", "trainer.log_every_n_steps"),
+        *("trainer.enable_model_summary", "trainer.enable_progress_bar"),
+    ),
+    # The machine that trains, which another machine need not be like.
+    "machine": ("callbacks", "trainer"),
+    # How a trained model is scored.
+    "scoring": ("data.batch_size", "metric", "suite"),
+    # Whose weights a checkpoint holds.
+    "identity": ("name", "seed", "model", "loss"),
+    # What a training begins with; its checkpoints hold what became of that.
+    "start": ("model.backbone.weights", "model.backbone.weights_sha256"),
+}
+
+
+def is_listed(key: str, listed: Iterable[str]) -> bool:
+    """Whether a key, or a group that it lies in, is among those listed."""
+    return any(key == known or key.startswith(f"{known}.") for known in listed)
 
 
 class RunFolder:
     """``runs/<scale>/<experiment>/seed<k>/``: config, metrics, results, checkpoints and figures.
 
     ``version`` is the identity of the run: a digest of the code that shapes it, of the name of its
-    ``dataset``, which is a digest of all that shapes the data, and of the configuration, less the
-    keys of `NOT_SHAPING`. It is the same wherever the folder lies.
+    ``dataset``, which is a digest of all that shapes the data, and of the configuration, without
+    the `KEYS` that only say where and how fast. It is the same wherever the folder lies.
     """
 
     def __init__(self, path: Path, config: dict, dataset: str) -> None:
@@ -57,16 +71,14 @@ class RunFolder:
         self.version = version_of(config, dataset)
 
     def checkpoint(self, name: str) -> Path:
-        """What ``ckpt_path`` means: ``best`` or ``last`` of this run, or a file."""
-        named = {"best": self.best_checkpoint, "last": self.last_checkpoint}
-        return named.get(name, Path(name))
+        """Returns the file that ``ckpt_path`` means: ``best`` or ``last`` of this run, or any."""
+        return {"best": self.best_checkpoint, "last": self.last_checkpoint}.get(name, Path(name))
 
     def is_finished(self) -> bool:
         """Whether the results of this very configuration and code are there, all of them."""
         counted = (self.config["name"], *ANCHORS)
         files = (RESULTS, SCORES, *(f"{TALLIES}/{name}.npz" for name in counted))
-        whole = all((self.path / name).is_file() for name in files)
-        return whole and self._is_same(afresh=False)
+        return all((self.path / name).is_file() for name in files) and self._is_same()
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -91,11 +103,13 @@ class RunFolder:
         checkpoint has lost nothing: it begins again where it is.
         """
         checkpoint = self.to_resume(afresh)
-        if checkpoint or self._has_no_checkpoint(afresh):
+        goes_on = not afresh and self._is_same()
+        if checkpoint or (goes_on and not any(self.last_checkpoint.parent.glob("*.ckpt"))):
             for left_over in self.path.rglob(".*.tmp"):  # of a process that was killed
                 left_over.unlink()
         elif self.path.exists():
             self._move_aside()
+
         if checkpoint is None:
             shutil.rmtree(self.path / SESSIONS, ignore_errors=True)
             self._write(CONFIG, yaml.safe_dump(self.config, sort_keys=False))
@@ -104,10 +118,10 @@ class RunFolder:
         return checkpoint
 
     def to_resume(self, afresh: bool) -> Path | None:
-        """The checkpoint of this very configuration and code that a run goes on from, if there is
-        one and it shall."""
-        is_there = self._is_same(afresh) and self.last_checkpoint.is_file()
-        return self.last_checkpoint if is_there else None
+        """Returns the last checkpoint, where it is of this very configuration and code and the run
+        shall not start ``afresh``."""
+        goes_on = not afresh and self._is_same() and self.last_checkpoint.is_file()
+        return self.last_checkpoint if goes_on else None
 
     def write_json(self, name: str, data: dict) -> None:
         """Writes a small file of facts about the run."""
@@ -124,24 +138,22 @@ class RunFolder:
             if len(joined):
                 joined = joined[joined["step"] < table["step"].min()]
             joined = pd.concat([joined, table])
+
         if len(joined):
             # Training and validation write a row each at the same step.
             rows = joined.groupby("step", as_index=False).last()
             self._write(METRICS, rows.to_csv(index=False))
 
     def _session_logs(self) -> Iterator[pd.DataFrame]:
-        """The logs that hold a row, in the order of their sessions."""
+        """Yields the logs that hold a row, in the order of their sessions."""
         folders = self.path.glob(f"{SESSIONS}/version_*")
         for folder in sorted(folders, key=lambda path: int(path.name.removeprefix("version_"))):
             log = folder / METRICS
             if log.is_file() and log.stat().st_size and len(table := pd.read_csv(log)):
                 yield table
 
-    def _is_same(self, afresh: bool) -> bool:
-        return not afresh and _recorded(self.path / VERSION) == self.version
-
-    def _has_no_checkpoint(self, afresh: bool) -> bool:
-        return self._is_same(afresh) and not any(self.last_checkpoint.parent.glob("*.ckpt"))
+    def _is_same(self) -> bool:
+        return _recorded(self.path / VERSION) == self.version
 
     def _move_aside(self) -> None:
         number = 1
@@ -159,9 +171,9 @@ class RunFolder:
 
 
 def recorded_code(folder: Path) -> dict[str, str]:
-    """Digest of every file that shaped a run, as `code_of` gave them when it began; empty for a run
-    that recorded none. Runs of before version 2 have one digest, of all of ``src/``.
-    """
+    """Returns the digest of every file that shaped a run, as `code_of` gave them when it began;
+    nothing for a run that recorded none. Runs from before version 2 have one digest, of all of
+    ``src/``."""
     lines = _recorded(Path(folder) / CODE).splitlines()
     return {file: digest for digest, _, file in (line.partition("  ") for line in lines)}
 
@@ -171,7 +183,7 @@ def _recorded(path: Path) -> str:
 
 
 def version_of(config: dict, dataset: str) -> str:
-    """The identity of a run of the code at hand: see `RunFolder`."""
+    """Returns the identity of a run of the code at hand: see `RunFolder`."""
     return digest_of([code_of(TRAINING_CODE), dataset, shaping(config)])
 
 
@@ -180,42 +192,42 @@ def require_same_config(
 ) -> None:
     """Refuses a checkpoint of a run that was started under another configuration.
 
-    ``keys`` narrows the comparison to some at the top level, such as `IDENTITY`, less what the
-    training began with. Raises `UserError` that names the first key that differs.
+    ``keys`` narrows the comparison to some at the top level, such as those of the identity, less
+    what the training began with. Raises `UserError` that names the first key that differs.
     """
     way_out = "or another ckpt_path" if keys else "or drop ckpt_path to start anew"
     for key in keys or before.keys() | config.keys():
         for dotted, old, new in differences({key: before.get(key)}, {key: config.get(key)}):
-            if not (keys and dotted in START):
+            if not (keys and dotted in KEYS["start"]):
                 raise UserError(
                     f"ckpt_path: {checkpoint} was trained with {dotted}={json.dumps(old)}, and now "
                     f"it is {json.dumps(new)}; give the old value, {way_out}"
                 )
 
 
-def read_config(path: Path, so: str) -> dict:
-    """The configuration that a run was started with.
+def read_config(path: Path, consequence: str) -> dict:
+    """Returns the configuration that a run was started with.
 
-    Raises `UserError` where it cannot be read or is none; ``so`` says what follows from that.
+    Raises `UserError` where it cannot be read or is none; ``consequence`` ends the message.
     """
     try:
         config = yaml.safe_load(path.read_text())
         shaping(config)
         return config
-    except (OSError, ValueError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+    except (AttributeError, KeyError, TypeError):
+        reason = "it does not say where its run lies"
+    except (OSError, ValueError, yaml.YAMLError) as error:
         reason = " ".join(str(getattr(error, "strerror", None) or error).split())
-        if isinstance(error, AttributeError | KeyError | TypeError):
-            reason = "it does not say where its run lies"
-        raise UserError(f"{path}: cannot be read ({reason}), {so}") from None
+    raise UserError(f"{path}: cannot be read ({reason}), {consequence}")
 
 
 def shaping(config: dict) -> dict:
-    """The part of a configuration that shapes the trained model and its scores."""
+    """Returns the part of a configuration that shapes the trained model and its scores."""
     run = str(config["paths"]["run"])
 
     def kept(node: object, prefix: str) -> object:
         if isinstance(node, dict):
-            names = [name for name in node if prefix + name not in NOT_SHAPING]
+            names = [name for name in node if prefix + name not in KEYS["place"]]
             return {name: kept(node[name], f"{prefix}{name}.") for name in names}
         # The run's own folder appears in the settings of callbacks and loggers.
         return node.removeprefix(run) if isinstance(node, str) else node
@@ -224,12 +236,12 @@ def shaping(config: dict) -> dict:
 
 
 def differences(before: dict, after: dict, prefix: str = "") -> list[tuple[str, object, object]]:
-    """Dotted keys whose values differ, with both values."""
-    found = []
+    """Returns the dotted keys whose values differ, with both values."""
+    changed = []
     for key in sorted(before.keys() | after.keys()):
         old, new = before.get(key), after.get(key)
         if isinstance(old, dict) and isinstance(new, dict):
-            found += differences(old, new, f"{prefix}{key}.")
+            changed += differences(old, new, f"{prefix}{key}.")
         elif old != new:
-            found.append((prefix + key, old, new))
-    return found
+            changed.append((prefix + key, old, new))
+    return changed

@@ -15,16 +15,17 @@ from .errors import UserError
 from .failures import one_line, quiet_libraries
 from .settings import TRAINING, require_sound, search_path
 from .terminal import say
+from .weather_files import add_named_weathers
 
 FINISHED = "finished"
-SCORING = {"src.tasks.test.test", "src.tasks.attitude.attitude"}
-"""Tasks that write to the folder of the run whose checkpoint they score."""
+# These tasks write to the folder of the run whose checkpoint they score.
+SCORING = ("src.tasks.test.test", "src.tasks.attitude.attitude")
 
 
 class Outcome(NamedTuple):
     """How a job ended, in a few words."""
 
-    words: str
+    summary: str
     failed: bool = False
 
 
@@ -33,23 +34,25 @@ def require_sound_jobs(jobs: Sequence[DictConfig]) -> None:
 
     Each is the composed configuration of a job, Hydra's own part included.
     """
-    words = [list(cfg.hydra.overrides.task) for cfg in jobs]
-    written: dict[str, str] = {}
-    for cfg, mine, label in zip(jobs, words, labels_of(words)):
-        require_sound(cfg, mine, cfg.hydra.overrides.hydra)
-        if cfg.task._target_ not in SCORING | {TRAINING}:
+    overrides = [list(cfg.hydra.overrides.task) for cfg in jobs]
+    first_in: dict[str, str] = {}
+    for cfg, of_job, label in zip(jobs, overrides, labels_of(overrides)):
+        require_sound(cfg, of_job, cfg.hydra.overrides.hydra)
+        if cfg.task._target_ not in (*SCORING, TRAINING):
             continue
-        if (first := written.setdefault(cfg.paths.run, label)) == label:
-            continue
-        if cfg.task._target_ in SCORING:
+
+        first = first_in.setdefault(cfg.paths.run, label)
+        if first != label and cfg.task._target_ in SCORING:
             raise UserError(
                 f"{first!r} and {label!r} would both write their scores to {cfg.paths.run}; give "
                 "them one by one, and move away what each has written"
             )
-        raise UserError(
-            f"paths.run: {first!r} and {label!r} would both train in {cfg.paths.run}; let name "
-            "tell them apart, in the files of the experiments or as 'name=lr${optimizer.lr}' does"
-        )
+        if first != label:
+            raise UserError(
+                f"paths.run: {first!r} and {label!r} would both train in {cfg.paths.run}; let "
+                "name tell them apart, in the files of the experiments or as "
+                "'name=lr${optimizer.lr}' does"
+            )
 
 
 def do_job(cfg: DictConfig) -> Outcome:
@@ -57,11 +60,12 @@ def do_job(cfg: DictConfig) -> Outcome:
 
     A failure is told at once, as `told_in_one_line` would, but ends this job alone.
     """
-    from .tasks.trained import adopted  # only here: Lightning takes seconds to import
+    from .tasks.session import adopted  # only here: Lightning takes seconds to import
 
     quiet_libraries()
     try:
         overrides = HydraConfig.get().overrides
+        add_named_weathers(cfg, overrides.hydra)
         with _as_if_alone([*search_path(overrides.hydra), *overrides.task]):
             return Outcome(instantiate(cfg.task)(adopted(cfg, overrides.task)) or FINISHED)
     except Exception as error:
@@ -69,20 +73,21 @@ def do_job(cfg: DictConfig) -> Outcome:
         if message is None:
             traceback.print_exc()
             message = " ".join(f"{type(error).__name__}: {error}".split())
+
         print(f"error: {message}", file=sys.stderr, flush=True)
         return Outcome(f"failed: {message}", failed=True)
 
 
 @contextmanager
-def _as_if_alone(words: Sequence[str]) -> Iterator[None]:
+def _as_if_alone(overrides: Sequence[str]) -> Iterator[None]:
     """Shows the job its own command line, and undoes what it leaves in the environment.
 
-    Lightning starts the other processes of a run with the words of this one, which would be the
-    whole sweep; and what it writes into the environment of the first run would make the second one
-    wait for processes that nobody starts.
+    Lightning starts the other processes of a run with this one's command line, which would be the
+    whole sweep. What it writes into the environment of the first run would make the second one wait
+    for processes that nobody starts.
     """
     argv, environment = sys.argv[1:], dict(os.environ)
-    sys.argv[1:] = words
+    sys.argv[1:] = overrides
     try:
         yield
     finally:
@@ -93,18 +98,18 @@ def _as_if_alone(words: Sequence[str]) -> Iterator[None]:
 
 
 def launcher_failure(error: Exception) -> UserError:
-    """What to say where a launcher itself fails, as when a process of its own has been killed."""
+    """Returns the error to raise where a launcher fails, as when a process of its own is killed."""
     reason = one_line(error) or next(iter(f"{type(error).__name__}: {error}".splitlines()))
-    of_launcher = "hydra/launcher: " * (not isinstance(error, OSError))
-    return UserError(
-        f"{of_launcher}{reason}; what is finished is kept: the same command goes on from it"
-    )
+    if not isinstance(error, OSError):
+        reason = f"hydra/launcher: {reason}"
+    return UserError(f"{reason}; what is finished is kept: the same command goes on from it")
 
 
-def summarise(jobs: Sequence[Sequence[str]], outcomes: Sequence[Outcome]) -> None:
+def summarize(jobs: Sequence[Sequence[str]], outcomes: Sequence[Outcome]) -> None:
     """Prints a line for each job. Raises `UserError` where one has failed."""
     for label, outcome in zip(labels_of(jobs), outcomes):
-        say(f"{label}: {outcome.words}")
+        say(f"{label}: {outcome.summary}")
+
     failed = sum(outcome.failed for outcome in outcomes)
     if failed:
         raise UserError(
@@ -114,7 +119,7 @@ def summarise(jobs: Sequence[Sequence[str]], outcomes: Sequence[Outcome]) -> Non
 
 
 def labels_of(jobs: Sequence[Sequence[str]]) -> list[str]:
-    """The words that tell the jobs apart, or all where none does."""
+    """Names each job by the overrides that no other job shares, or by all where it has none."""
     shared = set(jobs[0]).intersection(*jobs) if len(jobs) > 1 else set()
-    labels = [[word for word in job if word not in shared] or job for job in jobs]
-    return [" ".join(word.removeprefix("+") for word in words) for words in labels]
+    own = [[override for override in job if override not in shared] or job for job in jobs]
+    return [" ".join(override.removeprefix("+") for override in job) for job in own]

@@ -1,4 +1,4 @@
-"""What a command says: whole lines, and progress bars where somebody watches."""
+"""Output of a command: whole lines, and progress bars where somebody watches."""
 
 import sys
 from collections.abc import Iterable
@@ -11,10 +11,10 @@ T = TypeVar("T")
 
 
 def say(line: object) -> None:
-    """Prints a line as it is: neither coloured nor cut."""
+    """Prints a line as it is: neither colored nor cut."""
     Console().print(str(line), highlight=False, soft_wrap=True, markup=False)
 
 
 def tracked(items: Iterable[T], doing: str, total: int | None = None) -> Iterable[T]:
-    """The items, with a bar that is gone when they are done; none in a file."""
+    """Yields the items beside a bar that is gone when they are done; a file shows no bar."""
     return track(items, doing, total, transient=True, disable=not sys.stdout.isatty())

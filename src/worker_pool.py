@@ -13,12 +13,12 @@ import torch
 
 T = TypeVar("T")
 
+# Forked processes would share bullet's and numba's state with their parent.
 SPAWN: Final = multiprocessing.get_context("spawn")
-"""Forked processes would share bullet's and numba's state with their parent."""
 
 
 def default_workers() -> int:
-    """A process for every core that this one may use."""
+    """Returns how many cores this process may use: a worker for each."""
     return len(os.sched_getaffinity(0))
 
 
@@ -26,12 +26,13 @@ def default_workers() -> int:
 def worker_pool(
     workers: int, setup: Callable[..., None] | None = None, arguments: tuple = ()
 ) -> Iterator[ProcessPoolExecutor]:
-    """Processes of one thread each, in which ``setup(*arguments)`` was called first.
+    """Starts processes of one thread each, in which ``setup(*arguments)`` is called first.
 
     A failure or an interrupt ends them at once, and so does the end of their parent.
     """
     before = multiprocessing.active_children()
     start = setup, arguments
+
     with _spawning(), ProcessPoolExecutor(workers, SPAWN, _start_worker, start) as pool:
         try:
             yield pool
@@ -43,7 +44,7 @@ def worker_pool(
 
 
 def mapped(function: Callable[..., T], workers: int, *arguments: Iterable) -> Iterator[T]:
-    """Results of a function in the order of its arguments, from worker processes.
+    """Yields results of a function in the order of its arguments, from worker processes.
 
     With one worker it is called in this process, which saves the start of another.
     """
@@ -56,8 +57,11 @@ def mapped(function: Callable[..., T], workers: int, *arguments: Iterable) -> It
 
 @contextmanager
 def _spawning() -> Iterator[None]:
-    """A worker takes over its parent's default way of starting processes, by name; under a launcher
-    that has one of its own, such as joblib's, a fresh process would not know it."""
+    """Makes spawning the default way of starting processes for a while.
+
+    A worker takes over its parent's default, by name. A launcher such as joblib's has a way of its
+    own, which a fresh process would not know.
+    """
     before = multiprocessing.get_start_method(allow_none=True)
     multiprocessing.set_start_method("spawn", force=True)
     try:

@@ -8,7 +8,7 @@ from lightning.pytorch.callbacks import Callback
 
 from src.failures import quiet_libraries
 from src.tasks.dataset import data_of, root_of
-from src.tasks.fit import trainer_of
+from src.tasks.trainer import trainer_of
 from tests.synthetic import compose_config, untrained
 
 

@@ -11,11 +11,13 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from torchmetrics import Metric
 
-from src.data.dataset import history_stride
+from src.bounds import require_count
+from src.data.dataset import history_stride, require_loading
 from src.errors import UserError
 from src.failures import one_line
 from src.geometry import VoxelGrid
 from src.models import BilinearLift, DeformableCrossAttention, LiftSplat, OccupancyLoss
+from src.models.network import require_size
 from src.ontology import NUM_CLASSES
 from src.run_folder import differences
 from src.settings import require_sound
@@ -43,6 +45,14 @@ BACKBONES = {  # and what each needs where there is no network
 
 def names_in(group):
     return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+
+
+def sound_config(*overrides, where=()):
+    """The configuration of a command line, once it is found to be sound."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        cfg = compose("config", [*overrides, *where])
+        require_sound(cfg, overrides, where)
+    return cfg
 
 
 def test_the_lists_of_this_test_are_complete():
@@ -87,6 +97,7 @@ def test_experiments_are_added_on_the_command_line():
 def test_everything_instantiates(rung, scale, tmp_path):
     cfg = compose_config(f"+experiment={rung}", f"scale={scale}", f"paths.runs={tmp_path}")
     cfg.trainer.accelerator, cfg.trainer.precision = "cpu", "32-true"
+
     with torch.device("meta"):
         network = instantiate(cfg.model, decoder={"class_prior": [1] * NUM_CLASSES})
     assert network.encoder.references.projection == FACTORS[rung][0]
@@ -111,10 +122,8 @@ def test_everything_instantiates(rung, scale, tmp_path):
 def test_every_lift_and_backbone_instantiates(lift, backbone):
     if backbone == "huggingface":
         pytest.importorskip("transformers")
-    words = ["scale=tiny", f"model/lift={lift}", f"model/backbone={backbone}", *BACKBONES[backbone]]
-    cfg = compose_config(*words)
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        require_sound(cfg, words)
+    chosen = [f"model/lift={lift}", f"model/backbone={backbone}", *BACKBONES[backbone]]
+    cfg = sound_config("scale=tiny", *chosen)
     network = instantiate(cfg.model)
     layers = [*network.encoder.frame_layers, network.encoder.last_layer]
     assert [type(layer.lift) for layer in layers] == [LIFTS[lift]] * cfg.size.layers
@@ -124,13 +133,10 @@ def test_every_lift_and_backbone_instantiates(lift, backbone):
 
 @pytest.mark.parametrize("scale", SCALES)
 def test_a_volume_on_the_ground_has_the_pillars_and_voxels_of_the_grid(scale):
-    words = ("+experiment=skyocc", f"scale={scale}", "model/volume=ground")
-    cfg = compose_config(*words)
-    apart = compose_config(*words, "model.ground.grid.shape=[5,5,5]")
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        require_sound(cfg, words)
-        with pytest.raises(UserError, match=r"^model\.ground\.grid\.shape: differs from grid"):
-            require_sound(apart, words)
+    overrides = ("+experiment=skyocc", f"scale={scale}", "model/volume=ground")
+    cfg = sound_config(*overrides)
+    with pytest.raises(UserError, match=r"^model\.ground\.grid\.shape: .*grid\.shape"):
+        sound_config(*overrides, "model.ground.grid.shape=[5,5,5]")
     volume, grid = instantiate(cfg.model.decoder.grid), VoxelGrid(**cfg.grid)
     assert instantiate(cfg.model.encoder.grid) == volume
     assert (volume.voxel_m, volume.shape[:2]) == (grid.voxel_m, grid.shape[:2])
@@ -198,7 +204,7 @@ def test_runs_are_named_after_scale_experiment_and_seed():
 
 
 @pytest.mark.parametrize(
-    "words",
+    "overrides",
     [
         ("data.batch_size=1",),
         ("data.batch_size=1", "sim.image.width=64", "sim.image.height=32"),
@@ -207,9 +213,36 @@ def test_runs_are_named_after_scale_experiment_and_seed():
         ("task=predict", "data.batch_size=1", "sim.image.width=32", "sim.image.height=32"),
     ],
 )
-def test_a_batch_of_one_is_sound_but_for_training_on_the_smallest_image(words):
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        require_sound(compose("config", list(words)), list(words))
+def test_a_batch_of_one_is_sound_but_for_training_on_the_smallest_image(overrides):
+    assert sound_config(*overrides)
+
+
+BOUNDS = {
+    require_loading: {
+        "data": {"batch_size": 0, "frames": 0, "run_frames": 0, "workers": -1, "history": "none"}
+    },
+    require_size: {
+        "size": {"backbone_width": 0, "dim": 0, "layers": 0, "heads": 0, "heights": 0, "blocks": -1}
+    },
+}
+
+
+@pytest.mark.parametrize("require", BOUNDS)
+def test_a_group_is_refused_by_the_first_setting_out_of_bounds(require):
+    ((group, wrong),) = BOUNDS[require].items()
+    settings = compose_config()[group]
+    require(settings)
+    for name, value in wrong.items():
+        with pytest.raises(UserError, match=rf"^{group}\.{name}: .*{value}"):
+            require({**settings, name: value})
+
+
+@pytest.mark.parametrize("value", [0, -1, 1.5, "two", True])
+def test_a_count_is_null_or_a_whole_number_of_things(value):
+    require_count("threads", None)
+    require_count("threads", 1)
+    with pytest.raises(UserError, match=f"^threads: {value!r}"):
+        require_count("threads", value)
 
 
 WHOLE = "# @package _global_\ndefaults: [skyocc, _self_]\nname: mine\n"
@@ -219,14 +252,11 @@ WHOLE = "# @package _global_\ndefaults: [skyocc, _self_]\nname: mine\n"
 def experiment(tmp_path):
     """Writes an experiment of one's own and checks its configuration."""
 
-    def checked(text, *words):
+    def checked(text, *overrides):
         (tmp_path / "experiment").mkdir(exist_ok=True)
         (tmp_path / "experiment/mine.yaml").write_text(text)
-        words, where = ["+experiment=mine", *words], [f"hydra.searchpath=[file://{tmp_path}]"]
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            cfg = compose("config", [*words, *where])
-            require_sound(cfg, words, where)
-        return cfg
+        where = [f"hydra.searchpath=[file://{tmp_path}]"]
+        return sound_config("+experiment=mine", *overrides, where=where)
 
     return checked
 
@@ -252,40 +282,37 @@ def test_a_scale_and_a_debug_run_set_what_there_is(experiment, scale):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
-        ("size: { layer: 3 }\n", r"size\.layer: nothing reads this key; did you mean 'layers'\?"),
-        ("optimiser: { lr: 1.0 }\n", r"optimiser: nothing .* did you mean 'optimizer'\?"),
-        ("optimizer: { lr: fast }\n", r"optimizer\.lr: 'fast' is not a number"),
-        ("trainer: { max_epoch: 4 }\n", r"trainer\.max_epoch: .* did you mean 'max_epochs'\?"),
-        ("callbacks: { mine: 3 }\n", r"callbacks\.mine: nothing reads this key"),
-        ("data: { frames: [1, 2] }\n", r"data\.frames: \[1, 2\] is not an integer"),
+        ("size: { layer: 3 }\n", r"size\.layer: .*'layers'"),
+        ("optimiser: { lr: 1.0 }\n", "optimiser: .*'optimizer'"),
+        ("optimizer: { lr: fast }\n", r"optimizer\.lr: 'fast' .*number"),
+        ("trainer: { max_epoch: 4 }\n", r"trainer\.max_epoch: .*'max_epochs'"),
+        ("callbacks: { mine: 3 }\n", r"callbacks\.mine: "),
+        ("data: { frames: [1, 2] }\n", r"data\.frames: \[1, 2\] .*integer"),
     ],
 )
-def test_a_mistake_in_an_experiment_of_ones_own_is_named(experiment, text, said):
-    with pytest.raises(UserError, match=f"^experiment=mine, scale=tiny: {said}"):
+def test_a_mistake_in_an_experiment_of_ones_own_is_named(experiment, text, message):
+    with pytest.raises(UserError, match=f"^experiment=mine, scale=tiny: {message}"):
         experiment(WHOLE + text, "scale=tiny")
 
 
 def test_an_experiment_that_does_not_say_where_its_keys_belong_is_named(experiment):
-    with pytest.raises(UserError, match=r"^experiment=mine: the file mine\.yaml must begin with"):
+    with pytest.raises(UserError, match=r"^experiment=mine: .*mine\.yaml.*@package _global_"):
         experiment("defaults: [skyocc]\nname: mine\n")
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
-        (WHOLE + "size: { layers: 3\n", r"mine\.yaml, line \d: cannot be read as YAML \("),
-        (
-            WHOLE.replace("skyocc", "override /loss/lovasz: on"),
-            'write it in quotes, as in override /loss/lovasz: "off"',
-        ),
+        (WHOLE + "size: { layers: 3\n", r"mine\.yaml, line \d: .*YAML \("),
+        (WHOLE.replace("skyocc", "override /loss/lovasz: on"), "quotes, .* /loss/lovasz"),
     ],
 )
-def test_an_experiment_that_cannot_be_read_is_one_line(experiment, text, said):
+def test_an_experiment_that_cannot_be_read_is_one_line(experiment, text, message):
     with pytest.raises(Exception) as info:  # noqa: PT011
         experiment(text)
-    assert re.search(said, one_line(info.value))
+    assert re.search(message, one_line(info.value))
 
 
 def test_a_debug_run_leaves_real_runs_alone():

@@ -20,6 +20,7 @@ from tests.synthetic import MINI, compose_config
 
 ROOT = Path(__file__).parent.parent
 RUNGS = ("baseline", "skyocc")
+# ``run.py`` with a smaller figure.
 PROGRAM = """
 import runpy
 from src.tasks import evaluate
@@ -27,15 +28,14 @@ evaluate.SHOWN_FRAMES = 1
 if __name__ == "__main__":
     runpy.run_path("run.py", run_name="__main__")
 """
-"""``run.py`` with a smaller figure."""
 
 
-def start(folder, *words):
+def start(folder, *overrides):
     """The sweep in a process group of its own; it makes its own data."""
     places = f"paths.data={folder}/data", f"paths.runs={folder}/runs"
     sweep = "-m", f"+experiment={','.join(RUNGS)}", "trainer.accelerator=cpu"
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *sweep, *MINI, *places, *words],
+        [sys.executable, "-c", PROGRAM, *sweep, *MINI, *places, *overrides],
         cwd=ROOT,
         env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"},
         stdout=subprocess.PIPE,
@@ -45,15 +45,15 @@ def start(folder, *words):
     )
 
 
-def said_by(process):
+def output_of(process):
     """All that a sweep prints, once it has ended well."""
     try:
-        said = process.communicate(timeout=1200)[0]
+        output = process.communicate(timeout=1200)[0]
     except BaseException:
         os.killpg(process.pid, signal.SIGKILL)
         raise
-    assert process.returncode == 0, said
-    return said
+    assert process.returncode == 0, output
+    return output
 
 
 def kill_in(stage, delay_s, process):
@@ -84,15 +84,15 @@ def tables_of(folder):
 
 
 def require_same(left, right):
-    for mine, theirs in zip(what_came_out(left), what_came_out(right), strict=True):
-        pd.testing.assert_frame_equal(mine, theirs, check_exact=True)
+    for table, other in zip(what_came_out(left), what_came_out(right), strict=True):
+        pd.testing.assert_frame_equal(table, other, check_exact=True)
     assert tables_of(left) == tables_of(right)
 
 
-def outcomes(said):
+def outcomes(output):
     """The closing line of every job."""
     return [
-        line.partition(": ")[2] for line in said.splitlines() if re.match("experiment=.*: ", line)
+        line.partition(": ")[2] for line in output.splitlines() if re.match("experiment=.*: ", line)
     ]
 
 
@@ -100,7 +100,7 @@ def outcomes(said):
 def undisturbed(tmp_path_factory):
     """The folder of a whole sweep."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    assert outcomes(said_by(start(folder))) == ["finished", "finished"]
+    assert outcomes(output_of(start(folder))) == ["finished", "finished"]
     return folder
 
 
@@ -112,23 +112,24 @@ def test_killed_at_three_random_moments_it_ends_as_if_undisturbed(undisturbed, t
     stages = [lambda: True, kept[0].is_file, kept[1].is_file]
     # Longest for the first stage: a start alone takes seconds, the rest of a training little more.
     delays_s = np.random.default_rng(0).uniform(0, [10, 2, 2])
+
     for stage, delay_s in zip(stages, delays_s, strict=True):
         kill_in(stage, delay_s, start(tmp_path))
-    first, last = outcomes(said_by(start(tmp_path)))
+    first, last = outcomes(output_of(start(tmp_path)))
     # Otherwise nothing of what was there had been used.
     assert first == SKIPPED
     assert "went on after epoch" in last
     require_same(tmp_path, undisturbed)
-    assert outcomes(said_by(start(tmp_path))) == [SKIPPED, SKIPPED]
+    assert outcomes(output_of(start(tmp_path))) == [SKIPPED, SKIPPED]
     assert not list(tmp_path.rglob("*.before*"))
     assert not list(tmp_path.rglob("*.tmp"))
 
 
 @pytest.mark.slow
 def test_two_jobs_at_once_come_out_as_one_after_the_other(undisturbed, tmp_path):
-    """Both need the data set, and one of them makes it."""
+    """Both need the dataset, and one of them makes it."""
     launcher = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "data.workers=1")
-    said = said_by(start(tmp_path, *launcher))
-    assert outcomes(said) == ["finished", "finished"]
-    assert "another process is making" in " ".join(said.split())
+    output = output_of(start(tmp_path, *launcher))
+    assert outcomes(output) == ["finished", "finished"]
+    assert "another process is making" in " ".join(output.split())
     require_same(tmp_path, undisturbed)

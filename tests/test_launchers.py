@@ -14,9 +14,9 @@ ROOT = Path(__file__).parent.parent
 
 
 def test_the_slurm_configuration_composes():
-    words = ["hydra/launcher=slurm", "hydra.launcher.partition=cpu"]
+    overrides = ["hydra/launcher=slurm", "hydra.launcher.partition=cpu"]
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        cfg = compose("config", words, return_hydra_config=True)
+        cfg = compose("config", overrides, return_hydra_config=True)
     launcher = cfg.hydra.launcher
     assert launcher._target_.endswith("SlurmLauncher")
     assert (launcher.partition, launcher.cpus_per_task, launcher.nodes) == ("cpu", 8, 1)
@@ -24,15 +24,14 @@ def test_the_slurm_configuration_composes():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
-def test_shards_spread_by_a_launcher_make_one_data_set(launcher, tmp_path):
-    words = [
+def test_shards_spread_by_a_launcher_make_one_dataset(launcher, tmp_path):
+    overrides = [
         *("-m", "task=generate", "scale=tiny", f"hydra/launcher={launcher}", "sim.shards=2"),
         *("sim.shard=0,1", "sim.clips_per_town=1", "sim.capture_hz=2.5", "data.history_step_s=0.4"),
         *("data.test_clips=[]", f"paths.data={tmp_path}/data", f"paths.runs={tmp_path}/runs"),
     ]
-    done = subprocess.run(
-        [sys.executable, "run.py", *words], cwd=ROOT, capture_output=True, text=True, timeout=300
-    )
+    command = [sys.executable, "run.py", *overrides]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     (root,) = (tmp_path / "data").glob("tiny-*")
     assert (root / MANIFEST).is_file()

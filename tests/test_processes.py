@@ -17,9 +17,9 @@ TWO = ("trainer.devices=2", "trainer.accelerator=cpu")
 ONE = ("trainer.devices=1", "trainer.accelerator=cpu")
 
 
-def python(*words):
+def python(*overrides):
     done = subprocess.run(
-        [sys.executable, *words],
+        [sys.executable, *overrides],
         cwd=ROOT,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
         capture_output=True,
@@ -42,17 +42,18 @@ def folder(tmp_path_factory):
 def test_two_processes_have_the_gradients_of_one_that_accumulates(folder, order):
     """Two batches of two processes are the same two batches of one process."""
     step = ("+trainer.max_steps=1", "+trainer.limit_val_batches=0", "data.batch_size=4")
-    words = mini_overrides(folder, "+experiment=skyocc", *step, f"data.order={order}")
+    overrides = mini_overrides(folder, "+experiment=skyocc", *step, f"data.order={order}")
     if order == "shuffled":
         # A history would be computed with the statistics that the first of the two batches left.
-        words.append("data.frames=1")
+        overrides.append("data.frames=1")
         alone = folder / "alone.pt"
         accumulated = (*ONE, "trainer.accumulate_grad_batches=2")
-        python("-m", "tests.gradients_of_one_step", str(alone), *words, *accumulated)
+        python("-m", "tests.gradients_of_one_step", str(alone), *overrides, *accumulated)
         expected = torch.load(f"{alone}.0", weights_only=True)
     shared = folder / f"{order}.pt"
-    python("-m", "tests.gradients_of_one_step", str(shared), *words, *TWO)
+    python("-m", "tests.gradients_of_one_step", str(shared), *overrides, *TWO)
     ranks = [torch.load(f"{shared}.{rank}", weights_only=True) for rank in range(2)]
+
     assert all(gradient is not None for gradient in ranks[0].values())
     for name, gradient in ranks[0].items():
         assert gradient.equal(ranks[1][name]), f"{name} differs between the processes"
@@ -65,12 +66,12 @@ def test_two_processes_have_the_gradients_of_one_that_accumulates(folder, order)
 
 @pytest.mark.slow
 def test_a_training_of_two_processes_is_scored_as_one_would_score_it(folder):
-    words = ("+experiment=skyocc", *mini_overrides(folder), "data.batch_size=4")
-    said = python("run.py", *words, *TWO)
-    assert said.count("frames to train") == 1, "one of them speaks"
+    overrides = ("+experiment=skyocc", *mini_overrides(folder), "data.batch_size=4")
+    output = python("run.py", *overrides, *TWO)
+    assert output.count("frames to train") == 1, "one of them speaks"
     run = folder / "runs/tiny/skyocc/seed0"
     trained = read_results(run / "results.csv")
-    python("run.py", *words, *ONE, "task=test", f"ckpt_path={run}/checkpoints/best.ckpt")
+    python("run.py", *overrides, *ONE, "task=test", f"ckpt_path={run}/checkpoints/best.ckpt")
     alone = read_results(run / "test/results.csv")
     timed = ["seconds", "code_version"]
     pd.testing.assert_frame_equal(trained.drop(columns=timed), alone.drop(columns=timed))
@@ -80,8 +81,8 @@ def test_a_training_of_two_processes_is_scored_as_one_would_score_it(folder):
 
 @pytest.mark.slow
 def test_a_sweep_of_such_trainings_does_one_after_the_other(folder):
-    """Each starts a second process for its own words, not for those of the whole sweep."""
-    words = ("-m", "+experiment=baseline", "seed=0,1", *mini_overrides(folder), *TWO)
-    said = python("run.py", *words, "data.batch_size=4", "trainer.max_epochs=1")
-    assert said.splitlines()[-2:] == ["seed=0: finished", "seed=1: finished"]
-    assert said.count("frames to train") == 2
+    """Each starts a second process for its own overrides, not for those of the whole sweep."""
+    overrides = ("-m", "+experiment=baseline", "seed=0,1", *mini_overrides(folder), *TWO)
+    output = python("run.py", *overrides, "data.batch_size=4", "trainer.max_epochs=1")
+    assert output.splitlines()[-2:] == ["seed=0: finished", "seed=1: finished"]
+    assert output.count("frames to train") == 2

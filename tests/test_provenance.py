@@ -24,12 +24,12 @@ from src.provenance import (
 )
 
 PYTHONS = ("3.10", "3.11", "3.12", "3.13")
+# What the files that shape data or weights use besides, and what shapes neither: errors, writing,
+# processes, names, and what configures the scores.
 NEUTRAL = {
-    *("errors", "atomic", "provenance", "jit", "run_folder", "locks", "terminal", "worker_pool"),
-    *("data/shards", "data/manifest", "data/files", "tasks/scoring"),
+    *("atomic", "bounds", "errors", "jit", "locks", "provenance", "run_folder", "terminal"),
+    *("worker_pool", "data/shards", "data/manifest", "data/files", "tasks/scoring"),
 }
-"""What the files that shape data or weights use besides, and what shapes neither: errors, writing,
-processes, names, and what configures the scores."""
 
 
 def test_equal_data_have_equal_digests_whatever_their_order():
@@ -63,32 +63,24 @@ CODE = '''def f(x):
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("edit", "counts"),
     [
-        CODE.replace("Doubles", "Gives twice x"),
-        CODE.replace('    """Doubles."""\n', "    # why\n") + '"""Of f."""\n',
-        CODE.replace("2 * x", "(\n        2\n        * x\n    )"),
-        CODE.replace("negative", "below zero"),
+        (("Doubles", "Gives twice x"), False),
+        (('    """Doubles."""\n', "    # why\n"), False),
+        (("2 * x", "(\n        2\n        * x\n    )"), False),
+        (("negative", "below zero"), False),
+        (("2 *", "3 *"), True),
+        (("2 *", "2.0 *"), True),
+        (("def f(x)", "def f(x, y=0)"), True),
+        (("def f(x)", "X = 1\ndef f(x)"), True),
+        (("ValueError", "TypeError"), True),
     ],
-    ids=["docstring", "comment", "layout", "message"],
+    ids=str,
 )
-def test_words_and_layout_do_not_count(digest_after, text):
+def test_statements_count_and_prose_and_layout_do_not(digest_after, edit, counts):
+    text = CODE.replace(*edit)
     assert text != CODE
-    assert digest_after(text) == digest_after(CODE)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        CODE.replace("2 *", "3 *"),
-        CODE.replace("2 *", "2.0 *"),
-        CODE + "X = 1\n",
-        CODE.replace("f(x)", "f(x, y=0)"),
-        CODE.replace("ValueError", "TypeError"),
-    ],
-)
-def test_statements_count(digest_after, text):
-    assert digest_after(text) != digest_after(CODE)
+    assert (digest_after(text) != digest_after(CODE)) == counts
 
 
 def test_a_file_s_place_counts(digest_after):
@@ -132,15 +124,14 @@ def edited(tmp_path, monkeypatch):
 
 def test_an_edit_changes_what_it_shapes_and_nothing_else(edited):
     data, training = edited()
-    assert edited("report/latex.py", "import math", "import math\n\nX = 1") == (data, training)
-    assert edited("tasks/report.py", '"""task=report', 'X = 1\n"""task=report') == (data, training)
-    assert edited("models/losses.py", "max_ratio: float = 4.0", "max_ratio: float = 4.5")[0] == data
-    assert edited("models/losses.py", "= 4.0", "= 4.5")[1] != training
-    assert edited("sim/traffic.py", "\nimport numpy", "\nX = 1\nimport numpy")[0] != data
-    assert edited("sim/traffic.py", "\nimport numpy", "\nX = 1\nimport numpy")[1] == training
-    both = edited("geometry.py", "MIN_DEPTH_M = 0.1", "MIN_DEPTH_M = 0.2")
-    assert both[0] != data
-    assert both[1] != training
+    for file, old, new, of_data, of_training in (
+        ("tasks/report.py", '"""task=report', 'X = 1\n"""task=report', False, False),
+        ("models/losses.py", "max_ratio: float = 4.0", "max_ratio: float = 4.5", False, True),
+        ("sim/traffic.py", "\nimport numpy", "\nX = 1\nimport numpy", True, False),
+        ("geometry.py", "MIN_DEPTH_M = 0.1", "MIN_DEPTH_M = 0.2", True, True),
+    ):
+        after = edited(file, old, new)
+        assert (after[0] != data, after[1] != training) == (of_data, of_training), file
 
 
 @pytest.mark.parametrize("parts", [DATA_CODE, TRAINING_CODE], ids=["data", "training"])
@@ -167,7 +158,7 @@ def imported(path):
 
 def test_it_is_the_same_under_every_python():
     """As printed with the standard library alone, by each interpreter that this machine has."""
-    said = {}
+    printed = {}
     for version in PYTHONS:
         for name in interpreters(version):
             done = subprocess.run(
@@ -177,12 +168,13 @@ def test_it_is_the_same_under_every_python():
                 text=True,
             )
             if done.returncode == 0:
-                said[version] = done.stdout
+                printed[version] = done.stdout
                 break
-    assert f"{sys.version_info[0]}.{sys.version_info[1]}" in said
-    assert len(set(said.values())) == 1, said
+
+    assert f"{sys.version_info[0]}.{sys.version_info[1]}" in printed
+    assert len(set(printed.values())) == 1, printed
     data, training = (digest_of(code_of(parts)) for parts in (DATA_CODE, TRAINING_CODE))
-    assert said.popitem()[1] == f"data {data}\ntraining {training}\n"
+    assert printed.popitem()[1] == f"data {data}\ntraining {training}\n"
 
 
 def interpreters(version):
@@ -219,7 +211,9 @@ def test_the_commit_says_whether_files_were_changed(tmp_path, monkeypatch):
         name = ("-c", "user.name=n", "-c", "user.email=e@example.org")
         subprocess.run(["git", *name, *words], cwd=tmp_path, check=True, capture_output=True)
 
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
     monkeypatch.setattr(provenance, "SOURCE", tmp_path)
+    assert git_commit() == "", "outside a checkout"
     git("init")
     (tmp_path / "a.py").write_text("A = 1\n")
     git("add", "a.py")
@@ -230,14 +224,8 @@ def test_the_commit_says_whether_files_were_changed(tmp_path, monkeypatch):
     assert git_commit() == clean + "+"
 
 
-def test_outside_a_checkout_the_commit_is_empty(tmp_path, monkeypatch):
-    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
-    monkeypatch.setattr(provenance, "SOURCE", tmp_path)
-    assert git_commit() == ""
-
-
 def test_the_machine_is_told_with_its_cores_and_python():
-    told = provenance.machine()
-    assert f"{len(os.sched_getaffinity(0))} cores" in told
-    assert f"Python {platform.python_version()}" in told
-    assert not told.startswith(",")
+    name, cores, python = provenance.machine().rsplit(", ", 2)
+    assert name
+    assert cores == f"{len(os.sched_getaffinity(0))} cores"
+    assert python == f"Python {platform.python_version()}"

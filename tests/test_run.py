@@ -39,10 +39,10 @@ ROOT = Path(__file__).parent.parent
 FIT = ("+experiment=skyocc", "trainer.accelerator=cpu")
 
 
-def command(*words, start=("run.py",)):
-    """``python run.py <words>``, with the output of a pipe."""
+def command(*overrides, start=("run.py",)):
+    """``python run.py <overrides>``, with the output of a pipe."""
     return subprocess.run(
-        [sys.executable, *start, *words],
+        [sys.executable, *start, *overrides],
         cwd=ROOT,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
         capture_output=True,
@@ -55,16 +55,16 @@ def command(*words, start=("run.py",)):
 def refusal(monkeypatch, capsys):
     """Runs a command in this process and returns the one line with which it is refused."""
 
-    def refused(*words):
+    def refused(*overrides):
         GlobalHydra.instance().clear()
-        monkeypatch.setattr(sys, "argv", ["run.py", *words])
+        monkeypatch.setattr(sys, "argv", ["run.py", *overrides])
         with pytest.raises(SystemExit) as info:
             runpy.run_path(str(ROOT / "run.py"), run_name="__main__")
         assert info.value.code == 2
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1
-        assert said.startswith("error: ")
-        return said
+        line = capsys.readouterr().err
+        assert line.count("\n") == 1
+        assert line.startswith("error: ")
+        return line
 
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
     yield refused
@@ -79,7 +79,7 @@ def _small_figure(monkeypatch):
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A folder with a finished data set of synthetic clips."""
+    """A folder with a finished dataset of synthetic clips."""
     folder = tmp_path_factory.mktemp("place")
     write_dataset(compose_config(*mini_overrides(folder)))
     return folder
@@ -87,20 +87,20 @@ def place(tmp_path_factory):
 
 @pytest.fixture
 def here(place, tmp_path):
-    """A fresh folder for runs beside the shared data set."""
+    """A fresh folder for runs beside the shared dataset."""
     return [*mini_overrides(place, *FIT), f"paths.runs={tmp_path}/runs"]
 
 
 @pytest.fixture(scope="module")
 def finished(place):
-    """The folder of one finished run, and the words that made it."""
-    words = mini_overrides(place, *FIT)
-    fit(compose_config(*words))
-    return place / "runs/tiny/skyocc/seed0", words
+    """The folder of one finished run, and the overrides that made it."""
+    overrides = mini_overrides(place, *FIT)
+    fit(compose_config(*overrides))
+    return place / "runs/tiny/skyocc/seed0", overrides
 
 
-def folder_of(words):
-    return Path(compose_config(*words).paths.run)
+def folder_of(overrides):
+    return Path(compose_config(*overrides).paths.run)
 
 
 def weights(path):
@@ -123,6 +123,30 @@ def stop_at(monkeypatch, epoch, batch):
     monkeypatch.setattr(OccupancyModule, "training_step", training_step)
 
 
+@pytest.fixture
+def interrupt(monkeypatch):
+    """Trains until some batch of some epoch, and no further."""
+
+    def interrupted(overrides, epoch, batch):
+        with monkeypatch.context() as patched:
+            stop_at(patched, epoch, batch)
+            with pytest.raises(Stop):
+                fit(compose_config(*overrides))
+
+    return interrupted
+
+
+def require_same_weights(folder, other):
+    mine, others = (weights(path / "checkpoints/last.ckpt") for path in (folder, other))
+    assert mine.keys() == others.keys()
+    assert all(torch.equal(value, others[name]) for name, value in mine.items())
+
+
+def require_same_metrics(folder, other):
+    tables = [pd.read_csv(path / "metrics.csv") for path in (folder, other)]
+    pd.testing.assert_frame_equal(*tables)
+
+
 # -------------------------------------------------------------------------------- what a run leaves
 
 
@@ -143,6 +167,7 @@ def test_a_run_leaves_its_folder_complete(finished):
 def test_results_hold_every_score_of_the_model_and_the_anchors_on_every_part(finished):
     table = read_results(finished[0] / "results.csv")
     parts = ("test", "test_unseen_clips", "test_seen_clips")
+
     assert set(zip(table["experiment"], table["split"])) == {
         (name, part) for name in ("skyocc", "all_free", "voxel_prior") for part in parts
     }
@@ -176,10 +201,10 @@ def test_checkpoints_hold_plain_tensors(finished):
 
 
 def test_the_same_command_again_shows_the_finished_run(finished, capsys, monkeypatch):
-    folder, words = finished
+    folder, overrides = finished
     stop_at(monkeypatch, 0, 0)
     before = (folder / "results.csv").stat().st_mtime_ns
-    assert fit(compose_config(*words)) == "already finished, skipped"
+    assert fit(compose_config(*overrides)) == "already finished, skipped"
     shown = capsys.readouterr().out
     assert "already finished" in shown
     assert "voxel_prior" in shown
@@ -194,6 +219,7 @@ def test_it_says_what_it_trains_and_needs_no_simulator_where_the_data_exist(here
         "runpy.run_path('run.py', run_name='__main__')\n"
     )
     done = command(*here, "trainer.max_epochs=1", start=("-c", script))
+
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     first, second, *_ = done.stdout.splitlines()
@@ -208,33 +234,22 @@ def test_it_says_what_it_trains_and_needs_no_simulator_where_the_data_exist(here
 
 
 @pytest.mark.parametrize(("epoch", "batch"), [(1, 0), (1, 2)])
-def test_a_half_done_run_goes_on_as_if_undisturbed(finished, here, monkeypatch, epoch, batch):
+def test_a_half_done_run_goes_on_as_if_undisturbed(finished, here, interrupt, epoch, batch):
     """Same order, same mirrors, same schedule: the same weights, and every epoch logged once."""
-    with monkeypatch.context() as patched:
-        stop_at(patched, epoch, batch)
-        with pytest.raises(Stop):
-            fit(compose_config(*here))
+    interrupt(here, epoch, batch)
     folder = folder_of(here)
     assert not (folder / "results.csv").exists()
     assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
-    undisturbed = weights(finished[0] / "checkpoints/last.ckpt")
-    resumed = weights(folder / "checkpoints/last.ckpt")
-    assert all(torch.equal(resumed[name], value) for name, value in undisturbed.items())
-    pd.testing.assert_frame_equal(
-        pd.read_csv(folder / "metrics.csv"), pd.read_csv(finished[0] / "metrics.csv")
-    )
+    require_same_weights(folder, finished[0])
+    require_same_metrics(folder, finished[0])
 
 
 @pytest.mark.parametrize("epoch", [1, 2])
-def test_the_best_one_stays_and_no_later_one_is_trained_again(here, monkeypatch, epoch):
+def test_the_best_one_stays_and_no_later_one_is_trained_again(here, interrupt, epoch):
     """Here the first one is called the best, as its loss is the greatest."""
-    words = [*here, "callbacks.best.monitor=val/loss"]
-    words += ["trainer.max_epochs=3"]
-    with monkeypatch.context() as patched:
-        stop_at(patched, epoch, 1)
-        with pytest.raises(Stop):
-            fit(compose_config(*words))
-    assert fit(compose_config(*words)) == f"finished, went on after epoch {epoch} of 3"
+    overrides = [*here, "callbacks.best.monitor=val/loss", "trainer.max_epochs=3"]
+    interrupt(overrides, epoch, 1)
+    assert fit(compose_config(*overrides)) == f"finished, went on after epoch {epoch} of 3"
     checkpoints = folder_of(here) / "checkpoints"
     assert {path.name for path in checkpoints.iterdir()} == {"best.ckpt", "last.ckpt"}
     epochs = [Checkpoint.read(checkpoints / f"{name}.ckpt").epochs for name in ("best", "last")]
@@ -255,9 +270,7 @@ def test_a_run_killed_before_its_results_repeats_no_training(finished, here, mon
     again, before = (read_results(path / "results.csv") for path in (folder, finished[0]))
     columns = [name for name in again if name not in ("seconds", "git_commit")]
     pd.testing.assert_frame_equal(again[columns], before[columns])
-    pd.testing.assert_frame_equal(
-        pd.read_csv(folder / "metrics.csv"), pd.read_csv(finished[0] / "metrics.csv")
-    )
+    require_same_metrics(folder, finished[0])
 
 
 def test_a_run_killed_while_a_checkpoint_is_written_goes_on_from_the_one_before(
@@ -278,23 +291,18 @@ def test_a_run_killed_while_a_checkpoint_is_written_goes_on_from_the_one_before(
         with pytest.raises(Stop):
             fit(compose_config(*here))
     assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
-    undisturbed = weights(finished[0] / "checkpoints/last.ckpt")
-    resumed = weights(folder_of(here) / "checkpoints/last.ckpt")
-    assert all(torch.equal(resumed[name], value) for name, value in undisturbed.items())
+    require_same_weights(folder_of(here), finished[0])
 
 
-def test_last_goes_on_and_another_configuration_is_refused(here, monkeypatch):
-    with monkeypatch.context() as patched:
-        stop_at(patched, 1, 1)
-        with pytest.raises(Stop):
-            fit(compose_config(*here))
-    with pytest.raises(UserError, match=r"optimizer\.lr=0\.002, and now it is 0\.1"):
+def test_last_goes_on_and_another_configuration_is_refused(here, interrupt):
+    interrupt(here, 1, 1)
+    with pytest.raises(UserError, match=r"optimizer\.lr=0\.002.* 0\.1"):
         fit(compose_config(*here, "ckpt_path=last", "optimizer.lr=0.1"))
     last = folder_of(here) / "checkpoints/last.ckpt"
     ours, content = last.read_bytes(), torch.load(last, weights_only=True)
     content["skyshield"]["code"]["models/losses.py"] = "0123456789ab"
     torch.save(content, last)
-    with pytest.raises(UserError, match=r"last\.ckpt was trained by other code: src/models/losses"):
+    with pytest.raises(UserError, match=r"last\.ckpt .*src/models/losses"):
         fit(compose_config(*here, "ckpt_path=last"))
     last.write_bytes(ours)
     fit(compose_config(*here, "ckpt_path=last"))
@@ -302,19 +310,16 @@ def test_last_goes_on_and_another_configuration_is_refused(here, monkeypatch):
     assert table.dropna(subset=["val/kar_miou"])["epoch"].tolist() == [0, 1]
 
 
-def test_a_run_resumes_without_reading_the_training_labels_again(here, monkeypatch):
-    with monkeypatch.context() as patched:
-        stop_at(patched, 1, 1)
-        with pytest.raises(Stop):
-            fit(compose_config(*here))
+def test_a_run_resumes_without_reading_the_training_labels_again(here, interrupt, monkeypatch):
+    interrupt(here, 1, 1)
     monkeypatch.setattr(SkyShieldData, "labels", None)
     assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
 
 
 def test_a_precision_holds_for_training_and_for_what_comes_after(here, monkeypatch):
-    words = [*here, "trainer.precision=bf16-mixed", "trainer.max_epochs=1"]
-    fit(compose_config(*words))
-    table = read_results(folder_of(words) / "results.csv").set_index("experiment")
+    overrides = [*here, "trainer.precision=bf16-mixed", "trainer.max_epochs=1"]
+    fit(compose_config(*overrides))
+    table = read_results(folder_of(overrides) / "results.csv").set_index("experiment")
     assert set(table.loc["skyocc", "precision"]) == {"bf16-mixed"}
     forward, autocast = SkyOcc.forward, []
 
@@ -323,9 +328,9 @@ def test_a_precision_holds_for_training_and_for_what_comes_after(here, monkeypat
         return forward(self, batch)
 
     monkeypatch.setattr(SkyOcc, "forward", watched)
-    predict(compose_config(*words, "task=predict", "ckpt_path=last"), "val", logits=False)
+    predict(compose_config(*overrides, "task=predict", "ckpt_path=last"), "val", logits=False)
     assert set(autocast) == {True}
-    facts = yaml.safe_load((folder_of(words) / "predictions/val/predictions.json").read_text())
+    facts = yaml.safe_load((folder_of(overrides) / "predictions/val/predictions.json").read_text())
     assert facts["precision"] == "bf16-mixed"
     assert facts["held_out"] == {"val": [], "test": ["suburb/clip00"]}
 
@@ -336,46 +341,46 @@ def test_there_is_nothing_to_resume_before_the_first_run(here):
 
 
 def test_fit_does_not_go_on_from_another_run(finished, here):
-    with pytest.raises(UserError, match="belongs to another run"):
+    with pytest.raises(UserError, match=r"ckpt_path: .*paths\.run"):
         fit(compose_config(*here, f"ckpt_path={finished[0]}/checkpoints/last.ckpt"))
 
 
 @pytest.mark.parametrize("late", [False, True])
 def test_what_cannot_be_done_is_refused_before_a_finished_run_is_moved(finished, late, monkeypatch):
     """A device that there is not, or labels that cannot be read, for another training there."""
-    folder, words = finished
-    words = [*words, "optimizer.lr=0.1", *([] if late else ["trainer.accelerator=tpu"])]
+    folder, overrides = finished
+    overrides = [*overrides, "optimizer.lr=0.1", *([] if late else ["trainer.accelerator=tpu"])]
     if late:
         monkeypatch.setattr(Clip, "semantics", lambda *_: Path("gone.npz").read_bytes())
     with pytest.raises((UserError, FileNotFoundError), match=r"finds only cpu|gone\.npz"):
-        fit(compose_config(*words))
+        fit(compose_config(*overrides))
     assert (folder / "results.csv").is_file()
     assert not folder.with_name("seed0.before1").exists()
 
 
 def test_overwriting_keeps_the_old_run_aside(place, here):
-    words = [*here, "trainer.max_epochs=1"]
-    fit(compose_config(*words))
-    fit(compose_config(*words, "overwrite=true"))
-    assert (folder_of(words).with_name("seed0.before1") / "results.csv").is_file()
-    assert (folder_of(words) / "results.csv").is_file()
+    overrides = [*here, "trainer.max_epochs=1"]
+    fit(compose_config(*overrides))
+    fit(compose_config(*overrides, "overwrite=true"))
+    assert (folder_of(overrides).with_name("seed0.before1") / "results.csv").is_file()
+    assert (folder_of(overrides) / "results.csv").is_file()
 
 
 # ----------------------------------------------------------------------------- scoring a checkpoint
 
 
 def test_scoring_a_checkpoint_repeats_the_run_s_own_scores(finished):
-    folder, words = finished
-    score(compose_config(*words, "task=test", "ckpt_path=best"))
+    folder, overrides = finished
+    score(compose_config(*overrides, "task=test", "ckpt_path=best"))
     again, first = (read_results(path / "results.csv") for path in (folder / "test", folder))
     columns = ["experiment", "split", *SCORES, "dataset", "code_version"]
     pd.testing.assert_frame_equal(again[columns], first[columns])
 
 
 def test_what_is_scored_in_part_says_so(finished):
-    folder, words = finished
+    folder, overrides = finished
     few = ("data.batch_size=2", "+trainer.limit_test_batches=1")
-    score(compose_config(*words, *few, "task=test", "ckpt_path=best"))
+    score(compose_config(*overrides, *few, "task=test", "ckpt_path=best"))
     part = {path.stem: Tally.read(path) for path in (folder / "test/tallies").iterdir()}
     frames = {sum(tally.frames) for tally in part.values()}
     assert frames == {tally.protocol.frames for tally in part.values()} == {2}
@@ -386,10 +391,10 @@ def test_what_is_scored_in_part_says_so(finished):
 
 
 def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path, monkeypatch):
-    folder, words = finished
-    words = [*words, f"predictions={tmp_path}/mine"]
-    predict(compose_config(*words, "task=predict", "ckpt_path=best"), "test", logits=True)
-    score_predictions(compose_config(*words, "task=score"), "test", False, None)
+    folder, overrides = finished
+    overrides = [*overrides, f"predictions={tmp_path}/mine"]
+    predict(compose_config(*overrides, "task=predict", "ckpt_path=best"), "test", logits=True)
+    score_predictions(compose_config(*overrides, "task=score"), "test", False, None)
     again = read_results(tmp_path / "mine/scores/results.csv")
     first = read_results(folder / "results.csv")
     first = first[first["experiment"] == "skyocc"].reset_index(drop=True)
@@ -405,6 +410,7 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path, monkeyp
     )
     of_logits = kept.index.str.startswith(("ece", "nll"))
     pd.testing.assert_frame_equal(whole[~of_logits], kept[~of_logits], atol=1e-6, rtol=0)
+
     # The class scores were rounded to half precision, and nothing else: as if the network had.
     forward = SkyOcc.forward
     monkeypatch.setattr(SkyOcc, "forward", lambda self, b: forward(self, b).half().float())
@@ -417,26 +423,26 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path, monkeyp
 
 def test_predictions_need_a_checkpoint_and_a_part_that_there_is(finished):
     cfg = compose_config(*finished[1], "task=predict")
-    with pytest.raises(UserError, match=r"^ckpt_path: task=predict needs a checkpoint"):
+    with pytest.raises(UserError, match=r"^ckpt_path: "):
         predict(cfg, "test", logits=False)
-    with pytest.raises(UserError, match=r"^task.part: 'tests'; there are test, val, train"):
+    with pytest.raises(UserError, match=r"^task\.part: 'tests'"):
         predict(cfg, "tests", logits=False)
 
 
 @pytest.mark.parametrize(
     ("other", "said"),
     [
-        ("+experiment=baseline", 'name="skyocc", and now it is "baseline"'),
-        ("+experiment=weights", 'name="skyocc", and now it is "weights"'),
-        ("seed=1", "seed=0, and now it is 1"),
-        ("model/projection=level", 'projection="attitude", and now it is "level"'),
-        ("loss/lovasz='off'", "lovasz.weight=1.0, and now it is 0.0"),
+        ("+experiment=baseline", 'name="skyocc".* "baseline"'),
+        ("+experiment=weights", 'name="skyocc".* "weights"'),
+        ("seed=1", "seed=0.* 1"),
+        ("model/projection=level", 'projection="attitude".* "level"'),
+        ("loss/lovasz='off'", "lovasz.weight=1.0.* 0.0"),
     ],
 )
 def test_a_checkpoint_is_not_scored_as_another_rung(finished, other, said):
     """Its weights would fit."""
-    folder, words = finished
-    kept = [word for word in words if word.split("=")[0] != other.split("=")[0]]
+    folder, overrides = finished
+    kept = [key for key in overrides if key.split("=")[0] != other.split("=")[0]]
     path = folder / "checkpoints/best.ckpt"
     cfg = compose_config(*kept, other, "task=test", f"ckpt_path={path}")
     with pytest.raises(UserError, match=said):
@@ -454,16 +460,13 @@ def test_a_file_that_is_no_checkpoint_is_named(finished, tmp_path, content):
 
 
 def test_a_checkpoint_of_another_architecture_is_named(finished):
-    words = [*finished[1], "task=test", "ckpt_path=best", "model.encoder.dim=32"]
-    with pytest.raises(UserError, match=r"decoder\.dim=16, and now it is 32"):
-        score(compose_config(*words))
+    overrides = [*finished[1], "task=test", "ckpt_path=best", "model.encoder.dim=32"]
+    with pytest.raises(UserError, match=r"decoder\.dim=16.* 32"):
+        score(compose_config(*overrides))
 
 
-def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
-    with monkeypatch.context() as patched:
-        stop_at(patched, 1, 0)
-        with pytest.raises(Stop):
-            fit(compose_config(*here))
+def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, interrupt):
+    interrupt(here, 1, 0)
     last = folder_of(here) / "checkpoints/last.ckpt"
     last.write_bytes(last.read_bytes()[:1000])
     with pytest.raises(UserError, match=r"last\.ckpt is no readable checkpoint"):
@@ -474,65 +477,62 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, monkeypatch):
 # ---------------------------------------------------------------------------------------- bad input
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["+experiment=skyoc"], "did you mean 'skyocc'?"),
-        (["scale=tinny"], "did you mean 'tiny'?"),
-        (["trainer.max_epoch=3"], "trainer.max_epoch: no such key; did you mean 'max_epochs'?"),
-        (["+max_epochs=3"], "max_epochs: nothing reads this key"),
-        (["+trainer.max_epoch=3"], "trainer.max_epoch: nothing reads this key; did you mean 'max_"),
-        (["+experiment=baseline", "attitude"], "'attitude': cannot be read; write key=value"),
-        (["+sim.fogg=1"], "sim.fogg: nothing reads this key"),
-        (["trainer.max_epochs=lots"], "trainer.max_epochs: 'lots' is not an integer"),
-        (["data.mirror=3"], "data.mirror: 3 is not true or false"),
-        (["seed=-1"], "seed: -1 is too small"),
-        (["size.heads=0"], "size.heads: 0 is too small"),
-        (["optimizer.lr=-1"], "optimizer.lr: -1 is too small"),
-        (["optimizer.warmup=5"], "optimizer.warmup: 5 is no share; give 0 to 1"),
-        (["metric.horizon_s=-1"], "horizon_s: -1 must be a finite number"),
-        (["suite.level=95"], "suite.level: 95 must be between 0 and 1"),
-        (["task=pretrain", "trainer.max_epochs=1"], "max_epochs: task=pretrain reads task.epochs"),
-        (["task=pretrain", "+debug=fast"], "debug: task=pretrain reads task.epochs=1, "),
-        (["task=pretrain", "task.limit_train_batches=0"], "task.limit_train_batches: 0 leaves"),
-        (["+trainer.limit_test_batches=0"], "trainer.limit_test_batches: 0 leaves nothing"),
-        (["size.heads=3"], "size.heads: 3 does not divide size.dim, 64"),
-        (["data.order=stream"], "data.order: 'stream'; there are shuffled, streams"),
-        (["model.history=foo"], "model.history: 'foo' is neither 'queue' nor 'recursive'"),
-        (["trainer.precision=fp16"], "trainer.precision: 'fp16'; there are auto, 32-true"),
-        (
-            ["trainer.accelerator=cpu", "trainer.precision=16-mixed"],
-            "not compute in 16-mixed; give",
-        ),
-        (["trainer.accelerator=tpu"], "trainer.accelerator: tpu, but PyTorch finds only"),
-        (["trainer.strategy=no"], "trainer: You selected an invalid strategy name"),
-        (["gpu_precision=fp8"], "gpu_precision: 'fp8'; there are 32-true"),
-        (["trainer.precision=null"], "trainer.precision: None; there are auto, 32-true"),
-        (["sim.image.width=100"], "sim.image.width: 100 is not a multiple of 32"),
-        (
-            ["sim.image.width=32", "sim.image.height=32", "data.batch_size=1"],
-            "data.batch_size: a single image of 32x32 pixels",
-        ),
-        (["grid.shape=[50,50,31]"], "grid.shape: [50, 50, 31] does not divide the range"),
-        (["data.history_step_s=0.3"], "data.history_step_s: 0.3 s is no multiple"),
-        (["sim.towns=[atlantis]"], "sim.towns: ['atlantis']; there are"),
-        (["data.test_clips=[park/clip99]"], "no clip 'park/clip99'"),
-        (["suite.ttc_edges_s=[]"], "suite.ttc_edges_s: [] is not a list of 5 numbers"),
-        (["suite.ttc_edges_s=[1.0,2.0]", "task=score"], "predictions: name the folder"),
-        (["task=score", "predictions=nowhere", "dataset=nowhere"], "nowhere"),
-        (["task=predict"], "ckpt_path: task=predict needs a checkpoint"),
-        (["task=compare"], "task.runs: name two or more"),
-        (
-            ["task=attitude", "task.tilt_edges_deg=[5,15]", "task.noise_deg=[]"],
-            "ckpt_path: task=attitude needs a checkpoint",
-        ),
-        (["task=attitude", "task.delay_s=[soon]"], "task.delay_s: ['soon'] is not a list"),
-        (["task=report"], "/runs/small: no such folder; train first, or name runs in task.runs"),
-    ],
-)
-def test_a_mistake_in_a_command_is_one_line_and_makes_nothing(words, said, tmp_path, refusal):
-    line = refusal(*words, f"paths.data={tmp_path}/data", f"paths.runs={tmp_path}/runs")
-    assert said in line
+# What is typed, and what the line must name: the key, and the value or the way out.
+MISTAKES = {
+    "+experiment=skyoc": "'skyocc'",
+    "scale=tinny": "'tiny'",
+    "trainer.max_epoch=3": "trainer.max_epoch: .*'max_epochs'",
+    "+max_epochs=3": "max_epochs: ",
+    "+trainer.max_epoch=3": "trainer.max_epoch: .*'max_epochs'",
+    "+experiment=baseline attitude": "'attitude': .*key=value",
+    "+sim.fogg=1": "sim.fogg: ",
+    "trainer.max_epochs=lots": "trainer.max_epochs: 'lots' .*integer",
+    "data.mirror=3": "data.mirror: 3 ",
+    "seed=-1": "seed: -1 .*0 or more",
+    "sim.seed=-1": "sim.seed: -1 .*0 or more",
+    "sim.workers=some": "sim.workers: 'some'",
+    "threads=0": "threads: 0",
+    "size.heads=0": "size.heads: 0 .*1 or more",
+    "optimizer.lr=-1": "optimizer.lr: -1 .*0 or more",
+    "optimizer.warmup=5": "optimizer.warmup: 5 .*0 to 1",
+    "metric.horizon_s=-1": "horizon_s: -1",
+    "suite.level=95": "suite.level: 95",
+    "task=pretrain trainer.max_epochs=1": "trainer.max_epochs: .*task.epochs",
+    "task=pretrain +debug=fast": "debug: .*task.epochs=1",
+    "task=pretrain task.epochs=0": "task.epochs: 0 .*1 or more",
+    "task=pretrain task.limit_train_batches=0": "task.limit_train_batches: 0",
+    "+trainer.limit_test_batches=0": "trainer.limit_test_batches: 0",
+    "size.heads=3": "size.heads: 3 .*size.dim, 64",
+    "data.order=stream": "data.order: 'stream'.*shuffled, streams",
+    "model.history=foo": "model.history: 'foo' .*'queue'",
+    "trainer.precision=fp16": "trainer.precision: 'fp16'.*auto, 32-true",
+    "trainer.accelerator=cpu trainer.precision=16-mixed": "trainer.precision: .*16-mixed; give",
+    "trainer.accelerator=tpu": "trainer.accelerator: tpu.*cpu",
+    "trainer.strategy=no": "trainer: .*strategy name",
+    "gpu_precision=fp8": "gpu_precision: 'fp8'.*32-true",
+    "trainer.precision=null": "trainer.precision: None.*auto, 32-true",
+    "sim.image.width=100": "sim.image.width: 100 .*32",
+    "sim.image.width=32 sim.image.height=32 data.batch_size=1": "data.batch_size: .*32x32",
+    "grid.shape=[50,50,31]": r"grid.shape: \[50, 50, 31\]",
+    "grid.shape=[50,50]": r"grid.shape: \[50, 50\] .*3 numbers",
+    "data.history_step_s=0.3": "data.history_step_s: 0.3 s",
+    "sim.towns=[atlantis]": "sim.towns: .*'atlantis'.*downtown",
+    "data.test_clips=[park/clip99]": "'park/clip99'",
+    "suite.ttc_edges_s=[]": r"suite.ttc_edges_s: \[\] .*numbers",
+    "suite.ttc_edges_s=[1.0,2.0] task=score": "predictions: .*predictions=DIR",
+    "task=score predictions=nowhere dataset=nowhere": "nowhere",
+    "task=predict": "ckpt_path: task=predict",
+    "task=compare": "task.runs: ",
+    "task=attitude task.tilt_edges_deg=[5,15] task.noise_deg=[]": "ckpt_path: task=attitude",
+    "task=attitude task.delay_s=[soon]": r"task.delay_s: \['soon'\]",
+    "task=report": "/runs/small: .*task.runs",
+}
+
+
+@pytest.mark.parametrize("typed", MISTAKES)
+def test_a_mistake_in_a_command_is_one_line_and_makes_nothing(typed, tmp_path, refusal):
+    line = refusal(*typed.split(" "), f"paths.data={tmp_path}/data", f"paths.runs={tmp_path}/runs")
+    assert re.search(MISTAKES[typed], line)
     assert not list(tmp_path.iterdir())
 
 
@@ -551,20 +551,18 @@ def test_data_made_under_another_configuration_are_refused(place, here, refusal)
     (made,) = (place / "data").iterdir()
     manifest = (made / "manifest.json").read_bytes()
     asked = (f"paths.dataset={made}", "sim.seed=7")
-    assert "sim.seed=0, and this run asks for 7" in refusal(*here, *asked)
+    assert re.search("sim.seed=0.* 7", refusal(*here, *asked))
     assert "paths.dataset" in refusal(*here, *asked, "task=generate")
     assert (made / "manifest.json").read_bytes() == manifest
     assert not folder_of(here).exists()
 
 
 def test_a_broken_clip_stops_training_with_its_name(tmp_path, refusal):
-    words = mini_overrides(tmp_path, *FIT, "data.workers=1")
-    root = write_dataset(compose_config(*words))
+    overrides = mini_overrides(tmp_path, *FIT, "data.workers=1")
+    root = write_dataset(compose_config(*overrides))
     path = root / "downtown/clip00/rgb.zip"
     path.write_bytes(path.read_bytes()[:5000])
-    line = refusal(*words)
-    assert str(path) in line
-    assert "delete the folder" in line
+    assert str(path) in refusal(*overrides)
 
 
 def test_no_pybullet_and_no_data_is_one_line(tmp_path, monkeypatch):
@@ -612,9 +610,9 @@ def test_a_loss_that_is_not_finite_keeps_the_last_good_checkpoint(here, monkeypa
 
 @pytest.mark.slow
 def test_the_ladder_leaves_four_folders(place, tmp_path):
-    words = mini_overrides(place, "trainer.accelerator=cpu", f"paths.runs={tmp_path}/runs")
+    overrides = mini_overrides(place, "trainer.accelerator=cpu", f"paths.runs={tmp_path}/runs")
     rungs = ["attitude", "baseline", "skyocc", "weights"]
-    done = command("-m", f"+experiment={','.join(rungs)}", *words)
+    done = command("-m", f"+experiment={','.join(rungs)}", *overrides)
     assert done.returncode == 0, done.stderr
     results = sorted((tmp_path / "runs/tiny").glob("*/seed0/results.csv"))
     assert [path.parent.parent.name for path in results] == rungs
@@ -625,14 +623,15 @@ def test_the_ladder_leaves_four_folders(place, tmp_path):
 @pytest.mark.slow
 def test_four_samples_can_be_learnt_by_heart(mini_dataset, tmp_path):
     """Generated frames, network, loss and scores: the loss falls tenfold, the score passes 0.9."""
-    words = mini_overrides(tmp_path, *FIT, "data.mirror=false", "data.batch_size=4")
-    cfg = compose_config(*words, "data.val_clips=[]", "data.test_clips=[suburb/clip01]")
+    overrides = mini_overrides(tmp_path, *FIT, "data.mirror=false", "data.batch_size=4")
+    cfg = compose_config(*overrides, "data.val_clips=[]", "data.test_clips=[suburb/clip01]")
     data = data_of(cfg, mini_dataset)
     data.split["train"] = [("suburb/clip00", frame) for frame in (4, 10, 16, 22)]
     module = untrained(cfg, data)
     batch = next(iter(data.train_dataloader()))
     optimizer = torch.optim.AdamW(module.network.parameters())
     losses = []
+
     for step in range(300):
         optimizer.param_groups[0]["lr"] = 5e-3 * rate_share(step, 300, 0.1)
         loss = module.loss(module(batch), batch["semantics"])["total"]

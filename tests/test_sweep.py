@@ -24,16 +24,18 @@ ROOT = Path(__file__).parent.parent
 def sweep(monkeypatch, capsys, tmp_path):
     """Runs ``run.py -m`` in this process; returns its status, its lines and those of its errors."""
 
-    def swept(*words):
+    def swept(*overrides):
         GlobalHydra.instance().clear()
-        monkeypatch.setattr(sys, "argv", ["run.py", "-m", *words, f"paths.runs={tmp_path}/runs"])
+        monkeypatch.setattr(
+            sys, "argv", ["run.py", "-m", *overrides, f"paths.runs={tmp_path}/runs"]
+        )
         status = 0
         try:
             runpy.run_path(str(ROOT / "run.py"), run_name="__main__")
         except SystemExit as stop:
             status = stop.code
-        said = capsys.readouterr()
-        return status, said.out.splitlines(), said.err.splitlines()
+        output = capsys.readouterr()
+        return status, output.out.splitlines(), output.err.splitlines()
 
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
     yield swept
@@ -55,20 +57,20 @@ def stub(name):
 
 
 def test_each_job_is_done_and_told_in_a_line(sweep, done):
-    status, said, errors = sweep(stub("remember"), "+experiment=baseline,skyocc", "seed=0,1")
+    status, lines, errors = sweep(stub("remember"), "+experiment=baseline,skyocc", "seed=0,1")
     assert (status, errors) == (0, [])
     assert done() == ["baseline0", "baseline1", "skyocc0", "skyocc1"]
-    assert said == [
+    assert lines == [
         *("experiment=baseline seed=0: finished", "experiment=baseline seed=1: finished"),
         *("experiment=skyocc seed=0: finished", "experiment=skyocc seed=1: finished"),
     ]
 
 
 def test_a_failing_job_does_not_stop_the_others(sweep, done):
-    status, said, errors = sweep(stub("fail_between_others"), "seed=0,1,2,3")
+    status, lines, errors = sweep(stub("fail_between_others"), "seed=0,1,2,3")
     assert status == 2
     assert done() == ["custom0", "custom3"]
-    assert said == [
+    assert lines == [
         "seed=0: finished",
         "seed=1: failed: data.zip: broken; delete it",
         "seed=2: failed: ZeroDivisionError: division by zero",
@@ -80,16 +82,16 @@ def test_a_failing_job_does_not_stop_the_others(sweep, done):
 
 
 def test_a_task_says_how_it_went(sweep):
-    _, said, _ = sweep(stub("resume"), "seed=0,1")
-    assert said[0] == "seed=0: finished, went on after epoch 1 of 2"
+    _, lines, _ = sweep(stub("resume"), "seed=0,1")
+    assert lines[0] == "seed=0: finished, went on after epoch 1 of 2"
 
 
 def test_a_job_sees_its_own_words_and_nothing_of_the_one_before(sweep, done, tmp_path):
     status, _, errors = sweep(stub("be_one_of_many"), "seed=0,1")
     assert (status, errors) == (0, [])
     for seed in (0, 1):
-        words = (tmp_path / f"runs/custom{seed}").read_text()
-        assert words == f"{stub('be_one_of_many')} seed={seed} paths.runs={tmp_path}/runs"
+        typed = (tmp_path / f"runs/custom{seed}").read_text()
+        assert typed == f"{stub('be_one_of_many')} seed={seed} paths.runs={tmp_path}/runs"
     assert "LOCAL_RANK" not in os.environ
 
 
@@ -100,15 +102,15 @@ def test_a_job_is_told_where_experiments_of_ones_own_lie(sweep, done, tmp_path):
     there = f"hydra.searchpath=[file://{tmp_path}/conf]"
     status, _, errors = sweep(stub("remember"), "+experiment=mine", "seed=0,1", there)
     assert (status, errors) == (0, [])
-    # A process that Lightning starts for a second device composes these words.
+    # A process that Lightning starts for a second device composes these overrides.
     assert (tmp_path / "runs/mine1").read_text().startswith(f"{there} {stub('remember')} ")
 
 
 def test_ctrl_c_ends_the_sweep_with_a_line(sweep, done):
-    status, said, errors = sweep(stub("be_interrupted"), "seed=0,1,2")
+    status, lines, errors = sweep(stub("be_interrupted"), "seed=0,1,2")
     assert status == 130
     assert done() == ["custom0"]
-    assert said == []
+    assert lines == []
     assert errors == ["error: interrupted; the same command goes on from what is finished"]
 
 
@@ -123,45 +125,43 @@ def test_jobs_are_named_by_what_tells_them_apart():
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    ("overrides", "named"),
     [
-        (["+experiment=skyocc,baselin"], "did you mean 'baseline'?"),
-        (["seed=0,1,-1"], "seed: -1 is too small"),
-        (["seed=0,1", "trainer.max_epoch=3"], "trainer.max_epoch: no such key; did you mean"),
-        (["seed=0,1", "+epochs=3"], "epochs: nothing reads this key"),
-        (["trainer.max_epochs=3,lots"], "trainer.max_epochs: 'lots' is not an integer"),
-        (["sim.image.width=96,100"], "sim.image.width: 100 is not a multiple of 32"),
-        (["trainer.precision=auto,fp16"], "trainer.precision: 'fp16'; there are auto"),
+        (["+experiment=skyocc,baselin"], "'baseline'"),
+        (["seed=0,1,-1"], "seed: -1 "),
+        (["seed=0,1", "trainer.max_epoch=3"], "trainer.max_epoch: "),
+        (["seed=0,1", "+epochs=3"], "epochs: "),
+        (["trainer.max_epochs=3,lots"], "trainer.max_epochs: 'lots'"),
+        (["sim.image.width=96,100"], "sim.image.width: 100 "),
+        (["size.blocks=2,-1"], "size.blocks: -1 "),
+        (["data.batch_size=4,0"], "data.batch_size: 0 "),
+        (["task=pretrain", "task.epochs=1,0"], "task.epochs: 0 "),
+        (["trainer.precision=auto,fp16"], "trainer.precision: 'fp16'"),
         (["seed=0,1", "hydra/launcher=gnome"], "pip install -e '.[launchers]' or '.[ray]'"),
     ],
 )
 def test_a_mistake_in_any_job_is_told_before_the_first_one_starts(
-    words, line, sweep, done, tmp_path
+    overrides, named, sweep, tmp_path
 ):
-    status, said, errors = sweep(stub("remember"), *words)
-    assert (status, said, len(errors)) == (2, [], 1)
-    assert line in errors[0]
-    assert not list(tmp_path.iterdir())
-
-
-def test_two_jobs_that_would_train_in_one_folder_are_refused(sweep, tmp_path):
-    status, _, (line,) = sweep("+experiment=skyocc", "optimizer.lr=1e-3,1e-4")
-    assert status == 2
-    assert re.search(r"'optimizer\.lr=0\.001' and 'optimizer\.lr=0\.0001' would both train", line)
+    task = [] if overrides[0].startswith("task=") else [stub("remember")]
+    status, lines, errors = sweep(*task, *overrides)
+    assert (status, lines, len(errors)) == (2, [], 1)
+    assert named in errors[0]
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("overrides", "named"),
     [
-        ["task=attitude", "task.noise_deg=[1.0],[3.0]"],
-        ["task=test", "metric.horizon_s=4.0,5.0"],
+        (["optimizer.lr=1e-3,1e-4"], r"paths\.run: 'optimizer\.lr=0\.001' .* both train"),
+        (["ckpt_path=best", "task=attitude", "task.noise_deg=[1.0],[3.0]"], "both write"),
+        (["ckpt_path=best", "task=test", "metric.horizon_s=4.0,5.0"], "both write"),
     ],
 )
-def test_two_jobs_that_would_overwrite_each_others_scores_are_refused(words, sweep, tmp_path):
-    status, _, (line,) = sweep("+experiment=skyocc", "ckpt_path=best", *words)
+def test_two_jobs_that_would_write_to_one_folder_are_refused(overrides, named, sweep, tmp_path):
+    status, _, (line,) = sweep("+experiment=skyocc", *overrides)
     assert status == 2
-    assert "would both write their scores to" in line
+    assert re.search(named, line)
     assert not list(tmp_path.iterdir())
 
 
@@ -174,14 +174,14 @@ def test_a_place_that_is_no_folder_is_not_the_launchers_fault():
 # ----------------------------------------------------------------------------------- in processes
 
 
-def start(*words):
+def start(*overrides):
     """``run.py -m`` as the leader of a session, where Ctrl-C means what it means in a terminal."""
 
     def as_in_a_terminal():
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     return subprocess.Popen(
-        [sys.executable, "run.py", "-m", *words],
+        [sys.executable, "run.py", "-m", *overrides],
         cwd=ROOT,
         env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"},
         stdout=subprocess.PIPE,
@@ -199,36 +199,37 @@ def test_under_a_launcher_of_processes_the_summary_is_the_same(launcher, done, t
         *(stub("fail_between_others"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"),
         f"hydra/launcher={launcher}",
     )
-    said = process.communicate(timeout=300)[0].splitlines()
+    lines = process.communicate(timeout=300)[0].splitlines()
+
     assert process.returncode == 2
     assert done() == ["custom0", "custom3"]
-    assert [line for line in said if line.startswith("seed=")] == [
+    assert [line for line in lines if line.startswith("seed=")] == [
         "seed=0: finished",
         "seed=1: failed: data.zip: broken; delete it",
         "seed=2: failed: ZeroDivisionError: division by zero",
         "seed=3: finished",
     ]
-    assert said[-1].startswith("error: 2 of 4 jobs failed")
+    assert lines[-1].startswith("error: 2 of 4 jobs failed")
 
 
 @pytest.mark.slow
 def test_a_launcher_that_loses_a_job_is_told_in_a_line(tmp_path):
-    words = [stub("be_killed"), "seed=0,1", f"paths.runs={tmp_path}/runs"]
-    said = start(*words, "hydra/launcher=joblib").communicate(timeout=300)[0]
+    overrides = [stub("be_killed"), "seed=0,1", f"paths.runs={tmp_path}/runs"]
+    output = start(*overrides, "hydra/launcher=joblib").communicate(timeout=300)[0]
     told = r"^error: hydra/launcher: TerminatedWorkerError: .*the same command goes on"
-    assert re.search(told, said, re.MULTILINE)
+    assert re.search(told, output, re.MULTILINE)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", [["basic"], ["joblib", "hydra.launcher.n_jobs=2"]])
 def test_ctrl_c_ends_it_at_once_and_leaves_nothing_running(launcher, done, tmp_path):
-    words = [stub("sleep"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"]
-    process = start(*words, f"hydra/launcher={launcher[0]}", *launcher[1:])
+    overrides = [stub("sleep"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"]
+    process = start(*overrides, f"hydra/launcher={launcher[0]}", *launcher[1:])
     assert process.stdout.readline() == "asleep\n"
     os.killpg(process.pid, signal.SIGINT)
-    said = process.communicate(timeout=60)[0]
+    output = process.communicate(timeout=60)[0]
     assert process.returncode == 130
-    assert said.splitlines()[-1] == (
+    assert output.splitlines()[-1] == (
         "error: interrupted; the same command goes on from what is finished"
     )
     assert len(done()) < 4

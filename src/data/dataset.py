@@ -8,9 +8,10 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.utils.data import Dataset
 
+from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from .batch import Batch, ego_motion, mirrored
-from .batches import Key
+from .batches import ORDERS, Key
 from .clip import Clip
 from .split import part_of_time
 
@@ -43,8 +44,7 @@ class OccupancyDataset(Dataset):
         self.history = history
         self.held_out = frozenset(held_out)
         self.images = images
-        if history not in HISTORY:
-            raise UserError(f"data.history: {history!r}; there are {', '.join(HISTORY)}")
+        require_choice("data.history", history, HISTORY)
 
         self.step = history_stride(history_step_s, clips[self.samples[0][0]].meta.capture_hz)
 
@@ -89,6 +89,14 @@ class OccupancyDataset(Dataset):
             return True
         capture_hz = self.clips[clip_id].meta.capture_hz
         return part_of_time(frame / capture_hz) == part_of_time(now / capture_hz)
+
+
+def require_loading(data: Mapping) -> None:
+    """Raises `UserError` for settings of ``data`` that no loader can have."""
+    require_at_least(1, "data", data, "batch_size", "frames", "run_frames")
+    require_at_least(0, "data", data, "workers")
+    require_choice("data.order", data.get("order"), ORDERS)
+    require_choice("data.history", data.get("history"), HISTORY)
 
 
 def history_stride(history_step_s: float, capture_hz: float) -> int:

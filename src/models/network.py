@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 import torch
 from torch import Tensor, nn
 
+from ..bounds import require_at_least
 from ..errors import UserError
 from ..geometry import inverse
 from .checkpointing import recompute_in_backward, running_statistics
@@ -206,3 +207,10 @@ class SkyOcc(nn.Module):
             (inverse(occ_from_this) @ occ_from_last)[:, None],
             batch["history_valid"][rows, at - 1 : at],
         )
+
+
+def require_size(size: Mapping) -> None:
+    """Raises `UserError` for settings of ``size`` that leave a part of the network empty."""
+    names = ("backbone_width", "dim", "layers", "heads", "heights", "points")
+    require_at_least(1, "size", size, *names)
+    require_at_least(0, "size", size, "blocks")

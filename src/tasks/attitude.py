@@ -20,11 +20,9 @@ from ..report.scores import score_table, write_table
 from ..run_folder import TALLIES
 from ..terminal import say, tracked
 from .condition import Condition, ConditionCount, conditions_of
-from .dataset import data_of, finished_dataset
-from .fit import trainer_of
 from .predictor import Predictor, predictor
 from .scoring import clips_of, protocol_of
-from .trained import trained
+from .session import Session
 
 
 def attitude(
@@ -37,12 +35,12 @@ def attitude(
 ) -> None:
     """Writes ``<run>/attitude/``: ``attitude.csv``, a tally a condition, and a figure.
 
-    Raises `UserError` as `trained`, `finished_dataset` and `conditions_of` do.
+    Raises `UserError` as `Session` and `conditions_of` do.
     """
     conditions = list(conditions_of(tilt_edges_deg, noise_deg, delay_s, level))
-    trainer = trainer_of(cfg)
-    run, checkpoint = trained(cfg, "attitude")
-    data = data_of(cfg, finished_dataset(cfg))
+    session = Session(cfg)
+    trainer, run = session.trainer, session.folder
+    checkpoint, data = session.checkpoint("attitude"), session.data
     counts = _counts(conditions, cfg, data)
     _count(counts, data, predictor(checkpoint.network(), trainer), seed)
     protocol = protocol_of(cfg, data, len(data.split["test"]))

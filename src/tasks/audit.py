@@ -1,4 +1,4 @@
-"""task=audit: the labels of a data set against the exact geometry of the scenes they came from."""
+"""task=audit: the labels of a dataset against the exact geometry of the scenes they came from."""
 
 import shlex
 import sys
@@ -13,8 +13,9 @@ from omegaconf import DictConfig, OmegaConf
 from ..atomic import replacing
 from ..audit.agreement import SurfaceAgreement
 from ..audit.truth import Camera, SurfaceTruth
+from ..bounds import require_at_least
 from ..data.clip import Clip
-from ..data.manifest import DatasetSpec, missing_clips, read_manifest, require_same_data
+from ..data.manifest import missing_clips, read_manifest, require_same_data
 from ..errors import UserError
 from ..provenance import git_commit, machine
 from ..sim.clip_maker import ClipMaker, ClipPlan
@@ -26,45 +27,46 @@ from .dataset import root_of, spec_of
 
 def audit(cfg: DictConfig, frames_per_clip: int, out: str | None) -> None:
     """Prints precision, recall, ghosts and free-space errors, and writes them as ``audit.csv`` and
-    ``audit.md`` to ``out`` (null: ``audit/`` under the data set).
+    ``audit.md`` to ``out`` (null: ``audit/`` under the dataset).
 
     ``frames_per_clip`` frames of every clip are compared, spread evenly. Raises `UserError` for a
-    data set that is not finished, or that other settings or other code made: its scenes could not
+    dataset that is not finished, or that other settings or other code made: its scenes could not
     be built again.
     """
-    if frames_per_clip < 1:
-        raise UserError(f"task.frames_per_clip: {frames_per_clip} is too small; give 1 or more")
-    root, spec = root_of(cfg), spec_of(cfg)
-    _require_rebuildable(root, spec)
+    require_at_least(1, "task", {"frames_per_clip": frames_per_clip}, "frames_per_clip")
+    root = root_of(cfg)
+    _require_rebuildable(cfg, root)
+
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     plans, total = plan_clips(sim), SurfaceAgreement()
     workers = min(len(plans), sim["workers"] or default_workers())
-    job = partial(audit_clip, sim, root, frames_per_clip)
-    results = mapped(job, workers, plans)
+    results = mapped(partial(_audit_clip, sim, root, frames_per_clip), workers, plans)
     for result in tracked(results, f"auditing {root.name}", len(plans)):
         total.join(result)
+
     folder = Path(out) if out else root / "audit"
     _write(folder, total, root, sim)
     say(_readable(total.table()))
     say(f"{total.frames} frames of {root}: {folder / 'audit.md'}")
 
 
-def audit_clip(sim: Mapping, root: Path, frames_per_clip: int, plan: ClipPlan) -> SurfaceAgreement:
+def _audit_clip(sim: Mapping, root: Path, frames_per_clip: int, plan: ClipPlan) -> SurfaceAgreement:
     """Builds one clip's scene again and compares its labels with it."""
     maker, clip, agreement = ClipMaker(sim, root), Clip(root / plan.clip_id), SurfaceAgreement()
     _, scene = maker.stage(plan)
-    count = min(frames_per_clip, len(clip))
-    for frame in np.unique(np.linspace(0, len(clip) - 1, count).round().astype(int)).tolist():
-        meta = clip.meta
-        mount = meta.body_from_camera, meta.pix_from_camera, meta.width, meta.height
+    meta = clip.meta
+    mount = meta.body_from_camera, meta.pix_from_camera, meta.width, meta.height
+
+    frames = np.linspace(0, len(clip) - 1, min(frames_per_clip, len(clip)))
+    for frame in np.unique(frames.round().astype(int)).tolist():
         camera = Camera(clip.world_from_body[frame], *mount)
         truth = SurfaceTruth.of(scene, maker.step_of(frame), camera, meta.grid)
         agreement.add(clip.semantics(frame), truth)
     return agreement
 
 
-def _require_rebuildable(root: Path, spec: DatasetSpec) -> None:
-    manifest = read_manifest(root)
+def _require_rebuildable(cfg: DictConfig, root: Path) -> None:
+    manifest, spec = read_manifest(root), spec_of(cfg)
     require_same_data(root, spec)
     if manifest["generator"] != spec.generator:
         raise UserError(
@@ -81,9 +83,10 @@ def _write(folder: Path, total: SurfaceAgreement, root: Path, sim: Mapping) -> N
     table = total.table()
     with replacing(folder / "audit.csv") as temporary:
         table.to_csv(temporary, index=False, float_format="%.6f", lineterminator="\n")
-    # Where it lies on this machine is nobody else's concern.
-    words = [word for word in sys.argv[1:] if not word.startswith("paths.")]
-    command = shlex.join(["python", "run.py", *words])
+
+    # Where the dataset lies on this machine is nobody else's concern.
+    overrides = [each for each in sys.argv[1:] if not each.startswith("paths.")]
+    command = shlex.join(["python", "run.py", *overrides])
     text = f"""# Label audit
 
 {total.frames} frames of `{root.name}`, {len(sim["towns"])} towns, `sim.seed={sim["seed"]}`, \
@@ -113,6 +116,7 @@ Ghosts of moving classes among what is visible: {total.moving_ghosts}.
 def _readable(table: pd.DataFrame) -> str:
     columns = ["scope", "class", "true", "recall", "class_recall", "labelled", "precision"]
     columns += ["class_precision", "ghosts", "free", "free_error"]
-    shown = table[columns].astype({"free": object, "free_error": object})
-    shown.loc[shown["class"] != "all", ["free", "free_error"]] = ""
-    return shown.to_string(index=False, float_format="{:.4f}".format, na_rep="")
+    # Free space has no class, so its two columns stand in the row of all classes alone.
+    readable = table[columns].astype({"free": object, "free_error": object})
+    readable.loc[readable["class"] != "all", ["free", "free_error"]] = ""
+    return readable.to_string(index=False, float_format="{:.4f}".format, na_rep="")

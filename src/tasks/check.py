@@ -1,7 +1,6 @@
-"""task=check: verifies a data set clip by clip, draws its labels, and mends what is damaged."""
+"""task=check: verifies a dataset clip by clip, draws its labels, and mends what is damaged."""
 
 import shutil
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby
@@ -18,18 +17,15 @@ from ..report.card import CARD, CARD_SUMS, write_card
 from ..report.check_sheet import draw_check_sheet
 from ..terminal import say, tracked
 from ..worker_pool import default_workers, mapped
-from .dataset import make_dataset, root_of, spec_of
+from .dataset import make_dataset, root_of
 
-SHEETS = "check"
+# Fewer are checked before another process would have started.
 CLIPS_A_WORKER = 8
-"""Fewer are checked before another process would have started."""
-
-WAY_OUT = "task.mend=true makes the damaged clips again"
 
 
 @dataclass
 class Findings:
-    """What is wrong with a data set: lines for people, by clip; and how labels agree with depth."""
+    """Problems of a dataset, in lines for people, and how its labels agree with the depth."""
 
     of_clips: dict[str, list[str]] = field(default_factory=dict)
     of_whole: list[str] = field(default_factory=list)
@@ -37,7 +33,7 @@ class Findings:
 
     @property
     def lines(self) -> list[str]:
-        return [*self.of_whole, *(line for lines in self.of_clips.values() for line in lines)]
+        return sum(self.of_clips.values(), self.of_whole)
 
 
 def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
@@ -45,14 +41,15 @@ def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
     is a problem and ``mend`` is false.
 
     With ``mend`` damaged clips are made again, and they alone. With ``sheets`` the labels of every
-    town are laid over its images, in ``check/<town>.jpg`` under the data set.
+    town are laid over its images, in ``check/<town>.jpg`` under the dataset.
     """
     root = root_of(cfg)
     if mend and cfg.paths.dataset:
         raise UserError(
-            "task.mend: only a data set that is named after its settings can be mended; drop "
+            "task.mend: only a dataset that is named after its settings can be mended; drop "
             "paths.dataset and give the settings that it was made with"
         )
+
     findings = _findings(root, cfg.sim.workers)
     for line in findings.lines:
         say(line)
@@ -60,6 +57,7 @@ def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
         _mend(cfg, root, findings)
         say(f"mended: {', '.join(findings.of_clips) or MANIFEST}")
         findings = _findings(root, cfg.sim.workers)
+
     _report(findings, root)
     if sheets:
         _draw_sheets(root)
@@ -71,16 +69,17 @@ def _report(findings: Findings, root: Path) -> None:
             say(f"{name}: {100 * share:.2f} %")
     else:
         say("labels not compared with depth: no clip was made with sim.save_aux=true")
+
     if findings.lines:
         raise UserError(
             f"{root}: {len(findings.lines)} problems, in {len(findings.of_clips)} clips; the lines "
-            f"above name them; {WAY_OUT}"
+            "above name them; task.mend=true makes the damaged clips again"
         )
-    count = len(read_manifest(root)["clips"])
-    say(f"{root}: {count} clips are sound")
+    say(f"{root}: {len(read_manifest(root)['clips'])} clips are sound")
 
 
 def _findings(root: Path, workers: int | None) -> Findings:
+    """Checks every clip that the manifest lists, or that is there where the manifest is damaged."""
     findings = Findings()
     try:
         clips = {clip: listed["sha256"] for clip, listed in read_manifest(root)["clips"].items()}
@@ -88,9 +87,11 @@ def _findings(root: Path, workers: int | None) -> Findings:
     except UserError as error:
         if not (root / MANIFEST).is_file():
             raise
+        # Without a list of sums every clip is still held against its own.
         findings.of_whole.append(str(error))
         folders = sorted(path.parent for path in root.glob(f"*/*/{SUMS}"))
         clips = {folder.relative_to(root).as_posix(): None for folder in folders}
+
     workers = workers or min(default_workers(), 1 + len(clips) // CLIPS_A_WORKER)
     results = mapped(partial(_check_clip, root), workers, clips, clips.values())
     bar = tracked(results, f"checking {root.name}", len(clips))
@@ -104,27 +105,25 @@ def _findings(root: Path, workers: int | None) -> Findings:
 def _check_clip(
     root: Path, clip_id: str, sums_sha256: str | None
 ) -> tuple[list[str], DepthAgreement]:
-    problems, agreement = clip_problems(root / clip_id, sums_sha256), DepthAgreement()
-    if not problems and (root / clip_id / "aux.npz").is_file():
-        clip = Clip(root / clip_id)
+    """Returns the problems of a clip, given the manifest's digest of its sums, and how its labels
+    agree with the depth, where there is one. An unreadable file is a problem."""
+    folder, agreement = root / clip_id, DepthAgreement()
+    try:
+        problems = list(problems_of(folder))
+        if sums_sha256 is not None and sha256_of(folder / SUMS) != sums_sha256:
+            problems.append(f"{folder / SUMS}: is not the one in the manifest")
+    except UserError as error:
+        problems = [str(error)]
+
+    if not problems and (folder / "aux.npz").is_file():
+        clip = Clip(folder)
         for frame in range(len(clip)):
             agreement_of(clip, frame, agreement)
     return problems, agreement
 
 
-def clip_problems(folder: Path, sums_sha256: str | None) -> list[str]:
-    """Problems of a clip, given the manifest's digest of its sums; an unreadable file is one."""
-    try:
-        found = list(problems_of(folder))
-        if sums_sha256 is not None and sha256_of(folder / SUMS) != sums_sha256:
-            found.append(f"{folder / SUMS}: is not the one in the manifest")
-        return found
-    except UserError as error:
-        return [str(error)]
-
-
 def _card_problems(root: Path) -> list[str]:
-    """The card is derived, and may be missing; but what is there is what was written."""
+    """Returns the problems of the card, which is derived: it may be missing, but not changed."""
     if not (root / CARD_SUMS).is_file():
         return []
     try:
@@ -140,17 +139,19 @@ def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
     for clip in findings.of_clips:
         folder = root / clip
         if folder.exists():
+            # Renamed, not removed: what the generator finds under this name it clears away.
             shutil.rmtree(unfinished(folder), ignore_errors=True)
             folder.rename(unfinished(folder))
-    make_dataset(cfg, root, spec_of(cfg))
+
+    make_dataset(cfg)
     if findings.of_whole and (root / CARD).is_file():
         write_card(root)
 
 
 def _draw_sheets(root: Path) -> None:
-    manifest: Mapping = read_manifest(root)
-    for town, clips in groupby(sorted(manifest["clips"]), key=lambda clip: clip.split("/")[0]):
-        path = root / SHEETS / f"{town}.jpg"
+    clip_ids = sorted(read_manifest(root)["clips"])
+    for town, clips in groupby(clip_ids, key=lambda clip: clip.split("/")[0]):
+        path = root / "check" / f"{town}.jpg"
         heading = f"{town.replace('_', ' ')}: images, and their labels over them"
         draw_check_sheet(root, list(clips), path, heading)
         say(path)

@@ -1,4 +1,4 @@
-"""The data set that a configuration names: found, made where clips are missing, never mixed."""
+"""The dataset that a configuration names: found, made where clips are missing, never mixed."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,17 +24,17 @@ from ..locks import locked, locked_if_free, telling
 
 
 def spec_of(cfg: DictConfig) -> DatasetSpec:
-    """What the configuration asks for."""
+    """Returns the dataset that the configuration asks for."""
     return DatasetSpec.of(cfg.scale_name, OmegaConf.to_container(cfg.sim, resolve=True))
 
 
 def root_of(cfg: DictConfig) -> Path:
-    """The data set's folder: ``paths.dataset``, or one named after all that shapes the data."""
+    """Returns ``paths.dataset``, or the folder that is named after all that shapes the data."""
     return Path(cfg.paths.dataset or spec_of(cfg).root(Path(cfg.paths.data)))
 
 
 def split_of(cfg: DictConfig, clip_ids: list[str]) -> Split:
-    """The temporal split of the configured clips."""
+    """Returns the temporal split of the configured clips."""
     return make_split(
         clip_ids,
         frames_per_clip(cfg.sim.capture_hz),
@@ -45,7 +45,7 @@ def split_of(cfg: DictConfig, clip_ids: list[str]) -> Split:
 
 
 def finished_dataset(cfg: DictConfig) -> Path:
-    """The folder of a data set whose manifest is there; nothing is made.
+    """Returns the folder of a dataset whose manifest is there; nothing is made.
 
     Raises `UserError` where there is none, and where it was made under other settings.
     """
@@ -55,47 +55,53 @@ def finished_dataset(cfg: DictConfig) -> Path:
 
 
 def ready_dataset(cfg: DictConfig) -> Path:
-    """Makes what is missing and returns the data set's folder: the first step of a training.
+    """Makes what is missing and returns the dataset's folder: the first step of a training.
 
-    A finished data set needs no simulator. One that was made under another configuration is
+    A finished dataset needs no simulator. One that was made under another configuration is
     refused, and never added to; so is a request for a part of one.
     """
     root = root_of(cfg)
+    # A manifest is written last, so clips are missing only where somebody has removed them.
     if (root / MANIFEST).is_file():
         finished_dataset(cfg)
         if not missing_clips(root, list(read_manifest(root)["clips"])):
             return root
+
     if cfg.sim.shards != 1:
         raise UserError(
-            f"sim.shards: only task=generate makes one of {cfg.sim.shards} parts of a data set; "
+            f"sim.shards: only task=generate makes one of {cfg.sim.shards} parts of a dataset; "
             "drop the key"
         )
-    make_dataset(cfg, root, spec_of(cfg))
+    make_dataset(cfg)
     return root
 
 
-def make_dataset(cfg: DictConfig, root: Path, spec: DatasetSpec) -> tuple[int, list[str]]:
-    """Generates the missing clips of this shard, and finishes the data set if it is the last.
+def make_dataset(cfg: DictConfig) -> tuple[int, list[str]]:
+    """Generates the missing clips of this shard, and finishes the dataset if it is the last.
 
     Returns how many clips were made, and which ones other shards have still to make. Raises
     `UserError` where ``paths.dataset`` names the folder: only a folder that is named after what
-    shapes the data can be added to without mixing two data sets.
+    shapes the data can be added to without mixing two datasets.
     """
-    # Only here, because training on a finished data set must not need the simulator.
+    # Only here, because training on a finished dataset must not need the simulator.
     from ..sim.generate import LOCK, generate
     from ..sim.plan import plan_clips
 
+    root, spec = root_of(cfg), spec_of(cfg)
     if cfg.paths.dataset:
         raise UserError(
-            f"paths.dataset: {root} is no finished data set; drop the key to generate one under "
+            f"paths.dataset: {root} is no finished dataset; drop the key to generate one under "
             f"{cfg.paths.data}"
         )
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     clip_ids = [plan.clip_id for plan in plan_clips(sim)]
     split = split_of(cfg, clip_ids)
+    # Before anything is made: shards of other settings would fill another folder.
     if sim["shards"] > 1 and missing_clips(root, clip_ids):
         join_shards(root.parent, spec, sim["shards"])
+
     made = generate(sim, root)
+    # Another process may have made the last clips meanwhile, so what is missing is asked anew.
     with _finishing(root / LOCK, sim["shards"]) as alone:
         missing = missing_clips(root, clip_ids)
         if alone and not missing:
@@ -106,7 +112,7 @@ def make_dataset(cfg: DictConfig, root: Path, spec: DatasetSpec) -> tuple[int, l
 
 @contextmanager
 def _finishing(lock: Path, shards: int) -> Iterator[bool]:
-    """Whether the data set may be finished by this process, alone.
+    """Yields whether this process may finish the dataset, alone.
 
     A shard that cannot have the lock leaves it to one that is still at work: that one looks for
     missing clips when it is done, and finds none of this one's.
@@ -115,12 +121,13 @@ def _finishing(lock: Path, shards: int) -> Iterator[bool]:
         with locked_if_free(lock) as alone:
             yield alone
     else:
-        with locked(lock, telling(f"{lock.parent}: another process is finishing this data set")):
+        with locked(lock, telling(f"{lock.parent}: another process is finishing this dataset")):
             yield True
 
 
 def data_of(cfg: DictConfig, root: Path, allow_missing: bool = False) -> SkyShieldData:
-    """The loaders of a finished data set; seeds everything that training draws from."""
+    """Opens the loaders of a finished dataset; seeds everything that training draws from."""
+    # Here, because every task that draws at random opens the data first.
     lightning.seed_everything(cfg.seed, workers=True, verbose=False)
     settings = OmegaConf.to_container(cfg.data, resolve=True)
     return SkyShieldData(root, seed=cfg.seed, allow_missing=allow_missing, **settings)

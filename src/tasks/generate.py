@@ -1,4 +1,4 @@
-"""task=generate: only the data set; with sim.dry_run=true only its plan, split, size and time."""
+"""task=generate: only the dataset; with sim.dry_run=true only its plan, split, size and time."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,39 +11,36 @@ from ..sim.clip_maker import ClipPlan
 from ..sim.plan import plan_clips
 from ..terminal import say
 from ..worker_pool import default_workers
-from .dataset import make_dataset, root_of, spec_of, split_of
+from .dataset import make_dataset, root_of, split_of
 
+# Of the image, both label arrays and the tables, measured on the dataset of scale=small.
 BYTES = {"pixel": 0.76, "voxel": 0.076, "frame": 8_600}
-"""Of the image, both label arrays and the tables, measured on the data set of scale=small."""
+# Of one core, from the tables of benchmarks/generation.py in docs/results/world.
 SECONDS = {"pixel": 1.0e-6, "voxel": 6.5e-8, "frame": 0.003, "clip": 7.6, "town": 6.0}
-"""Of one core, from the tables of benchmarks/generation.py in docs/results/world."""
 
 
 def generate(cfg: DictConfig) -> None:
     """Makes the clips that are missing, or prints what there is to make."""
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
-    plans = plan_clips(sim)
+    plans, root = plan_clips(sim), root_of(cfg)
     split = split_of(cfg, [plan.clip_id for plan in plans])
-    root = root_of(cfg)
+
     if sim["dry_run"]:
-        say(f"{root}: {len(plans)} clips, {frames_of(sim, plans):,} frames")
-        say(" / ".join(f"{part} {len(frames):,}" for part, frames in split.items()))
-        say(_effort(sim, plans))
+        frames = frames_per_clip(sim["capture_hz"]) * len(plans)
+        say(f"{root}: {len(plans)} clips, {frames:,} frames")
+        say(" / ".join(f"{part} {len(samples):,}" for part, samples in split.items()))
+        say(_effort(sim, len(plans), frames))
         say(matrix_of(sim, plans).to_string())
         return
-    made, missing = make_dataset(cfg, root, spec_of(cfg))
+
+    made, missing = make_dataset(cfg)
     share = f"shard {sim['shard']} of {sim['shards']}, " if sim["shards"] > 1 else ""
     state = f"{len(missing)} still to be made by other shards" if missing else "all there"
     say(f"{root}: {share}{made} clips made now; of {len(plans)} clips {state}")
 
 
-def frames_of(sim: Mapping, plans: Sequence[ClipPlan]) -> int:
-    """Frames of all clips."""
-    return frames_per_clip(sim["capture_hz"]) * len(plans)
-
-
 def matrix_of(sim: Mapping, plans: Sequence[ClipPlan]) -> pd.DataFrame:
-    """Clips by town and weather, in the order of the settings, with sums."""
+    """Counts clips by town and weather, in the order of the settings, with sums."""
     table = pd.DataFrame([vars(plan) for plan in plans])
     counts = pd.crosstab(table["town"], table["weather"]).reindex(sim["towns"])
     counts = counts.reindex(columns=sim["weathers"], fill_value=0)
@@ -52,19 +49,19 @@ def matrix_of(sim: Mapping, plans: Sequence[ClipPlan]) -> pd.DataFrame:
     return counts.rename_axis(index=None, columns=None)
 
 
-def _effort(sim: Mapping, plans: Sequence[ClipPlan]) -> str:
-    """Disk and time, estimated from measured costs of a pixel, a voxel, a frame and so on."""
-    frames = frames_of(sim, plans)
+def _effort(sim: Mapping, clips: int, frames: int) -> str:
+    """Estimates disk and time from measured costs of a pixel, a voxel, a frame and so on."""
     counts = {
         "pixel": frames * sim["image"]["width"] * sim["image"]["height"],
         "voxel": frames * math.prod(sim["grid"]["shape"]),
         "frame": frames,
-        "clip": len(plans),
+        "clip": clips,
     }
-    workers = sim["workers"] or default_workers()
     size_mib = sum(counts[unit] * cost for unit, cost in BYTES.items()) / 2**20
+
     # Every worker builds every town.
+    workers = sim["workers"] or default_workers()
     counts["town"] = len(sim["towns"]) * workers
     minutes = sum(counts[unit] * cost for unit, cost in SECONDS.items()) / workers / 60
-    cores = f"{workers} core" + "s" * (workers > 1)
+    cores = "1 core" if workers == 1 else f"{workers} cores"
     return f"about {size_mib:,.0f} MiB on disk, and {minutes:,.0f} minutes on {cores}"

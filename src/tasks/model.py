@@ -18,11 +18,12 @@ from .scoring import score_settings, suite_of
 
 
 def origin_of(cfg: DictConfig, data: SkyShieldData, folder: RunFolder) -> Origin:
-    """What shapes a training that begins now.
+    """Returns what shapes a training that begins now.
 
     Reads all training labels, for their counts and the voxel prior, and the validation labels, on
     which the prior's weight of free is chosen.
     """
+    # Anchor and class counts: one pass over the labels serves both.
     prior = VoxelPrior(data.grid.shape, NUM_CLASSES, FREE)
     for semantics, _ in data.labels("train"):
         prior.count(semantics)
@@ -41,15 +42,16 @@ def origin_of(cfg: DictConfig, data: SkyShieldData, folder: RunFolder) -> Origin
 
 
 def network_of(cfg: DictConfig, origin: Origin) -> SkyOcc:
-    """A network to train, which begins at the frequencies of the classes."""
+    """Builds a network to train, whose answers begin at the frequencies of the classes."""
     return instantiate(cfg.model, decoder={"class_prior": origin.class_counts})
 
 
 def module_of(
     cfg: DictConfig, data: SkyShieldData, network: SkyOcc, origin: Origin
 ) -> OccupancyModule:
-    """A network with its loss and its scores."""
+    """Joins a network with its loss and its scores."""
     scores = instantiate(cfg.metric)
+    # Only streams of consecutive frames have a history that earlier steps have computed.
     return OccupancyModule(
         network,
         instantiate(cfg.loss, class_counts=origin.class_counts),
@@ -62,8 +64,9 @@ def module_of(
 
 
 def require_buildable(cfg: DictConfig) -> None:
-    """Builds the configured network, its loss and its scores once and drops them: what is wrong
-    with them is said before any data are generated or read."""
+    """Builds the configured network, its loss and its scores once and drops them, so that what is
+    wrong with them is refused before any data are generated or read."""
+    # The weights of the network to train are drawn later, from an untouched generator.
     with torch.random.fork_rng(devices=[]):
         instantiate(cfg.model)
         instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES)

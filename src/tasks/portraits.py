@@ -13,6 +13,7 @@ from ..sim.plan import plan_clips
 from ..sim.renderer import require_renderer
 from ..terminal import say, tracked
 
+# Pictures in the repository's docs must stay small.
 MAX_TOWN_BYTES, MAX_WEATHER_BYTES = 150_000, 450_000
 TOWN_WIDTH_PIX, WEATHER_WIDTH_PIX, WEATHER_COLUMNS = 620, 400, 5
 
@@ -26,13 +27,14 @@ def portraits(cfg: DictConfig, out: str) -> None:
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     plans = plan_clips(sim)
     require_renderer(sim["renderer"])
-    steps = len(sim["towns"]) + 2
-    drawn = _drawn(sim, plans[0], Path(out))
-    for path in tracked(drawn, "drawing", steps):
+
+    pictures = _draw(sim, plans[0], Path(out))
+    for path in tracked(pictures, "drawing", len(sim["towns"]) + 2):
         say(path)
 
 
-def _drawn(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:
+def _draw(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:
+    """Draws one picture after the other and yields their paths."""
     first = None
     for town in sim["towns"]:
         street = street_shot(sim, town)
@@ -45,12 +47,15 @@ def _drawn(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:
         path = folder / "towns" / f"{town}.jpg"
         write_sheet([pictures], path, TOWN_WIDTH_PIX, MAX_TOWN_BYTES)
         yield path
-    shown = [
+
+    # One frame under all weathers: that of the first town.
+    weathers = [
         (name.replace("_", " "), picture)
         for name, picture in photograph(first, sim["weathers"], sim).items()
     ]
-    rows = [shown[k : k + WEATHER_COLUMNS] for k in range(0, len(shown), WEATHER_COLUMNS)]
+    rows = [weathers[k : k + WEATHER_COLUMNS] for k in range(0, len(weathers), WEATHER_COLUMNS)]
     write_sheet(rows, folder / "weathers.jpg", WEATHER_WIDTH_PIX, MAX_WEATHER_BYTES)
     yield folder / "weathers.jpg"
+
     draw_pipeline(sim, plan, folder / "pipeline.jpg")
     yield folder / "pipeline.jpg"

@@ -5,57 +5,57 @@ from pathlib import Path
 import torch
 from omegaconf import DictConfig
 
-from ..data.datamodule import SkyShieldData
+from ..bounds import require_choice
 from ..data.predictions import PredictionWriter
 from ..data.split import held_out_clips
 from ..data.truth import PARTS
 from ..errors import UserError
+from ..models.network import SkyOcc
 from ..provenance import git_commit
 from ..terminal import say, tracked
-from .dataset import data_of, finished_dataset
-from .fit import trainer_of
-from .predictor import Predictor, predictor
-from .trained import trained
+from .predictor import predictor
+from .session import Session
 
 
 def predict(cfg: DictConfig, part: str, logits: bool) -> None:
     """Writes ``predictions`` (null: ``predictions/<part>`` under the run) and prints where.
 
-    Of clips that are not on the disk any more nothing is predicted. Raises `UserError` without a
-    checkpoint, for one of another model, where no clip is left, and where the folder exists.
+    Clips that are not on the disk any more are left out. Raises `UserError` without a checkpoint,
+    for one of another model, where no clip is left, and where the folder exists.
     """
-    if part not in PARTS:
-        raise UserError(f"task.part: {part!r}; there are {', '.join(PARTS)}")
-    trainer = trainer_of(cfg)
-    run, checkpoint = trained(cfg, "predict")
-    data, network = data_of(cfg, finished_dataset(cfg), allow_missing=True), checkpoint.network()
+    require_choice("task.part", part, PARTS)
+    session = Session(cfg, allow_missing=True)
+    trainer, checkpoint, data = session.trainer, session.checkpoint("predict"), session.data
     if not data.split[part]:
         raise UserError(f"{data.root}: no clip of the {part} frames is there; run task=generate")
-    folder = Path(cfg.predictions) if cfg.predictions else run.path / "predictions" / part
-    facts = {
+
+    folder = Path(cfg.predictions or session.folder.path / "predictions" / part)
+    network = checkpoint.network()
+    scores_of = predictor(network, trainer)
+    # The folder appears under its name when all frames are in it.
+    with PredictionWriter(folder, _facts(session, network, part)) as writer:
+        for batch in tracked(data.in_order(part), f"predicting {part}"):
+            scores = scores_of(batch)
+            for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):
+                labels = scores[n].argmax(dim=0).to(torch.uint8)
+                writer.add(clip, int(frame), labels, scores[n] if logits else None)
+
+    missing = f"; {len(data.missing)} clips are not there" if data.missing else ""
+    say(f"{folder}: {len(data.split[part])} frames{missing}")
+
+
+def _facts(session: Session, network: SkyOcc, part: str) -> dict[str, object]:
+    """Returns what ``predictions.json`` says of the predictions."""
+    cfg, data = session.cfg, session.data
+    return {
         "name": cfg.name,
         "seed": cfg.seed,
         "scale": cfg.scale_name,
         "dataset": data.root.name,
         "part": part,
         "held_out": held_out_clips(data.split),
-        "code_version": run.version,
+        "code_version": session.folder.version,
         "git_commit": git_commit(),
         "parameters": sum(p.numel() for p in network.parameters()),
-        "precision": trainer.precision,
+        "precision": session.trainer.precision,
     }
-    scores_of = predictor(network, trainer)
-    with PredictionWriter(folder, facts) as writer:
-        _write(writer, scores_of, data, part, logits)
-    missing = f"; {len(data.missing)} clips are not there" if data.missing else ""
-    say(f"{folder}: {len(data.split[part])} frames{missing}")
-
-
-def _write(
-    writer: PredictionWriter, scores_of: Predictor, data: SkyShieldData, part: str, logits: bool
-) -> None:
-    for batch in tracked(data.in_order(part), f"predicting {part}"):
-        scores = scores_of(batch)
-        for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):
-            labels = scores[n].argmax(dim=0).to(torch.uint8)
-            writer.add(clip, int(frame), labels, scores[n] if logits else None)

@@ -14,7 +14,9 @@ Predictor = Callable[[Batch], Float[Tensor, "b 9 x y z"]]
 
 
 def predictor(network: SkyOcc, trainer: lightning.Trainer) -> Predictor:
-    """Logits of a batch, computed on the trainer's device and in its precision, as float32."""
+    """Returns the function from a batch to its logits in float32, which are computed on the
+    trainer's device and in its precision."""
+    # Under the trainer's own context, so that a prediction has the bits of its scores.
     network.to(trainer.strategy.root_device).eval()
 
     @torch.no_grad()
@@ -26,7 +28,7 @@ def predictor(network: SkyOcc, trainer: lightning.Trainer) -> Predictor:
 
 
 def on_device(batch: Batch, device: torch.device) -> Batch:
-    """The batch with its tensors on a device."""
+    """Moves the tensors of a batch to a device."""
     return {
         key: value.to(device) if isinstance(value, Tensor) else value
         for key, value in batch.items()

@@ -9,6 +9,7 @@ def is_first_process() -> bool:
 
     Known before a trainer exists: whoever starts the processes numbers them in the environment.
     """
+    # Lightning sets the rank when it is imported, from what its launcher left there.
     return getattr(rank_zero_only, "rank", 0) == 0
 
 

@@ -3,21 +3,19 @@
 from omegaconf import DictConfig
 
 from ..run_folder import RunFolder
-from .dataset import data_of, finished_dataset
 from .evaluate import evaluate
-from .fit import trainer_of
 from .model import module_of
-from .trained import trained
+from .session import Session
 
 
 def test(cfg: DictConfig) -> None:
     """Writes ``results.csv`` and figures under ``<run>/test/`` for the checkpoint named.
 
-    Raises `UserError` as `trained` and `finished_dataset` do.
+    Raises `UserError` as `Session` does.
     """
-    trainer = trainer_of(cfg)
-    run, checkpoint = trained(cfg, "test")
-    data = data_of(cfg, finished_dataset(cfg))
-    module = module_of(cfg, data, checkpoint.network(), checkpoint.origin)
-    folder = RunFolder(run.path / "test", run.config, data.root.name)
-    evaluate(cfg, folder, trainer, module, data)
+    session = Session(cfg)
+    trainer, run, checkpoint = session.trainer, session.folder, session.checkpoint("test")
+    module = module_of(cfg, session.data, checkpoint.network(), checkpoint.origin)
+    # Not in the run's own folder, whose results say what its training ended with.
+    folder = RunFolder(run.path / "test", run.config, session.data.root.name)
+    evaluate(cfg, folder, trainer, module, session.data)

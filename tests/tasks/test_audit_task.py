@@ -1,4 +1,4 @@
-"""task=audit as its user meets it: a table of the whole data set, or one line of refusal."""
+"""task=audit as its user meets it: a table of the whole dataset, or one line of refusal."""
 
 import json
 import shutil
@@ -15,7 +15,7 @@ from tests.synthetic import config_of
 
 @pytest.fixture
 def config(mini_dataset, tmp_path):
-    """The configuration of a copy of the small data set."""
+    """The configuration of a copy of the small dataset."""
     config = config_of(mini_dataset, tmp_path / "data")
     shutil.copytree(mini_dataset, root_of(config))
     return config
@@ -40,16 +40,18 @@ def test_the_labels_are_scored_against_the_scenes(config, tmp_path, capsys):
 def test_what_cannot_be_audited_is_refused(config, tmp_path):
     with pytest.raises(UserError, match=r"task\.frames_per_clip: 0"):
         audit(config, frames_per_clip=0, out=None)
+
     root = root_of(config)
     shutil.rmtree(root / "suburb/clip01")
-    with pytest.raises(UserError, match="1 clips are missing"):
+    with pytest.raises(UserError, match="task=generate"):
         audit(config, frames_per_clip=1, out=None)
+
     manifest = json.loads((root / MANIFEST).read_text()) | {"generator": "another"}
     manifest["digest"] = digest_of({**manifest, "digest": None})
     (root / MANIFEST).write_text(json.dumps(manifest))
-    with pytest.raises(UserError, match=r"other code .*another"):
+    with pytest.raises(UserError, match="generator another"):
         audit(config, frames_per_clip=1, out=None)
     (root / MANIFEST).unlink()
-    with pytest.raises(UserError, match="not found"):
+    with pytest.raises(UserError, match=MANIFEST):
         audit(config, frames_per_clip=1, out=None)
     assert not (root / "audit").exists()

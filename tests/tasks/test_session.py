@@ -18,7 +18,7 @@ from src.tasks.dataset import root_of
 from src.tasks.export import export, made_up_flight
 from src.tasks.fit import fit
 from src.tasks.predict import predict
-from src.tasks.trained import adopted, trained
+from src.tasks.session import Session, adopted
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -27,22 +27,22 @@ ATTITUDE = {"tilt_edges_deg": [5.0], "noise_deg": [], "delay_s": [], "seed": 0, 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """The words of a run, its checkpoint, and its data set."""
-    words = mini_overrides(tmp_path_factory.mktemp("run"), "trainer.accelerator=cpu")
-    cfg = compose_config(*words, "+experiment=skyocc", "trainer.max_epochs=1")
+    """The overrides of a run, its checkpoint, and its dataset."""
+    overrides = mini_overrides(tmp_path_factory.mktemp("run"), "trainer.accelerator=cpu")
+    cfg = compose_config(*overrides, "+experiment=skyocc", "trainer.max_epochs=1")
     root = write_dataset(cfg)
     fit(cfg)
-    return words, Path(cfg.paths.run) / "checkpoints/best.ckpt", root
+    return overrides, Path(cfg.paths.run) / "checkpoints/best.ckpt", root
 
 
 @pytest.fixture
 def configured(run, tmp_path):
     """The configuration of a command that names the checkpoint, and places of its own."""
-    words, checkpoint, root = run
+    overrides, checkpoint, root = run
     data = tmp_path / "data"
     shutil.copytree(root, data / root.name)
     places = [f"paths.data={data}", f"paths.runs={tmp_path}/runs", f"ckpt_path={checkpoint}"]
-    neutral = [word for word in words if word.startswith("data.workers")]
+    neutral = [override for override in overrides if override.startswith("data.workers")]
 
     def config(*more):
         given = [*neutral, *places, "trainer.accelerator=cpu", *more]
@@ -64,20 +64,20 @@ def test_its_own_configuration_is_used_where_the_command_says_nothing(configured
     assert (cfg.data.batch_size, cfg.suite.metrics.rays.rays, cfg.threads) == (3, [6, 4], 1)
     assert cfg.paths.run.endswith("/runs/tiny/skyocc/seed0")
     assert root_of(cfg).name == run[2].name
-    assert trained(cfg, "predict")[1].path == run[1]
+    assert Session(cfg).checkpoint("predict").path == run[1]
 
 
 @pytest.mark.parametrize(
-    ("word", "said"),
+    ("override", "name"),
     [
-        ("seed=1", "name=.skyocc., and now it is .custom."),
-        ("+experiment=baseline", "name=.skyocc., and now it is .baseline."),
-        ("model.encoder.dim=16", "name=.skyocc., and now it is .custom."),
+        ("seed=1", "custom"),
+        ("+experiment=baseline", "baseline"),
+        ("model.encoder.dim=16", "custom"),
     ],
 )
-def test_a_command_that_says_something_of_the_model_must_say_it_all(configured, word, said):
-    with pytest.raises(UserError, match=said):
-        trained(configured("task=predict", word), "predict")
+def test_a_command_that_says_something_of_the_model_must_say_it_all(configured, override, name):
+    with pytest.raises(UserError, match=f'name="skyocc".*"{name}"'):
+        Session(configured("task=predict", override)).checkpoint("predict")
 
 
 # ----------------------------------------------------------------------------- what is needed of it
@@ -115,11 +115,11 @@ def test_predict_works_without_the_training_clips_and_writes_nothing_else(config
         *("mine/predictions.json", "mine/suburb/clip00/occupancy.npz"),
     }
     shutil.rmtree(root / "suburb")
-    with pytest.raises(UserError, match="none of its clips is there"):
+    with pytest.raises(UserError, match="task=generate"):
         predict(configured("task=predict", f"predictions={tmp_path}/other"), "test", logits=False)
 
 
-def test_nothing_is_generated_where_there_is_no_data_set(configured, tmp_path):
+def test_nothing_is_generated_where_there_is_no_dataset(configured, tmp_path):
     cfg = configured("task=predict", f"paths.data={tmp_path}/nowhere")
     for task in (lambda: predict(cfg, "test", logits=False), lambda: attitude(cfg, **ATTITUDE)):
         with pytest.raises(UserError, match=r"manifest\.json: not found"):
@@ -128,7 +128,7 @@ def test_nothing_is_generated_where_there_is_no_data_set(configured, tmp_path):
     assert not (tmp_path / "runs").exists()
 
 
-def test_export_needs_no_data_set_and_writes_nothing_else(configured, tmp_path):
+def test_export_needs_no_dataset_and_writes_nothing_else(configured, tmp_path):
     cfg = configured("task=export", f"paths.data={tmp_path}/nowhere")
     before = files_below(tmp_path)
     export(cfg, formats=["torch"], frames=5, tolerance=1e-3)
@@ -174,12 +174,12 @@ def spoilt(run, tmp_path):
 
 
 def test_a_checkpoint_of_another_format_says_which(spoilt):
-    before = spoilt(lambda content: content.pop("skyshield"))
-    with pytest.raises(UserError, match=r"some\.ckpt is of format 1, and this code reads format 2"):
-        Checkpoint.read(before)
-    later = spoilt(lambda content: content["skyshield"].update(format=3))
-    with pytest.raises(UserError, match="is of format 3"):
-        Checkpoint.read(later)
+    for found, change in (
+        (1, lambda content: content.pop("skyshield")),
+        (3, lambda content: content["skyshield"].update(format=3)),
+    ):
+        with pytest.raises(UserError, match=rf"some\.ckpt is of format {found}"):
+            Checkpoint.read(spoilt(change))
 
 
 @pytest.mark.parametrize("target", ["src.models.gone.Gone", "src.models.backbone.Gone"])

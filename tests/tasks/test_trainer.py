@@ -7,7 +7,7 @@ import torch
 from torch import nn
 from torch.utils.data import DataLoader
 
-from src.tasks.progress import EpochLines
+from src.tasks.trainer import EpochLines
 
 
 class Told(lightning.LightningModule):
@@ -45,4 +45,5 @@ def test_the_loss_of_a_line_is_the_mean_of_its_epoch(tmp_path, capsys):
         r"epoch (\d/2): train loss (\S+), val loss (\S+), val KAR-mIoU (\S+) %",
         capsys.readouterr().out,
     )
+
     assert lines == [("1/2", "4.000", "0.500", "5.0"), ("2/2", "4.000", "0.500", "5.0")]

@@ -1,0 +1,34 @@
+"""Checks of single settings; each names the key, its value and what to give instead."""
+
+from collections.abc import Collection, Mapping
+
+from .errors import UserError
+
+
+def require_at_least(least: float, group: str, settings: Mapping, *names: str) -> None:
+    """Raises `UserError` for a setting of a group of the configuration that is below ``least``.
+
+    A setting that is null, or not there, passes.
+    """
+    for name in names:
+        value = settings.get(name)
+        if value is not None and value < least:
+            raise UserError(f"{group}.{name}: {value} is too small; give {least} or more")
+
+
+def require_count(key: str, value: object) -> None:
+    """Raises `UserError` for what is neither null nor an integer of 1 or more."""
+    if value is not None and (type(value) is not int or value < 1):
+        raise UserError(f"{key}: {value!r}; give an integer of 1 or more, or null")
+
+
+def require_choice(key: str, value: object, choices: Collection[str]) -> None:
+    """Raises `UserError` for a value that is not one of the choices."""
+    if value not in choices:
+        raise UserError(f"{key}: {value!r}; there are {', '.join(choices)}")
+
+
+def require_some(key: str, batches: float | None) -> None:
+    """Raises `UserError` where an epoch is limited to no batch at all."""
+    if batches == 0:
+        raise UserError(f"{key}: 0 leaves nothing; give a number of batches, or a share")

@@ -1,0 +1,133 @@
+"""Lightning's trainer as configured: its device, its precision, and the lines that it prints."""
+
+import sys
+import time
+
+import lightning
+import torch
+from hydra.errors import InstantiationException
+from hydra.utils import instantiate
+from lightning.pytorch.callbacks import Callback
+from omegaconf import DictConfig
+
+from ..errors import UserError
+
+AUTO, FP32, BF16, FP16 = "auto", "32-true", "bf16-mixed", "16-mixed"
+
+
+def trainer_of(cfg: DictConfig, lines: Callback | None = None) -> lightning.Trainer:
+    """Builds the trainer with the configured callbacks and logger, in the precision that
+    `precision_of` says.
+
+    Without a terminal ``lines`` takes the place of the progress bar; it is `EpochLines` by default.
+    Raises `UserError` for a device or a precision that is not to be had.
+    """
+    precision = precision_of(cfg)
+    if cfg.threads is not None:
+        torch.set_num_threads(cfg.threads)
+
+    # In a log file a progress bar would only leave rubbish.
+    callbacks, has_terminal = instantiate(cfg.callbacks), sys.stdout.isatty()
+    if not has_terminal:
+        callbacks["progress"] = lines or EpochLines()
+    settings = {
+        "precision": precision,
+        "callbacks": list(callbacks.values()),
+        "logger": instantiate(cfg.logger),
+        "enable_progress_bar": has_terminal,
+    }
+
+    try:
+        return instantiate(cfg.trainer, **settings)
+    except InstantiationException as error:
+        reason = " ".join(str(error.__cause__ or error).split())
+        raise UserError(f"trainer: {reason}; see conf/trainer/default.yaml") from error
+
+
+def precision_of(cfg: DictConfig) -> str:
+    """Returns ``trainer.precision``; where it is ``auto``, ``gpu_precision`` on a CUDA GPU, else
+    fp32.
+
+    Raises `UserError` for a precision that the device does not compute in as it is named, and as
+    `kind_of_device` does.
+    """
+    kind = kind_of_device(cfg.trainer.accelerator)
+    asked = cfg.trainer.precision
+    if asked == AUTO:
+        asked = cfg.gpu_precision if kind == "cuda" else FP32
+
+    # Older GPUs only emulate bf16, more slowly than they compute in fp32.
+    runs = {"cpu": (FP32, BF16), "mps": (FP32,), "cuda": (FP32, FP16)}[kind]
+    if kind == "cuda" and torch.cuda.is_bf16_supported(including_emulation=False):
+        runs = (*runs, BF16)
+
+    if asked not in runs:
+        raise UserError(
+            f"trainer.precision: a {kind} device here does not compute in {asked}; give "
+            f"{' or '.join(runs)}"
+        )
+    return asked
+
+
+def kind_of_device(accelerator: str) -> str:
+    """Returns ``cuda``, ``mps`` or ``cpu``: what ``trainer.accelerator`` means on this machine.
+
+    Raises `UserError` for one that is not there.
+    """
+    available = {"mps": torch.backends.mps.is_available(), "cuda": torch.cuda.is_available()}
+    kinds = [*(kind for kind, is_available in available.items() if is_available), "cpu"]
+    wanted = {"auto": kinds, "gpu": ["mps", "cuda"]}.get(accelerator, [accelerator])
+    for kind in kinds:
+        if kind in wanted:
+            return kind
+    raise UserError(
+        f"trainer.accelerator: {accelerator}, but PyTorch finds only {', '.join(kinds)} here; give "
+        "one of these, or auto"
+    )
+
+
+class EpochLines(Callback):
+    """Prints one line after every validation: the losses, the score, and the time that is left.
+
+    The loss of the training is the mean over the epoch's batches.
+    """
+
+    score, score_name = "val/kar_miou", "KAR-mIoU"
+
+    def on_train_start(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
+        self._start_s, self._first_epoch = time.perf_counter(), trainer.current_epoch
+
+    def on_train_epoch_start(
+        self, trainer: lightning.Trainer, module: lightning.LightningModule
+    ) -> None:
+        self._losses, self._batches = 0.0, 0
+
+    def on_train_batch_end(
+        self, trainer: lightning.Trainer, module: lightning.LightningModule, *batch: object
+    ) -> None:
+        # Summed on the device: to read it here would wait for the device.
+        self._losses = self._losses + trainer.callback_metrics["train/loss"]
+        self._batches += 1
+
+    def on_validation_end(
+        self, trainer: lightning.Trainer, module: lightning.LightningModule
+    ) -> None:
+        if not trainer.is_global_zero:
+            return
+        done = trainer.current_epoch + 1
+        spent_s = time.perf_counter() - self._start_s
+        left_s = spent_s / (done - self._first_epoch) * (trainer.max_epochs - done)
+
+        scores = trainer.callback_metrics
+        print(
+            f"epoch {done}/{trainer.max_epochs}: "
+            f"train loss {self._losses / self._batches:.3f}, val loss {scores['val/loss']:.3f}, "
+            f"val {self.score_name} {100 * scores[self.score]:.1f} %, {left_s / 60:.1f} min left",
+            flush=True,
+        )
+
+
+class PretrainingLines(EpochLines):
+    """Prints one line per epoch while the image encoder is pretrained."""
+
+    score, score_name = "val/miou", "pixel mIoU"
