@@ -71,6 +71,8 @@ class ScoreSuite(nn.Module):
         A protocol is read from a file, and no file says what to import: raises `UserError` for a
         class that neither this package nor the configuration (`import_metrics`) has brought in.
         """
+        if "metrics" not in protocol.suite:
+            raise UserError("suite.metrics: not in these counts, which are older; score again")
         return cls(protocol.voxel_grid, clips, protocol.suite)
 
     def metric(self, name: str) -> Any:

@@ -137,6 +137,13 @@ def test_shared_settings_reach_every_metric_that_has_them(grid):
     assert len(suite.metric("sensitivity").penalties) == 81
 
 
+def test_counts_of_before_the_metrics_were_named_are_one_clear_error(grid):
+    settings = {key: value for key, value in SUITE.items() if key != "metrics"}
+    protocol = Protocol.of("mini-0", "test", 4, grid, SUPERVISED, METRIC, settings)
+    with pytest.raises(UserError, match=r"^suite\.metrics: "):
+        ScoreSuite.of(protocol, CLIPS)
+
+
 # ------------------------------------------------------------------------- a metric of one's own
 
 CLASS = '''
