@@ -13,7 +13,7 @@ from ..atomic import replacing
 from .canvas import MUTED, Canvas, resized
 from .labels_in_image import labels_in_image
 from .qualitative import add_legend
-from .scene import Scene
+from .scene import VoxelScene
 from .view import Frustum
 from .voxels import ground_level, render_voxels, view_of
 
@@ -25,7 +25,7 @@ FRUSTUM_SHARE = 0.3
 Picture = UInt8[np.ndarray, "h w 3"]
 
 
-def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
+def draw_tilt(scene: VoxelScene, level: Frustum, path: str | Path) -> None:
     """Write a PNG of the scene's frame: the image, and a row for its own camera and for ``level``,
     the one of a UAV without roll and pitch.
 
@@ -42,7 +42,7 @@ def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
         page.drawn().save(temporary, format="png", optimize=True)
 
 
-def _pictures(scene: Scene, camera: Frustum) -> list[Picture]:
+def _pictures(scene: VoxelScene, camera: Frustum) -> list[Picture]:
     view = view_of([scene.truth], scene.grid, CELL_PIX)
     floor_m = ground_level(scene.truth, scene.grid)
     in_space = render_voxels(
