@@ -1,5 +1,6 @@
 """Learning curves of several runs in one plot of plotly."""
 
+import math
 from dataclasses import dataclass
 from html import escape
 
@@ -19,7 +20,8 @@ LAYOUT = {
     "legend": {"orientation": "h", "y": -0.18},
     "margin": {"l": 56, "r": 12, "t": 8, "b": 40},
     "hovermode": "x unified",
-    "xaxis": {"title": {"text": "epoch", "standoff": 4}, "nticks": 8, "rangemode": "tozero"},
+    "hoverdistance": -1,
+    "xaxis": {"title": {"text": "epoch", "standoff": 4}, "rangemode": "tozero"},
 }
 
 
@@ -55,17 +57,19 @@ class CurvePlot:
 
     def means(self) -> pd.DataFrame:
         """Returns mean, min, max and count over the seeds, and a text of them, by run and epoch."""
-        by_epoch = self.points().groupby(["run", "epoch"], sort=False)["value"]
-        means = by_epoch.agg(["mean", "min", "max", "count"])
-        means["text"] = [self._text(*row) for row in means.itertuples(index=False)]
-        return means.reset_index().sort_values("epoch", kind="stable")
+        points = self.points()
+        by_epoch = points.groupby(["run", "epoch"], sort=False)["value"]
+        means = by_epoch.agg(["mean", "min", "max", "count"]).reset_index()
+        means["seeds"] = means["run"].map(points.groupby("run")["seed"].nunique())
+        means["text"] = [self._text(*row[2:]) for row in means.itertuples(index=False)]
+        return means.sort_values("epoch", kind="stable")
 
-    def _text(self, mean: float, low: float, high: float, count: int) -> str:
+    def _text(self, mean: float, low: float, high: float, count: int, seeds: int) -> str:
         """Returns one decimal of a percentage, and three digits of anything else."""
         form = ".1f" if self.unit == "%" else "#.3g"
         mean, low, high = (format(value, form).rstrip(".") for value in (mean, low, high))
         text = f"{mean} {self.unit}".rstrip()
-        return text if count == 1 else f"{text} ({low} to {high}, {count} seeds)"
+        return text if seeds == 1 else f"{text} ({low} to {high}, seeds: {count})"
 
     def values(self) -> pd.DataFrame:
         """Returns the means as text, a row for each epoch and a column for each run."""
@@ -78,8 +82,7 @@ class CurvePlot:
         means = self.means().assign(run=lambda table: table["run"].map(_plain))
 
         # At an epoch that some seeds lack, the mean would jump and nothing was learned.
-        seeds = means["run"].map(points.groupby("run")["seed"].nunique())
-        means = means[means["count"] == seeds]
+        means = means[means["count"] == means["seeds"]]
 
         order = {"run": list(points["run"].unique())}
         sequences = {"color_discrete_sequence": COLORS, "line_dash_sequence": DASHES}
@@ -92,6 +95,8 @@ class CurvePlot:
         thick.update_traces(line_width=2.5, hovertemplate="%{customdata[0]}")
 
         figure = go.Figure([*thin.data, *thick.data], LAYOUT)
+        # About eight ticks, none of them between two epochs.
+        figure.update_xaxes(dtick=math.ceil(points["epoch"].max() / 8))
         return figure.update_yaxes(ticksuffix=_plain(f" {self.unit}".rstrip()))
 
 

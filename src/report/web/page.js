@@ -11,11 +11,9 @@ addEventListener("unhandledrejection", (event) => (root.dataset.error = event.re
 // differences that stand below scores, these before texts, and empty cells last.
 function keyOf(row, column) {
   const cell = row.cells[column];
-  const text = cell.textContent.trim();
-  const value = parseFloat(cell.dataset.value ?? text.replace("−", "-"));
-  const isNumber = cell.tagName === "TD" && Number.isFinite(value);
-  if (isNumber) return { rank: "apart" in cell.dataset ? 1 : 0, value };
-  return { rank: /^(–|nan)?$/i.test(text) ? 3 : 2, value: text };
+  const { value, apart } = cell.dataset;
+  if (value !== undefined) return { rank: apart === undefined ? 0 : 1, value: Number(value) };
+  return { rank: cell.classList.contains("empty") ? 3 : 2, value: cell.textContent };
 }
 
 function compare(a, b, sign) {
@@ -23,19 +21,15 @@ function compare(a, b, sign) {
   return sign * a.value.localeCompare(b.value, "en", { numeric: true });
 }
 
-// The heads of a table become buttons. The first press sorts by the best first, the second the
-// other way round, the third restores the order of the report.
+// The heads of a table are buttons. The first press sorts by the best first, the second the other
+// way round, and the third restores the order of the report.
 function makeSortable(table) {
   const heads = [...table.tHead.rows[0].cells];
   const rows = [...table.tBodies[0].rows];
   heads.forEach((head, column) => {
-    const button = head.querySelector("button") ?? document.createElement("button");
-    if (!button.isConnected) button.append(...head.childNodes);
-    head.append(button);
-    const isText = rows.some((row) => keyOf(row, column).rank === 2);
-    const first = button.dataset.first ?? (isText ? "ascending" : "descending");
+    const { first } = head.firstElementChild.dataset;
     const second = first === "ascending" ? "descending" : "ascending";
-    button.addEventListener("click", () => {
+    head.firstElementChild.addEventListener("click", () => {
       const direction = { [first]: second, [second]: "none" }[head.ariaSort] ?? first;
       for (const other of heads) other.ariaSort = other === head ? direction : "none";
       const sign = direction === "ascending" ? 1 : -1;
