@@ -105,26 +105,20 @@ def test_points_project_into_the_image_as_the_camera_sees_them():
     assert np.allclose(shares * (WIDTH, HEIGHT), pix[before])
 
 
-def test_the_lines_are_the_frustum_and_the_plumb_line():
+def test_the_lines_are_the_plumb_line_and_if_there_is_a_camera_the_frustum():
     scene = scene_of(SMALL)
-    plumb, frustum = scene.encoded()["lines"]
-    floor_m = scene.encoded()["layout"]["scene"]["zaxis"]["range"][0]
-    assert list(zip(plumb["x"], plumb["y"], plumb["z"])) == [(0, 0, floor_m), (0, 0, 0)]
+    encoded = scene.encoded()
+    plumb, frustum = encoded["lines"]
+    assert plumb["z"] == (encoded["layout"]["scene"]["zaxis"]["range"][0], 0)
     drawn = np.unique(np.stack([frustum[axis] for axis in "xyz"], axis=-1).round(6), axis=0)
     corners = torch.cat([scene.frustum.corners(0.0)[:1], scene.frustum.corners(0.16 * 50)])
     assert np.allclose(drawn, np.unique(corners.numpy().round(6), axis=0))
 
-
-def test_a_scene_without_a_camera_has_no_frustum_and_nothing_in_its_image():
-    encoded = scene_of(SMALL, frustum=None).encoded()
-    assert len(encoded["lines"]) == 1
-    assert not np.any(encoded["share_from_occ"])
-
-
-def test_an_empty_scene_is_a_scene():
     empty = np.full(SMALL.shape, FREE, np.uint8)
-    encoded = scene_of(SMALL, truth=empty, predictions={}).encoded()
+    encoded = scene_of(SMALL, truth=empty, predictions={}, frustum=None).encoded()
+    assert encoded["lines"] == [{**plumb, "z": (0, 0)}]
     assert encoded["views"][0]["meshes"] == {"classes": []}
+    assert not np.any(encoded["share_from_occ"])
 
 
 @pytest.mark.parametrize("name", ["baseline", TRUTH])
