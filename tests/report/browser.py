@@ -146,6 +146,8 @@ class Page:
         """Sends one event of the mouse at a place of the window."""
         buttons = {"none": 0, "left": 1, "right": 2}[button]
         event = {"button": button, "buttons": buttons, "clickCount": int(buttons > 0)}
+        if kind == "mouseReleased":
+            event["buttons"] = 0
         self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **event, **options)
 
     def drag(

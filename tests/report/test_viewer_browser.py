@@ -120,6 +120,9 @@ def test_mouse_and_keys_turn_all_views_together_and_1_goes_back(page):
     turned = [view(page, n) for n in range(3)]
     assert one_eye(page) != home
     assert all((a != b).any() for a, b in zip(before, turned))
+    # The ground truth and the first prediction have the same car.
+    cars = [pixels_of(image, PALETTE[CAR]).mean(axis=0) for image in turned[:2]]
+    assert np.allclose(*cars, atol=1.5)
     page.press("1")
     page.mouse("mouseMoved", 1, 1)
     assert all((view(page, n) == before[n]).all() for n in range(3))

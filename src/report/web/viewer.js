@@ -34,13 +34,18 @@ class Viewer {
 
   // Makes a view listen. The page scrolls past a view that was not pressed before.
   prepare(div) {
-    const keep = (event) => document.activeElement === div || event.stopPropagation();
-    for (const kind of ["wheel", "touchstart", "touchmove"]) div.addEventListener(kind, keep, true);
-    div.addEventListener("mousedown", () => div.focus({ preventScroll: true }), true);
+    const hold = (event) => {
+      if (event.type === "mousedown") div.focus({ preventScroll: true });
+      if (document.activeElement === div) this.held = div;
+      else event.stopPropagation();
+    };
+    for (const kind of ["mousedown", "wheel", "touchstart", "touchmove"])
+      div.addEventListener(kind, hold, true);
     div.addEventListener("keydown", (event) => this.command(event.key) && event.preventDefault());
     Plotly.newPlot(div, [], {}, CONFIG);
+    // The other views report their turns too, but late: they would turn this one back.
     for (const kind of ["plotly_relayouting", "plotly_relayout"])
-      div.on(kind, (change) => this.look(change["scene.camera"], div));
+      div.on(kind, (change) => this.held === div && this.look(change["scene.camera"]));
     div.on("plotly_hover", ({ points: [point] }) => this.name(point));
   }
 
@@ -75,12 +80,11 @@ class Viewer {
     return Plotly.react(div, [...shown, ...this.scene.lines], layout, CONFIG);
   }
 
-  // Turns every view but the one that the reader is turning.
-  look(camera, turned) {
-    const place = ({ eye, center }) => JSON.stringify([eye, center]);
-    if (!camera || place(camera) === place(this.camera)) return;
+  // Turns every view but the one that the reader holds.
+  look(camera) {
+    if (!camera) return;
     this.camera = camera;
-    for (const div of this.divs.filter((each) => each !== turned && !each.parentElement.hidden))
+    for (const div of this.divs.filter((each) => each !== this.held && !each.parentElement.hidden))
       Plotly.relayout(div, { "scene.camera": structuredClone(camera) });
   }
 
@@ -88,6 +92,7 @@ class Viewer {
   command(key) {
     const step = { ...TURNS, ...TILTS, ...ZOOMS }[key];
     const camera = { 1: BEHIND, 2: ABOVE }[key] ?? (step && moved(this.camera, step));
+    if (camera) this.held = null;
     this.look(camera);
     return Boolean(camera);
   }
