@@ -30,6 +30,7 @@ class Viewer {
     for (const button of all("[data-kind]", box))
       button.addEventListener("click", (event) => this.toggle(button, event.shiftKey));
     this.divs.forEach((div) => this.prepare(div));
+    this.follow();
   }
 
   // Makes a view listen. The page scrolls past a view that was not pressed before.
@@ -43,9 +44,6 @@ class Viewer {
       div.addEventListener(kind, hold, true);
     div.addEventListener("keydown", (event) => this.command(event.key) && event.preventDefault());
     Plotly.newPlot(div, [], {}, CONFIG);
-    // The other views report their turns too, but late: they would turn this one back.
-    for (const kind of ["plotly_relayouting", "plotly_relayout"])
-      div.on(kind, (change) => this.held === div && this.look(change["scene.camera"]));
     div.on("plotly_hover", ({ points: [point] }) => this.name(point));
   }
 
@@ -61,7 +59,7 @@ class Viewer {
 
   // Draws every view anew, for what the reader has chosen to see.
   draw() {
-    this.box.dataset.mode = this.mode.value;
+    [this.box.dataset.mode, this.held] = [this.mode.value, null];
     return Promise.all(this.divs.map((div, n) => this.drawView(div, this.scene.views[n])));
   }
 
@@ -80,11 +78,18 @@ class Viewer {
     return Plotly.react(div, [...shown, ...this.scene.lines], layout, CONFIG);
   }
 
-  // Turns every view but the one that the reader holds.
-  look(camera) {
-    if (!camera) return;
-    this.camera = camera;
-    for (const div of this.divs.filter((each) => each !== this.held && !each.parentElement.hidden))
+  // Follows the view that the reader holds. Its events do not tell: it glides on after the last.
+  follow() {
+    const camera = this.held?._fullLayout.scene?._scene?.getCamera();
+    const place = ({ eye, center }) => JSON.stringify([eye, center]);
+    if (camera && place(camera) !== place(this.camera)) this.look(camera, this.held);
+    requestAnimationFrame(() => this.follow());
+  }
+
+  // Turns every view but the one that is held.
+  look(camera, held = null) {
+    [this.camera, this.held] = [camera, held];
+    for (const div of this.divs.filter((each) => each !== held && !each.parentElement.hidden))
       Plotly.relayout(div, { "scene.camera": structuredClone(camera) });
   }
 
@@ -92,8 +97,7 @@ class Viewer {
   command(key) {
     const step = { ...TURNS, ...TILTS, ...ZOOMS }[key];
     const camera = { 1: BEHIND, 2: ABOVE }[key] ?? (step && moved(this.camera, step));
-    if (camera) this.held = null;
-    this.look(camera);
+    if (camera) this.look(camera);
     return Boolean(camera);
   }
 
