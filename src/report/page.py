@@ -1,180 +1,83 @@
-"""The report's page: one HTML file with tables, curves, pictures and scenes to fly around in.
+"""The report's page: one HTML file with tables, curves, pictures, and scenes that turn.
 
-Everything is in the file: it opens from a disk without a network, and its content security policy
-forbids it to ask for anything. Templates, styles and scripts lie in `web/`.
+Everything is in the file, plotly's own script too: it opens from a disk without a network, and its
+content security policy forbids it to ask for anything. The template, the style sheet and the
+scripts lie in `web/`.
 """
 
-import json
-from collections.abc import Iterable, Mapping, Sequence
-from html import escape
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
 from ..atomic import replacing
 from ..errors import UserError
-from ..ontology import CLASSES, COLORS, OCCUPIED, UNKNOWN
-from .curve_plot import CurvePlot, plot_html
-from .page_tables import table_html
+from .curve_plot import CurvePlot
 from .picture import Picture
-from .report_table import ReportTable
-from .scene import Scene
-from .statistics_figure import readable
+from .scene import ERROR_PALETTE, VoxelScene
+from .voxel_mesh import CLASS_PALETTE
 
 WEB = Path(__file__).parent / "web"
-STYLES = ("page.css", "tables.css", "plots.css", "viewer.css")
-SCRIPTS = (
-    *("report.js", "tables.js", "plots.js", "pictures.js"),
-    *("volume.js", "faces.js", "figures.js", "shaders.js", "renderer.js"),
-    *("orbit.js", "lens.js", "steering.js", "probe.js", "legend.js", "stage.js"),
-    *("views.js", "controls.js", "viewer.js", "start.js"),
-)
-"""In the order in which they need each other."""
 
+# Titles of the sections that can have remarks.
 SETTINGS, TABLES = "Settings", "Tables"
-"""Titles of sections, for remarks."""
-
-LONG = 80
-"""Letters of a fact that is no longer a mere value."""
 
 
 def write_page(
     path: str | Path,
     heading: str,
     facts: Sequence[tuple[str, str]],
-    tables: Sequence[ReportTable] = (),
+    tables: Sequence[Markup] = (),
     curves: Sequence[CurvePlot] = (),
     sheets: Sequence[Picture] = (),
-    scenes: Sequence[Scene] = (),
+    scenes: Sequence[VoxelScene] = (),
     alarms: Mapping[str, Sequence[str]] = MappingProxyType({}),
-    settings: Sequence[ReportTable] = (),
+    settings: Sequence[Markup] = (),
     remarks: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> None:
-    """Write the page, whole or not at all.
+    """Writes the page, whole or not at all.
 
-    ``facts`` are names and values that say where the numbers come from. ``alarms`` are lists, by
-    their headings, of what a reader must know first, as what is missing; ``settings`` are tables of
-    how the runs differ, and ``remarks`` lines that stand before a section, by its title. What is
-    empty is left out. Raises `UserError` where a picture is neither PNG nor JPEG, and for a path
-    that cannot be written.
+    ``facts`` are names and values that say where the numbers come from. ``tables`` are HTML, and so
+    are ``settings``, the tables of how the runs differ. ``alarms`` are lists, by their headings, of
+    what a reader must know first. ``remarks`` are lines that stand before a section, by its title.
+    An empty section is left out. All text but those tables is escaped.
+
+    Raises `UserError` where a picture is neither PNG nor JPEG, where two parts of the tables have
+    one id, and for a path that cannot be written.
     """
-    keys = [table.key for table in (*tables, *settings)]
-    if len(set(keys)) < len(keys):
+    ids = re.findall(r'\sid="([^"]*)"', "".join([*settings, *tables]))
+    if len(set(ids)) < len(ids):
         raise UserError(f"{path}: two of its tables have the same key; name them apart")
-    sections = {
-        SETTINGS: "".join(map(table_html, settings)),
-        TABLES: "".join(map(table_html, tables)),
-        "Learning curves": _grid("plots", map(plot_html, curves)),
-        "Scenes": _viewer_html(scenes),
-        "Pictures": "".join(map(_sheet_html, sheets)),
+
+    contents = {
+        SETTINGS: settings,
+        TABLES: tables,
+        "Learning curves": curves,
+        "Scenes": scenes,
+        "Pictures": sheets,
     }
-    before = {title: "".join(map(_remark_html, remarks.get(title, ()))) for title in sections}
-    shown = {title: before[title] + content for title, content in sections.items()}
-    shown = {title: content for title, content in shown.items() if content}
-    page = _filled(
-        "page.html",
-        title=escape(heading),
-        heading=escape(heading),
-        facts=_facts_html(facts),
-        alarms="".join(_alarm_html(*alarm) for alarm in alarms.items()),
-        contents="".join(f'<a href="#{_anchor(t)}">{t}</a>' for t in shown),
-        sections="".join(
-            f'<section id="{_anchor(t)}" class="part"><h2>{t}</h2>{content}</section>'
-            for t, content in shown.items()
-        ),
-        styles="\n".join(map(_text, STYLES)),
-        scripts="\n".join(map(_text, SCRIPTS)),
+    sections = [(title, remarks.get(title, ()), parts) for title, parts in contents.items()]
+
+    page = _template().render(
+        heading=heading,
+        facts=facts,
+        alarms={title: lines for title, lines in alarms.items() if lines},
+        sections=[section for section in sections if any(section[1:])],
+        anchor=lambda title: title.lower().replace(" ", "-"),
+        class_palette=CLASS_PALETTE,
+        error_palette=ERROR_PALETTE,
+        plotly=Markup(get_plotlyjs()) if curves or scenes else "",
     )
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8", newline="\n")
 
 
-def _text(name: str) -> str:
-    return (WEB / name).read_text(encoding="utf-8")
-
-
-def _filled(name: str, **values: str) -> str:
-    """A template with each ``{{name}}`` replaced once; what a value holds is left as it is."""
-    first, *rest = _text(name).split("{{")
-    parts = (part.partition("}}") for part in rest)
-    return first + "".join(values[key] + after for key, _, after in parts)
-
-
-def _anchor(title: str) -> str:
-    return title.lower().replace(" ", "-")
-
-
-def _grid(kind: str, parts: Iterable[str]) -> str:
-    content = "".join(parts)
-    return content and f'<div class="{kind}">{content}</div>'
-
-
-def _facts_html(facts: Sequence[tuple[str, str]]) -> str:
-    """Short values side by side; a sentence takes a row."""
-    kinds = ("value", "sentence")
-    rows = (
-        f'<div class="{kinds[len(v) > LONG]}"><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>'
-        for n, v in facts
-    )
-    content = "".join(rows)
-    return content and f'<dl class="facts">{content}</dl>'
-
-
-def _alarm_html(heading: str, lines: Sequence[str]) -> str:
-    listed = "".join(f"<li>{escape(line)}</li>" for line in lines)
-    if not listed:
-        return ""
-    name = escape(heading)
-    return f'<aside class="alarm" aria-label="{name}"><h2>{name}</h2><ul>{listed}</ul></aside>'
-
-
-def _remark_html(line: str) -> str:
-    return f'<p class="remark">{escape(line)}</p>'
-
-
-def _sheet_html(sheet: Picture) -> str:
-    """A picture as wide as the page; pressed, it shows its own size and scrolls in its box."""
-    width, height = sheet.size_pix
-    caption = escape(sheet.caption)
-    return (
-        '<figure class="sheet"><div class="scroll"><button type="button" aria-pressed="false" '
-        f'title="in its own size, or as wide as the page"><img src="{sheet.address}" '
-        f'alt="{caption}" width="{width}" height="{height}"></button></div>'
-        f"<figcaption>{caption}</figcaption></figure>"
-    )
-
-
-def _viewer_html(scenes: Sequence[Scene]) -> str:
-    """The viewer with the scenes' data, and a still picture of every view for where it cannot run
-    and for print."""
-    if not scenes:
-        return ""
-    names = [readable(CLASSES[n]) for n in OCCUPIED]
-    colors = [COLORS[CLASSES[n]] for n in OCCUPIED]
-    return _filled(
-        "viewer.html",
-        classes=_json({"names": names, "colors": colors, "unknown": UNKNOWN}),
-        legend="".join(
-            f'<li style="--color: rgb{color}"><i></i>{name}</li>'
-            for name, color in zip(names, colors)
-        ),
-        scenes="".join(
-            f'<script type="application/json" class="scene">{_json(scene.encoded())}</script>'
-            for scene in scenes
-        ),
-        stills="".join(map(_stills_html, scenes)),
-    )
-
-
-def _stills_html(scene: Scene) -> str:
-    figures = "".join(
-        f'<figure><img src="{picture.address}" alt="{escape(picture.caption)}">'
-        f"<figcaption>{escape(picture.caption)}</figcaption></figure>"
-        for picture in (scene.photo, *scene.stills())
-    )
-    title = escape(scene.title)
-    return f'<section class="still"><h3>{title}</h3><div>{figures}</div></section>'
-
-
-def _json(data: object) -> str:
-    """JSON that no text in it can end the element of."""
-    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+def _template() -> Template:
+    # Jinja escapes whatever comes from data, so that no name of a run can become markup.
+    loader = FileSystemLoader(WEB)
+    options = {"autoescape": True, "undefined": StrictUndefined, "trim_blocks": True}
+    return Environment(loader=loader, **options).get_template("page.html")

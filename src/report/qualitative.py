@@ -13,7 +13,7 @@ from PIL import Image
 from ..errors import UserError
 from ..ontology import CLASSES, COLORS
 from .canvas import MUTED, Canvas, write_picture
-from .scene import Scene
+from .scene import VoxelScene
 from .top import render_top
 from .voxels import ground_level, render_voxels, view_of
 
@@ -41,7 +41,7 @@ def pick_frames(tilt_rad: Float[np.ndarray, "n"], count: int) -> list[int]:
 
 
 def qualitative_sheet(
-    scenes: Sequence[Scene], path: str | Path, heading: str, tops: bool = True
+    scenes: Sequence[VoxelScene], path: str | Path, heading: str, tops: bool = True
 ) -> None:
     """Writes the sheet as a PNG or, by its suffix, a JPEG, with one row a scene.
 
@@ -66,7 +66,7 @@ def qualitative_sheet(
     write_picture(sheet, path)
 
 
-def _pictures(scene: Scene, tops: bool) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+def _pictures(scene: VoxelScene, tops: bool) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
     """The pictures of a row, all of one height."""
     known, grid = scene.known().values(), scene.grid
     size, top_size = ((round(ROW_PIX * a), ROW_PIX) for a in (VOXEL_ASPECT, TOP_ASPECT))

@@ -3,24 +3,27 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from markupsafe import Markup
+
 from ..run_folder import METRICS
 from .curve_plot import CurvePlot
 from .curves import TRAIN_LOSS, read_curve
 from .ladder_report import LadderReport
 from .page import SETTINGS, TABLES, write_page
+from .page_tables import table_html
 from .picture import Picture
 from .report_table import Column, ReportTable
 from .report_text import NUMBERS, facts_of, settings_rows
-from .scene import Scene
+from .scene import VoxelScene
 from .scored_runs import ScoredRun
 from .shared_settings import Values
 
+# Columns of ``metrics.csv``, and the titles and units of their plots.
 PLOTS = {
     "val/kar_miou": ("KAR-mIoU on validation", "%"),
     "val/miou": ("mIoU on validation", "%"),
     TRAIN_LOSS: ("Training loss, each rung its own", ""),
 }
-"""Columns of ``metrics.csv``, and the titles and units of their plots."""
 
 
 def write_report_page(
@@ -28,28 +31,27 @@ def write_report_page(
     heading: str,
     plots: Sequence[CurvePlot],
     figures: Mapping[Path, str],
-    scenes: Sequence[Scene],
+    scenes: Sequence[VoxelScene],
     path: Path,
 ) -> None:
-    """The page. ``figures`` maps pictures on disk to what they show.
+    """Writes the page. ``figures`` maps pictures on disk to their captions.
 
     Raises `UserError` where the page cannot be written.
     """
-    facts = {
-        name.replace("`", ""): value
-        for name, value in (facts_of(report) | {"Settings": report.settings}).items()
-    }
+    facts = facts_of(report) | {"Settings": report.settings}
+    settings = [_settings_table(report.differing)] if report.differing else []
+
     write_page(
         path,
         heading,
-        list(facts.items()),
-        report.tables,
-        plots,
-        [Picture(picture.read_bytes(), caption) for picture, caption in figures.items()],
-        scenes,
-        {"Not a clean comparison": report.warnings, "Missing": report.missing},
-        [_settings_table(report.differing)] if report.differing else [],
-        {SETTINGS: report.others, TABLES: [NUMBERS]},
+        [(name.replace("`", ""), value) for name, value in facts.items()],
+        tables=[Markup(table_html(table)) for table in report.tables],
+        curves=plots,
+        sheets=[Picture(picture.read_bytes(), caption) for picture, caption in figures.items()],
+        scenes=scenes,
+        alarms={"Not a clean comparison": report.warnings, "Missing": report.missing},
+        settings=[Markup(table_html(table)) for table in settings],
+        remarks={SETTINGS: report.others, TABLES: [NUMBERS]},
     )
 
 
@@ -66,14 +68,19 @@ def _settings_table(differing: Values) -> ReportTable:
 
 
 def learning_curves(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[CurvePlot]:
-    """Those of the runs that have a log. Raises `UserError` for one that cannot be read."""
-    logs = [(name, log) for name, run in named_runs if (log := run.path / METRICS).is_file()]
-    return [
-        CurvePlot(
-            title,
-            unit,
-            tuple(read_curve(log, column, name, 100 if unit == "%" else 1) for name, log in logs),
-        )
-        for column, (title, unit) in PLOTS.items()
-        if logs
-    ]
+    """Returns the curves of the runs that have a log.
+
+    Raises `UserError` for a log that cannot be read.
+    """
+    logs = [(name, run.path / METRICS) for name, run in named_runs]
+    logs = [(name, log) for name, log in logs if log.is_file()]
+    if not logs:
+        return []
+
+    plots = []
+    for column, (title, unit) in PLOTS.items():
+        scale = 100 if unit == "%" else 1
+        curves = tuple(read_curve(log, column, name, scale) for name, log in logs)
+        plots.append(CurvePlot(title, unit, curves))
+
+    return plots

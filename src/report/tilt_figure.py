@@ -12,7 +12,7 @@ from jaxtyping import UInt8
 from .canvas import MUTED, Canvas, resized, write_picture
 from .labels_in_image import labels_in_image
 from .qualitative import add_legend
-from .scene import Scene
+from .scene import VoxelScene
 from .view import Frustum
 from .voxels import ground_level, render_voxels, view_of
 
@@ -25,7 +25,7 @@ FRUSTUM_SHARE = 0.3
 Picture = UInt8[np.ndarray, "h w 3"]
 
 
-def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
+def draw_tilt(scene: VoxelScene, level: Frustum, path: str | Path) -> None:
     """Writes a picture of the scene's frame, a PNG or, by its suffix, a JPEG.
 
     It shows the image, a row for the frame's own camera, and a row for ``level``, the camera of a
@@ -44,7 +44,7 @@ def draw_tilt(scene: Scene, level: Frustum, path: str | Path) -> None:
     write_picture(page.drawn(), path)
 
 
-def _pictures(scene: Scene, camera: Frustum) -> list[Picture]:
+def _pictures(scene: VoxelScene, camera: Frustum) -> list[Picture]:
     view = view_of([scene.truth], scene.grid, CELL_PIX)
     floor_m = ground_level(scene.truth, scene.grid)
     # The labels are the same in both rows; only the camera differs (Eq. 5).

@@ -24,7 +24,7 @@ from ..report.published_runs import publish_runs
 from ..report.report_page import learning_curves, write_report_page
 from ..report.report_text import report_text
 from ..report.run_group import groups_of
-from ..report.scene import Scene
+from ..report.scene import VoxelScene
 from ..report.scored_runs import ScoredRun, UnfinishedRun, read_run, run_folders
 from ..report.scores import write_table
 from ..report.table_files import ENDINGS, write_files
@@ -145,7 +145,7 @@ def _write(
     made: LadderReport,
     plots: Sequence[CurvePlot],
     figures: Mapping[Path, str],
-    scenes: Sequence[Scene],
+    scenes: Sequence[VoxelScene],
     folder: Path,
 ) -> None:
     """``report.md``, ``report.html``, ``seeds.csv`` and ``tables/``; the figures are there."""

@@ -10,7 +10,7 @@ from torch.utils.data import default_collate
 
 from ..data.batch import Batch
 from ..geometry import VoxelGrid, camera_from_occ
-from ..report.scene import Scene
+from ..report.scene import VoxelScene
 from ..report.view import Frustum
 from .predictor import on_device
 
@@ -21,7 +21,7 @@ Labels = UInt8[np.ndarray, "X Y Z"]
 
 def scene_of(
     sample: Batch, grid: VoxelGrid, predictions: Mapping[str, Labels], remark: str = ""
-) -> Scene:
+) -> VoxelScene:
     """A sample of an `OccupancyDataset`, with what is predicted there, as by `labels_of`.
 
     ``remark`` follows the frame's name in the title.
@@ -29,7 +29,7 @@ def scene_of(
     roll_deg, pitch_deg = torch.rad2deg(sample["attitude_rad"]).tolist()
     title = f"{sample['clip']} frame {sample['frame']} · roll {roll_deg:+.0f}° "
     title += f"pitch {pitch_deg:+.0f}°{remark and ' · ' + remark}"
-    return Scene(
+    return VoxelScene(
         title=title,
         grid=grid,
         image=sample["image"][-1].permute(1, 2, 0).numpy(),

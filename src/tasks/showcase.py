@@ -22,7 +22,7 @@ from ..ontology import CLASSES
 from ..report.hard_cases import HardCase, hard_cases
 from ..report.ladder import PAPER, Ladder
 from ..report.qualitative import qualitative_sheet
-from ..report.scene import Scene
+from ..report.scene import VoxelScene
 from ..report.scored_runs import ScoredRun
 from ..report.tilt_figure import draw_tilt
 from ..run_folder import BEST, CONFIG
@@ -37,7 +37,7 @@ COMPARISON, TILT = "comparison.jpg", "tilt.jpg"
 class Showcase:
     """``figures`` maps pictures to what they show, ``missing`` says what could not be drawn."""
 
-    scenes: tuple[Scene, ...] = ()
+    scenes: tuple[VoxelScene, ...] = ()
     figures: dict[Path, str] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
 
@@ -118,7 +118,7 @@ def _drawn(
     return Showcase(tuple(scenes), figures)
 
 
-def _scene(case: HardCase, viewers: Sequence[_Viewer], grid: VoxelGrid) -> Scene:
+def _scene(case: HardCase, viewers: Sequence[_Viewer], grid: VoxelGrid) -> VoxelScene:
     samples = [_sample(case, viewer.frames) for viewer in viewers]
     predictions = {
         viewer.name: labels_of(viewer.network, sample) for viewer, sample in zip(viewers, samples)

@@ -1,5 +1,7 @@
-"""A headless Chromium for the tests of the page, driven through its DevTools pipe: no port, no
-driver, no dependency."""
+"""A headless Chromium for the tests of the page.
+
+It is driven through its DevTools pipe, which needs no port, no driver and no dependency.
+"""
 
 import base64
 import fcntl
@@ -7,7 +9,7 @@ import json
 import os
 import select
 import shutil
-import signal
+import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
@@ -15,19 +17,28 @@ from contextlib import contextmanager
 from pathlib import Path
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-OPTIONS = (
-    *("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-quic"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
-    *("--disable-dev-shm-usage", "--force-color-profile=srgb", "--remote-debugging-pipe"),
-)
+OPTIONS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-quic",
+    "--disable-dev-shm-usage",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--force-color-profile=srgb",
+    "--remote-debugging-pipe",
+]
 SOFTWARE_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WAIT_S = 60.0
+
+# Descriptors from here on cannot be the two that Chromium listens on.
 FIRST_FREE = 10
-"""Descriptors from here on cannot be the two that Chromium listens on."""
 
 
 def program() -> str:
-    """Where the browser is. Fails without one: skipped, nobody would have looked at the page."""
+    """Returns the path of the browser, and fails without one: a skipped test looks at nothing."""
     for name in PROGRAMS:
         if path := shutil.which(name):
             return path
@@ -53,7 +64,7 @@ class Page:
             self.send(f"{domain}.enable")
 
     def send(self, method: str, **parameters: object) -> dict:
-        """What a DevTools command answers."""
+        """Returns the answer to a DevTools command."""
         self._last += 1
         message = {"id": self._last, "method": method, "params": parameters}
         if self._session:
@@ -84,7 +95,7 @@ class Page:
             self.requests.append(parameters["request"]["url"])
 
     def show(self, width: int, height: int, dark: bool = False, phone: bool = False) -> None:
-        """The size of the window, and which colours the reader prefers."""
+        """Sets the size of the window, and the color scheme that the reader prefers."""
         self.send(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -97,34 +108,33 @@ class Page:
         self.send("Emulation.setEmulatedMedia", media="", features=[scheme])
 
     def open(self, path: Path) -> None:
-        """Load a file; what went wrong and was asked for before is forgotten."""
+        """Loads a file, and forgets the errors and requests of the page before."""
         self.errors.clear()
         self.requests.clear()
         self.send("Page.navigate", url=path.resolve().as_uri())
         self.wait("document.readyState === 'complete'")
 
     def wait(self, condition: str) -> None:
-        """Until an expression is true."""
+        """Waits until an expression is true."""
         until_s = time.monotonic() + WAIT_S
         while not self.evaluate(condition):
             assert time.monotonic() < until_s, f"not within {WAIT_S:g} s: {condition}"
             time.sleep(0.05)
 
     def evaluate(self, expression: str) -> object:
-        """The value of a JavaScript expression; of a promise, what it resolves to."""
+        """Returns the value of a JavaScript expression; of a promise, the value it resolves to."""
         answer = self.send(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
         )
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
-    def screenshot(self, path: Path, whole: bool = False) -> None:
-        """A PNG of the window, or of the whole page."""
-        encoded = self.send("Page.captureScreenshot", captureBeyondViewport=whole)["data"]
-        path.write_bytes(base64.b64decode(encoded))
+    def screenshot(self) -> bytes:
+        """Returns a PNG of the window."""
+        return base64.b64decode(self.send("Page.captureScreenshot")["data"])
 
     def press(self, key: str, shift: bool = False) -> None:
-        """A key, by its DOM name."""
+        """Presses a key, by its DOM name."""
         text = {"text": key} if len(key) == 1 else {"text": "\r"} if key == "Enter" else {}
         for kind in ("keyDown", "keyUp"):
             self.send(
@@ -132,25 +142,46 @@ class Page:
             )
             text = {}
 
-    def drag(self, start: tuple[float, float], end: tuple[float, float], **options) -> None:
-        """The mouse, pressed at one place of the window and released at another."""
-        for kind, (x, y), buttons in (
-            ("mousePressed", start, 1),
-            ("mouseMoved", end, 1),
-            ("mouseReleased", end, 0),
-        ):
-            mouse = {"x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1}
-            self.send("Input.dispatchMouseEvent", type=kind, **{**mouse, **options})
+    def mouse(self, kind: str, x: float, y: float, button: str = "none", **options) -> None:
+        """Sends one event of the mouse at a place of the window."""
+        buttons = {"none": 0, "left": 1, "right": 2}[button]
+        event = {"button": button, "buttons": buttons, "clickCount": int(buttons > 0)}
+        if kind == "mouseReleased":
+            event["buttons"] = 0
+        self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **event, **options)
+
+    def drag(
+        self, start: tuple[float, float], end: tuple[float, float], button: str = "left"
+    ) -> None:
+        """Presses the mouse at one place of the window and releases it at another."""
+        self.mouse("mousePressed", *start, button)
+        for share in (0.5, 1.0):
+            self.mouse("mouseMoved", *(a + share * (b - a) for a, b in zip(start, end)), button)
+        self.mouse("mouseReleased", *end, button)
 
 
 @contextmanager
 def opened(webgl: bool = True) -> Iterator[Page]:
-    """A page of a browser that starts with nothing and leaves nothing."""
+    """Yields a page of a browser that starts with nothing and leaves nothing.
+
+    The browser reads commands from descriptor 3 and writes answers to descriptor 4.
+    """
     options = [*OPTIONS, *(SOFTWARE_WEBGL if webgl else ("--disable-3d-apis",))]
+    ends = [_moved_up(end) for pipe in (os.pipe(), os.pipe()) for end in pipe]
+    its_input, to_browser, from_browser, its_output = ends
+
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         command = [program(), *options, f"--user-data-dir={profile}", "about:blank"]
-        to_browser, from_browser, process = _start(command, profile)
+        process = subprocess.Popen(
+            ["bash", "-c", f'exec "$@" 3<&{its_input} 4>&{its_output}', "bash", *command],
+            env={**os.environ, "HOME": profile},
+            pass_fds=(its_input, its_output),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         try:
+            os.close(its_input)
+            os.close(its_output)
             yield Page(to_browser, from_browser)
         finally:
             os.close(to_browser)
@@ -158,39 +189,18 @@ def opened(webgl: bool = True) -> Iterator[Page]:
             _end(process)
 
 
-def _start(command: list[str], home: str) -> tuple[int, int, int]:
-    """Start the browser: it reads commands from descriptor 3 and writes answers to 4."""
-    ends = [_moved_up(end) for pipe in (os.pipe(), os.pipe()) for end in pipe]
-    its_input, to_browser, from_browser, its_output = ends
-    quiet = os.open(os.devnull, os.O_RDWR)
-    process = os.posix_spawn(
-        command[0],
-        command,
-        {**os.environ, "HOME": home},
-        file_actions=[
-            (os.POSIX_SPAWN_DUP2, quiet, 1),
-            (os.POSIX_SPAWN_DUP2, quiet, 2),
-            (os.POSIX_SPAWN_DUP2, its_input, 3),
-            (os.POSIX_SPAWN_DUP2, its_output, 4),
-        ],
-    )
-    for end in (its_input, its_output, quiet):
-        os.close(end)
-    return to_browser, from_browser, process
-
-
-def _end(process: int) -> None:
-    """Ask the browser to end, and end it where a script keeps it busy."""
-    os.kill(process, signal.SIGTERM)
-    until_s = time.monotonic() + 10
-    while os.waitpid(process, os.WNOHANG) == (0, 0):
-        if time.monotonic() > until_s:
-            os.kill(process, signal.SIGKILL)
-        time.sleep(0.05)
+def _end(process: subprocess.Popen) -> None:
+    """Asks the browser to end, and ends it where a script keeps it busy."""
+    process.terminate()
+    try:
+        process.wait(timeout=10)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def _moved_up(descriptor: int) -> int:
-    """The same file under a higher number, which no child inherits by itself."""
+    """Returns the same file under a higher number, which no child inherits by itself."""
     moved = fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, FIRST_FREE)
     os.close(descriptor)
     return moved

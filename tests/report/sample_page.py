@@ -2,17 +2,21 @@
 
 import base64
 import io
+import json
+import zlib
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 from PIL import Image
 
 from src.ontology import BUILDING, CAR, FREE, GROUND, UNKNOWN, VRU
 from src.report.curve_plot import Curve, CurvePlot
 from src.report.page import write_page
+from src.report.page_tables import table_html
 from src.report.picture import Picture
 from src.report.report_table import Cell, Column, ReportTable
-from src.report.scene import Scene
+from src.report.scene import VoxelScene
 from tests.report.street import GRID, HEIGHT, WIDTH, fill, street, tilted_frustum
 
 READY = "document.documentElement.dataset.ready === 'true'"
@@ -42,13 +46,15 @@ def plain_scene():
     }
     frustum = tilted_frustum(0.2, 0.15)
     image = np.full((HEIGHT, WIDTH, 3), 90, dtype=np.uint8)
-    return Scene("plain", GRID, image, truth, predictions, frustum)
+    return VoxelScene("plain", GRID, image, truth, predictions, frustum)
 
 
 def street_scene():
     frustum = tilted_frustum(0.0, 0.0)
     image = np.full((HEIGHT, WIDTH, 3), 180, dtype=np.uint8)
-    return Scene("street", GRID, image, street(GRID, frustum), {"skyocc": street(GRID)}, frustum)
+    return VoxelScene(
+        "street", GRID, image, street(GRID, frustum), {"skyocc": street(GRID)}, frustum
+    )
 
 
 def tables():
@@ -62,73 +68,90 @@ def tables():
     )
     wide = tuple(Column(f"c{n}", f"a rather long name {n}") for n in range(20))
     filled = ("run", tuple(Cell(float(n), n - 1.0, n + 1.0) for n in range(20)))
-    return [
+    made = [
         ReportTable("ladder", "Ladder", "In percent.", columns, rows),
         ReportTable("wide", "Wide", "In percent.", wide, (filled,)),
     ]
+    return [Markup(table_html(table)) for table in made]
 
 
-def sheet():
+def sheet(kind="png"):
     buffer = io.BytesIO()
-    Image.fromarray(np.full((1200, 2400, 3), 200, np.uint8)).save(buffer, "png")
-    return Picture(buffer.getvalue(), "a sheet")
+    Image.fromarray(np.full((1200, 2400, 3), 200, np.uint8)).save(buffer, kind)
+    return Picture(buffer.getvalue(), f"a sheet as {kind}")
 
 
 def write_sample(path):
-    """The page, with small stills: they take seconds in their own size."""
-    curves = (Curve("a", (1, 2, 3), (3.0, 2.0, 1.5)), Curve("b", (1, 2), (4.0, 3.0)))
-    facts = [("data set", "small-" + "f" * 60)]
-    alarms = {"Missing": ["runs/" + "x" * 80]}
+    """Writes the page, with small stills: they take seconds in their own size."""
+    curves = (
+        Curve("a", (1, 2, 3), (3.0, 2.0, 1.5)),
+        Curve("a", (1, 2), (5.0, 3.0)),
+        Curve("b", (1, 2), (4.0, 3.0)),
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("src.report.scene.STILL_PIX", (80, 60))
         write_page(
             path,
             "A report with a heading",
-            facts,
-            tables(),
-            [CurvePlot("Loss", "", curves), CurvePlot("KAR-mIoU", "%", curves)],
-            [sheet()],
-            [plain_scene(), street_scene()],
-            alarms,
+            [("data set", "small-" + "f" * 60)],
+            tables=tables(),
+            curves=[CurvePlot("Loss", "", curves), CurvePlot("KAR-mIoU", "%", curves)],
+            sheets=[sheet()],
+            scenes=[plain_scene(), street_scene()],
+            alarms={"Missing": ["runs/" + "x" * 80]},
         )
+
+
+def read_scene(text):
+    """The JSON of a `VoxelScene`, as the page holds it."""
+    return json.loads(zlib.decompress(base64.b64decode(text)))
+
+
+def labels_in(view, shape):
+    """The labels of a view of that JSON."""
+    labels = np.frombuffer(view["labels"].encode(), np.uint8) - ord("0")
+    return np.where(labels > FREE, UNKNOWN, labels).astype(np.uint8).reshape(shape)
 
 
 def click(page, selector):
     page.evaluate(f"document.querySelector(`{selector}`).click()")
 
 
-def settle(page):
-    """Until what was changed is drawn."""
-    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+def choose(page, label, value):
+    """Chooses an option of a list."""
+    page.evaluate(
+        f"(() => {{ const list = document.querySelector(`[aria-label='{label}']`);"
+        f"list.value = '{value}'; list.dispatchEvent(new Event('change')); }})()"
+    )
 
 
-def view(page, n):
-    """RGBA of a view: the truth is the first."""
-    settle(page)
-    address = page.evaluate(f"document.querySelectorAll('canvas')[{n}].toDataURL('image/png')")
-    encoded = base64.b64decode(address.split(",", 1)[1])
-    return np.asarray(Image.open(io.BytesIO(encoded)).convert("RGBA"))
-
-
-def pixels_of(image, color):
-    """Row and column of the pixels of a colour's hue, which light and haze change little."""
-    rgb = image[image[..., 3] == 255][:, :3].astype(np.float32)
-    places = np.argwhere(image[..., 3] == 255)
-    hue, wanted = (c - c.min(axis=-1, keepdims=True) for c in (rgb, np.asarray(color, np.float32)))
-    strength = np.linalg.norm(hue, axis=-1)
-    alike = hue @ wanted > 0.985 * strength * np.linalg.norm(wanted)
-    return places[alike & (strength > 60)]
-
-
-def canvas_in_sight(page, n):
-    """Where a view is in the window, after scrolling to it: left, top, width and height."""
-    canvas = f"document.querySelectorAll('canvas')[{n}]"
-    page.evaluate(f"{canvas}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
-    settle(page)
-    box = page.evaluate(f"({canvas}.getBoundingClientRect().toJSON())")
-    return box["x"], box["y"], box["width"], box["height"]
+def box_of(page, n):
+    """Where a view is in the window, after scrolling to it."""
+    view = f"document.querySelectorAll('.view')[{n}]"
+    page.evaluate(f"{view}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
+    return page.evaluate(f"{view}.getBoundingClientRect().toJSON()")
 
 
 def middle_of(page, n):
-    x, y, width, height = canvas_in_sight(page, n)
-    return x + width / 2, y + height / 2
+    box = box_of(page, n)
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def view(page, n):
+    """RGB of a view, once it is drawn: the ground truth is the first."""
+    box = box_of(page, n)
+    last, shot = None, page.screenshot()
+    while shot != last:
+        page.evaluate("new Promise((done) => setTimeout(done, 50))")
+        last, shot = shot, page.screenshot()
+    corners = (box["left"] + 2, box["top"] + 2, box["right"] - 2, box["bottom"] - 2)
+    return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB").crop([*map(round, corners)]))
+
+
+def pixels_of(image, color):
+    """Row and column of the pixels of a color's hue, which light changes little."""
+    rgb = image.reshape(-1, 3).astype(np.float32)
+    hue, wanted = (c - c.min(axis=-1, keepdims=True) for c in (rgb, np.asarray(color, np.float32)))
+    strength = np.linalg.norm(hue, axis=-1)
+    alike = hue @ wanted > 0.985 * strength * np.linalg.norm(wanted)
+    return np.argwhere((alike & (strength > 60)).reshape(image.shape[:2]))

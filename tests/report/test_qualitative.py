@@ -11,7 +11,7 @@ from src.geometry import VoxelGrid
 from src.ontology import CAR, FREE, UNKNOWN
 from src.report.canvas import MAX_BYTES, write_picture
 from src.report.qualitative import pick_frames, qualitative_sheet
-from src.report.scene import Scene
+from src.report.scene import VoxelScene
 from tests.report.street import street, tilted_frustum
 
 GRID = VoxelGrid(shape=(25, 25, 15))
@@ -23,7 +23,7 @@ def _scene():
     image = np.random.default_rng(0).integers(0, 256, (64, 96, 3), dtype=np.uint8)
     truth = street(GRID, frustum)
     title = "downtown-03 frame 41 · roll +12°"
-    return Scene(title, GRID, image, truth, {"Prediction": street(GRID)}, frustum)
+    return VoxelScene(title, GRID, image, truth, {"Prediction": street(GRID)}, frustum)
 
 
 def test_frames_are_the_most_tilted_and_evenly_spaced_others():

@@ -8,7 +8,7 @@ from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.ontology import CAR, FREE
 from src.report.labels_in_image import COLOR_SHARE, labels_in_image
-from src.report.scene import Scene
+from src.report.scene import VoxelScene
 from src.report.tilt_figure import draw_tilt
 from src.report.voxels import PALETTE
 from tests.report.street import HEIGHT, WIDTH, fill, street, tilted_frustum
@@ -45,7 +45,7 @@ def test_the_two_rows_differ_in_nothing_but_the_camera(tmp_path):
     truth = street(GRID, tilted)
     pages = {}
     for name, other in {"level": level, "same": tilted}.items():
-        scene = Scene("downtown frame 3", GRID, BLACK, truth, {}, tilted)
+        scene = VoxelScene("downtown frame 3", GRID, BLACK, truth, {}, tilted)
         draw_tilt(scene, other, tmp_path / f"{name}.png")
         with Image.open(tmp_path / f"{name}.png") as page:
             pages[name] = np.asarray(page)
@@ -59,6 +59,6 @@ def test_the_two_rows_differ_in_nothing_but_the_camera(tmp_path):
 def test_a_place_that_cannot_be_written_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     camera = tilted_frustum(0.2, 0.15)
-    scene = Scene("downtown frame 3", GRID, BLACK, street(GRID, camera), {}, camera)
+    scene = VoxelScene("downtown frame 3", GRID, BLACK, street(GRID, camera), {}, camera)
     with pytest.raises(UserError, match=r"tilt\.png"):
         draw_tilt(scene, camera, tmp_path / "file/tilt.png")

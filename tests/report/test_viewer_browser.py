@@ -2,220 +2,194 @@
 
 import numpy as np
 import pytest
-import torch
 
-from src.geometry import project
-from src.ontology import CAR, FREE, GROUND, UNKNOWN, VRU
+from src.ontology import CAR, CLASSES, FREE, GROUND, VRU
+from src.report.scene import ERROR_PALETTE
 from src.report.voxels import PALETTE
-from tests.report.sample_page import (
-    canvas_in_sight,
-    click,
-    middle_of,
-    pixels_of,
-    plain_scene,
-    settle,
-    view,
-)
-from tests.report.street import GRID, HEIGHT, WIDTH
+from tests.report.sample_page import box_of, choose, click, middle_of, pixels_of, plain_scene, view
+from tests.report.test_voxel_mesh import count_faces
 
 pytestmark = pytest.mark.slow
 
-SHIFT = 8
-"""Of DevTools, as a modifier."""
+SHOWS = "what the predictions show"
+FACES = "[...document.querySelectorAll('.view')].map(view => Number(view.dataset.faces))"
+# Where the views look from as they are drawn, which plotly's public layout reports too late.
+EYES = """[...document.querySelectorAll('.view')].filter(view => view.clientWidth).map(
+    view => Object.values(view._fullLayout.scene._scene.getCamera().eye)
+        .map(part => part.toFixed(3)).join(" "))"""
+MISSED = ERROR_PALETTE["missed"]
 
 
-def faces_of(labels, shown):
-    """How many faces of shown voxels border on none, counted one by one."""
-    drawn = np.isin(labels, list(shown))
-    padded = np.pad(drawn, 1)
-    count = 0
-    for x, y, z in np.argwhere(drawn) + 1:
-        for dx, dy, dz in np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)]):
-            count += not padded[x + dx, y + dy, z + dz]
-    return count
+def kind(class_id):
+    return f"[data-kind='{CLASSES[class_id].replace('vru', 'VRU')}']"
+
+
+def faces_of(volumes, classes):
+    return [sum(count_faces(labels == class_id) for class_id in classes) for labels in volumes]
+
+
+def one_eye(page):
+    """Where all views look from, once they are still."""
+    page.evaluate("new Promise((done) => setTimeout(done, 300))")
+    page.wait(f"new Set({EYES}).size === 1")
+    return page.evaluate(EYES)[0]
 
 
 def test_it_draws_the_faces_that_a_brute_force_search_finds(page):
     scene = plain_scene()
-    known = [np.where(scene.truth == UNKNOWN, UNKNOWN, labels) for _, labels in scene.volumes()]
-    faces = "[...document.querySelectorAll('canvas')].map(c => Number(c.dataset.faces))"
-    assert page.evaluate(faces) == [faces_of(labels, range(FREE)) for labels in known]
-    click(page, f".legend.classes button:nth-child({GROUND + 1})")
-    rest = [n for n in range(FREE) if n != GROUND]
-    assert page.evaluate(faces) == [faces_of(labels, rest) for labels in known], "what was behind"
-    click(page, f".legend.classes button:nth-child({GROUND + 1})")
-    click(page, ".beyond input")
+    known = list(scene.known().values())
+    assert page.evaluate(FACES) == faces_of(known, range(FREE))
+    click(page, kind(GROUND))
+    assert page.evaluate(FACES) == faces_of(known, [n for n in range(FREE) if n != GROUND])
+    click(page, kind(GROUND))
+    choose(page, SHOWS, "everywhere")
     volumes = [labels for _, labels in scene.volumes()]
-    assert page.evaluate(faces) == [faces_of(labels, range(FREE)) for labels in volumes]
+    expected = [faces_of(known[:1], range(FREE))[0], *faces_of(volumes[1:], range(FREE))]
+    assert page.evaluate(FACES) == expected
 
 
-@pytest.mark.parametrize("preset", ["behind", "above"])
-def test_the_uavs_left_is_left(page, preset):
-    click(page, f"[data-view={preset}]")
+@pytest.mark.parametrize("key", ["1", "2"])
+def test_the_uavs_left_is_left(page, key):
+    click(page, f"[data-key='{key}']")
     image = view(page, 0)
     half = image.shape[1] / 2
     car, vru = (pixels_of(image, PALETTE[class_id])[:, 1] for class_id in (CAR, VRU))
     assert len(car) > 50
     assert len(vru) > 50
-    assert car.max() < half < vru.min()
-
-
-def test_through_the_camera_it_shows_what_projects_there(page):
-    """The voxels of the car, through the projection chain, roll and pitch included."""
-    scene = plain_scene()
-    click(page, "[data-view=camera]")
-    image = view(page, 0)
-    height, width = image.shape[:2]
-    centers = GRID.centers(torch.float64)[torch.from_numpy(scene.truth == CAR)]
-    frustum = scene.frustum
-    pix, _ = project(centers, frustum.camera_from_occ, frustum.pix_from_camera)
-    scale = 0.96 * min(width / WIDTH, height / HEIGHT)
-    expected = (pix - torch.tensor([WIDTH, HEIGHT]) / 2) * scale + torch.tensor([width, height]) / 2
-    shown = pixels_of(image, PALETTE[CAR])[:, ::-1] + 0.5
-    room = 2.0 / 20 * WIDTH / 2 * scale  # a voxel and a bit at 20 m
-    low, high = expected.amin(dim=0).numpy(), expected.amax(dim=0).numpy()
-    assert np.allclose(shown.min(axis=0), low, atol=room)
-    assert np.allclose(shown.max(axis=0), high, atol=room)
+    assert np.median(car) < half < np.median(vru)
 
 
 def test_hiding_a_class_removes_its_pixels_and_no_others(page):
-    car = f".legend.classes button:nth-child({CAR + 1})"
     before = view(page, 0)
     assert len(pixels_of(before, PALETTE[CAR])) > 50
-    click(page, car)
+    click(page, kind(CAR))
     hidden = view(page, 0)
     assert len(pixels_of(hidden, PALETTE[CAR])) == 0
-    assert len(pixels_of(hidden, PALETTE[VRU])) == len(pixels_of(before, PALETTE[VRU]))
-    click(page, car)
+    vru = [len(pixels_of(image, PALETTE[VRU])) for image in (before, hidden)]
+    assert vru[0] == pytest.approx(vru[1], rel=0.05)
+    click(page, kind(CAR))
     assert (view(page, 0) == before).all()
 
 
 def test_shift_leaves_one_class_alone_and_brings_the_others_back(page):
-    """With the mouse or from the keyboard, which has no second press."""
-    pressed = (
-        "[...document.querySelector('.legend.classes').children]"
-        ".map(c => c.getAttribute('aria-pressed'))"
-    )
-    before = page.evaluate(pressed)
-    page.evaluate(f"document.querySelector('.legend.classes').children[{CAR}].focus()")
-    page.press("Enter", shift=True)
-    assert page.evaluate(pressed) == ["false"] * CAR + ["true"] + ["false"] * (
-        len(before) - CAR - 1
-    )
-    page.press("Enter", shift=True)
-    assert page.evaluate(pressed) == ["true"] * len(before) == before
+    pressed = "document.querySelectorAll('.legend.classes [aria-pressed=true]').length"
+    page.evaluate(f'document.querySelector("{kind(CAR)}").focus()')
+    for count in (1, FREE):
+        page.press("Enter", shift=True)
+        assert page.evaluate(pressed) == count
+        assert page.evaluate(f"""document.querySelector("{kind(CAR)}").ariaPressed""") == "true"
 
 
 def test_views_show_what_differs_and_hide_what_nobody_knows(page):
     truth, baseline, skyocc = (view(page, n) for n in range(3))
     assert len(pixels_of(truth, PALETTE[VRU])) > 50
-    assert len(pixels_of(baseline, PALETTE[VRU])) == 0, (
-        "the predicted one is where none is labelled"
-    )
+    assert len(pixels_of(baseline, PALETTE[VRU])) < 20, "predicted where none is labelled"
     assert len(pixels_of(skyocc, PALETTE[CAR])) > 50
-    click(page, ".beyond input")
+    choose(page, SHOWS, "everywhere")
     assert len(pixels_of(view(page, 1), PALETTE[VRU])) > 50
-    assert (view(page, 0) == truth).all(), "of the truth there is no more to show"
+    assert (view(page, 0) == truth).all(), "of the ground truth there is no more to show"
 
 
-def test_errors_are_counted_and_coloured(page):
-    scene = plain_scene()
-    click(page, "[data-mode=errors]")
-    captions = page.evaluate(
-        "[...document.querySelectorAll('.views figcaption span')].map(s => s.textContent)"
+def test_errors_are_counted_and_colored(page):
+    counts = (
+        "[...document.querySelectorAll('.counts')].filter(span => span.offsetParent)"
+        ".map(span => span.textContent)"
     )
-    known, truth = scene.truth != UNKNOWN, scene.truth
-    expected = [""]
-    for prediction in scene.predictions.values():
-        right = (truth == prediction) & (truth < FREE)
-        other = (truth != prediction) & (truth < FREE) & (prediction < FREE)
-        alarm, missed = (truth == FREE) & (prediction < FREE), (truth < FREE) & (prediction == FREE)
-        counts = [int((each & known).sum()) for each in (right, other, alarm, missed)]
-        names = ("right", "other class", "false alarm", "missed")
-        expected.append(" · ".join(f"{name} {n:,}" for name, n in zip(names, counts)))
-    assert captions == expected
-    baseline = view(page, 1)
-    missed = pixels_of(baseline, (226, 38, 120))
-    assert len(missed) > 50
-    assert len(pixels_of(view(page, 0), (226, 38, 120))) == 0, "the truth keeps its classes"
-    click(page, ".legend.errors button:nth-child(4)")
-    assert len(pixels_of(view(page, 1), (226, 38, 120))) == 0
+    assert page.evaluate(counts) == []
+    choose(page, SHOWS, "errors")
+    expected = [view["counts"] for view in plain_scene().encoded()["views"]]
+    assert page.evaluate(counts) == expected
+    assert len(pixels_of(view(page, 1), MISSED)) > 50
+    assert len(pixels_of(view(page, 0), MISSED)) < 20, "the ground truth keeps its classes"
+    click(page, "[data-kind=missed]")
+    assert len(pixels_of(view(page, 1), MISSED)) < 20
 
 
-def test_the_picker_goes_round_and_the_number_of_views_follows(page):
-    scene = "document.querySelector('.viewer').dataset.scene"
-    chosen = "document.querySelector('select').value"
-    seen = f"[{scene}, {chosen}, document.querySelectorAll('canvas').length]"
-    assert page.evaluate(seen) == ["0", "0", 3]
-    for button, n, views in (("next", 1, 2), ("next", 0, 3), ("previous", 1, 2)):
-        click(page, f".{button}")
-        page.wait(f"{scene} === '{n}'")
-        assert page.evaluate(seen) == [str(n), str(n), views]
-    assert (view(page, 0)[..., 3] > 0).mean() > 0.2
+def test_the_number_of_views_follows_the_scene(page):
+    views = "[...document.querySelectorAll('.view')].filter(view => view.clientWidth).length"
+    assert page.evaluate(views) == 3
+    for scene, count in (("1", 2), ("0", 3)):
+        choose(page, "scene", scene)
+        page.wait(f"document.querySelector('.viewer').dataset.scene === '{scene}'")
+        assert page.evaluate(views) == count
+        assert len(pixels_of(view(page, count - 1), PALETTE[CAR])) > 50
 
 
-def test_mouse_and_keys_steer_all_views_and_0_goes_back(page):
-    before = [view(page, n) for n in range(3)]
+def test_mouse_and_keys_turn_all_views_together_and_1_goes_back(page):
+    home, before = one_eye(page), [view(page, n) for n in range(3)]
     x, y = middle_of(page, 1)
     page.drag((x, y), (x + 80, y + 30))
     turned = [view(page, n) for n in range(3)]
+    assert one_eye(page) != home
     assert all((a != b).any() for a, b in zip(before, turned))
-    page.press("0")
-    page.send("Input.dispatchMouseEvent", type="mouseMoved", x=1, y=1)
+    # The ground truth and the first prediction have the same car.
+    cars = [pixels_of(image, PALETTE[CAR]).mean(axis=0) for image in turned[:2]]
+    assert np.allclose(*cars, atol=1.5)
+    page.press("1")
+    page.mouse("mouseMoved", 1, 1)
     assert all((view(page, n) == before[n]).all() for n in range(3))
-    for key in ("ArrowLeft", "+", "2", "e"):
-        last = view(page, 1)
+    for key in ("ArrowLeft", "ArrowUp", "+", "2"):
+        last = one_eye(page)
         page.press(key)
-        assert (view(page, 1) != last).any(), key
+        assert one_eye(page) != last, key
 
 
-def test_a_drag_turns_what_is_near_with_the_mouse_and_with_shift_moves_all(page):
+def test_a_drag_takes_what_is_near_along_and_the_right_button_moves_all(page):
     x, y = middle_of(page, 2)
     before = pixels_of(view(page, 2), PALETTE[CAR]).mean(axis=0)
     page.drag((x, y), (x + 40, y))
     turned = pixels_of(view(page, 2), PALETTE[CAR]).mean(axis=0)
     assert turned[1] > before[1] + 5
-    page.drag((x, y), (x + 40, y + 20), modifiers=SHIFT)
+    page.drag((x, y), (x + 40, y + 20), button="right")
     moved = pixels_of(view(page, 2), PALETTE[CAR]).mean(axis=0)
-    assert np.allclose(moved - turned, (20, 40), rtol=0.3)
+    assert (moved - turned > 10).all(), "down and to the right"
 
 
 def test_the_wheel_zooms_only_in_a_view_that_was_pressed(page):
     x, y = middle_of(page, 0)
-    before, top = view(page, 0), page.evaluate("scrollY")
-    wheel = {"type": "mouseWheel", "deltaX": 0, "deltaY": -60}
-    page.send("Input.dispatchMouseEvent", x=x, y=y, **wheel)
+    home, top = one_eye(page), page.evaluate("scrollY")
+    page.mouse("mouseWheel", x, y, deltaX=0, deltaY=-60)
     page.wait(f"scrollY < {top}")
+    assert one_eye(page) == home
     x, y = middle_of(page, 0)
-    page.send("Input.dispatchMouseEvent", type="mouseMoved", x=1, y=y)
-    assert (view(page, 0) == before).all()
-    page.evaluate("document.querySelector('canvas').focus({preventScroll: true})")
-    page.send("Input.dispatchMouseEvent", x=x, y=y, **wheel)
-    page.wait("document.querySelector('[data-view=behind]').ariaPressed === 'false'")
-    assert (view(page, 0) != before).any()
+    page.evaluate("document.querySelector('.view').focus({preventScroll: true})")
+    top = page.evaluate("scrollY")
+    page.mouse("mouseWheel", x, y, deltaX=0, deltaY=-60)
+    page.wait(f"({EYES})[0] !== '{home}'")
+    assert page.evaluate("scrollY") == top
 
 
-def test_two_fingers_zoom(page):
+def test_a_finger_turns_only_a_view_that_was_tapped(page):
     page.show(390, 844, phone=True)
     x, y = middle_of(page, 0)
-    page.evaluate("document.querySelector('canvas').focus({preventScroll: true})")
-    before = len(pixels_of(view(page, 0), PALETTE[CAR]))
-    for kind, spread in (("touchStart", 30), ("touchMove", 45), ("touchMove", 60)):
-        fingers = [{"x": x - spread, "y": y, "id": 0}, {"x": x + spread, "y": y, "id": 1}]
-        page.send("Input.dispatchTouchEvent", type=kind, touchPoints=fingers)
-    page.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
-    assert len(pixels_of(view(page, 0), PALETTE[CAR])) > 1.5 * before
+    home = one_eye(page)
+
+    def swipe():
+        for kind, moved in (("touchStart", 0), ("touchMove", 20), ("touchMove", 40)):
+            page.send("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x + moved, "y": y}])
+        page.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+    swipe()
+    assert one_eye(page) == home
+    for kind, points in (("touchStart", [{"x": x, "y": y}]), ("touchEnd", [])):
+        page.send("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+    page.wait("document.activeElement.className.includes('view')")
+    swipe()
+    page.wait(f"({EYES})[0] !== '{home}'")
 
 
 def test_the_pointer_names_the_voxel_in_every_view_and_marks_it_in_the_image(page):
-    left, top, width, _ = canvas_in_sight(page, 0)
-    image = view(page, 0)
-    row, column = pixels_of(image, PALETTE[CAR]).mean(axis=0) * width / image.shape[1]
-    page.send("Input.dispatchMouseEvent", type="mouseMoved", x=left + column, y=top + row)
-    settle(page)
-    words = page.evaluate("document.querySelector('.probe').textContent")
-    assert " left, " in words
-    assert " below · Ground truth: car · baseline: car · skyocc: free" in words
+    image, box = view(page, 0), box_of(page, 0)
+    row, column = pixels_of(image, PALETTE[CAR]).mean(axis=0) + 2
+    for nudge in (0, 1):
+        page.mouse("mouseMoved", box["x"] + column + nudge, box["y"] + row)
+    page.wait("document.querySelector('.probe').textContent.includes('Ground truth')")
+    place, *classes = page.evaluate("document.querySelector('.probe').textContent").split(" · ")
+    assert classes == ["Ground truth: car", "baseline: car", "skyocc: free"]
+    ahead, left, up = (float(part.split()[1]) for part in place.split(", "))
+    assert 20 < ahead < 25
+    assert 8 < left < 12
+    assert -10 < up < -8
     dot = "document.querySelector('.photo i')"
     assert page.evaluate(f"!{dot}.hidden")
     assert page.evaluate(f"parseFloat({dot}.style.left)") < 50, "left in the image as well"

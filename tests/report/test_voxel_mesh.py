@@ -1,0 +1,89 @@
+"""Voxels as meshes: the faces that can be seen, where they lie, and which way they look."""
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from src.geometry import VoxelGrid
+from src.ontology import BUILDING, CAR, CLASSES, COLORS, FREE, GROUND, UNKNOWN
+from src.report.voxel_mesh import CLASS_PALETTE, exposed_faces, openness, voxel_meshes
+
+GRID = VoxelGrid(lower_m=(0, -2, -1), upper_m=(5, 2, 2), shape=(10, 8, 6))
+
+
+def count_faces(solid):
+    """How many faces of solid voxels border on none, counted one by one."""
+    padded = np.pad(solid, 1)
+    count = 0
+    for voxel in np.argwhere(padded):
+        for step in np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)]):
+            count += not padded[tuple(voxel + step)]
+    return count
+
+
+def random_labels():
+    choices = [GROUND, BUILDING, CAR, FREE, UNKNOWN]
+    return np.random.default_rng(0).choice(choices, GRID.shape).astype(np.uint8)
+
+
+def test_faces_are_those_that_a_brute_force_search_finds():
+    solid = random_labels() == CAR
+    voxels, neighbors, corners = exposed_faces(solid)
+    assert len(voxels) == len(neighbors) == len(corners) == count_faces(solid) > 100
+    assert solid[tuple(voxels.T)].all()
+    assert not np.pad(solid, 1)[tuple(neighbors.T + 1)].any()
+    assert len(np.unique(np.hstack([voxels, neighbors]), axis=0)) == len(voxels)
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (3, 2, 1)])
+def test_a_block_has_no_face_inside(shape):
+    x, y, z = shape
+    assert len(exposed_faces(np.ones(shape, bool))[0]) == 2 * (x * y + y * z + z * x)
+
+
+def test_corners_go_around_the_face_counterclockwise_as_seen_from_outside():
+    voxels, neighbors, corners = exposed_faces(random_labels() == CAR)
+    first, second, third, fourth = np.moveaxis(corners, 1, 0)
+    assert (np.cross(second - first, third - first) == neighbors - voxels).all()
+    assert (np.cross(third - first, fourth - first) == neighbors - voxels).all()
+    # The middle of a face is half way between the middles of its two voxels.
+    assert (corners.mean(axis=1) == (voxels + neighbors + 1) / 2).all()
+
+
+def test_openness_is_the_free_share_of_the_voxels_around():
+    drawn = random_labels() < FREE
+    padded = np.pad(drawn, 2)
+    around = [padded[x : x + 3, y : y + 3, z : z + 3] for x, y, z in np.ndindex(12, 10, 8)]
+    expected = [1 - block.mean() for block in around]
+    assert np.allclose(openness(drawn).ravel(), expected)
+
+
+def test_a_mesh_has_its_class_and_lies_where_its_voxels_are():
+    labels = np.full(GRID.shape, FREE, dtype=np.uint8)
+    labels[2:4, 3, 1] = CAR
+    (mesh,) = voxel_meshes(labels, GRID, CLASS_PALETTE)
+    trace = go.Mesh3d(mesh)
+    assert trace.name == "car"
+    assert trace.colorscale[1][1] == "rgb{}".format(COLORS["car"])
+    ends = [(min(mesh[axis]), max(mesh[axis])) for axis in "xyz"]
+    assert np.allclose(ends, [(1.0, 2.0), (-0.5, 0.0), (-0.5, 0.0)])
+    assert len(mesh["i"]) == len(mesh["intensity"]) == 2 * len(mesh["meta"]) == 20
+    assert len(mesh["x"]) == 12, "corners are shared"
+
+
+def test_the_meta_of_a_face_is_its_voxel():
+    labels = random_labels()
+    for mesh in voxel_meshes(labels, GRID, CLASS_PALETTE):
+        assert {CLASSES[n] for n in labels.ravel()[mesh["meta"]]} == {mesh["name"]}
+        points = np.stack([mesh[axis] for axis in "xyz"], axis=-1)
+        corners = points[np.stack([mesh[axis] for axis in "ijk"], axis=-1)].reshape(-1, 6, 3)
+        voxels = np.stack(np.unravel_index(mesh["meta"], GRID.shape), axis=-1)
+        middles = GRID.lower_m + (voxels + 0.5) * GRID.voxel_m
+        assert np.allclose(np.abs(corners - middles[:, None]), GRID.voxel_m / 2)
+
+
+def test_free_and_unknown_are_not_drawn_and_a_hidden_class_leaves_no_hole():
+    labels = random_labels()
+    meshes = {mesh["name"]: len(mesh["meta"]) for mesh in voxel_meshes(labels, GRID, CLASS_PALETTE)}
+    drawn = (GROUND, BUILDING, CAR)
+    assert meshes == {CLASSES[kind]: count_faces(labels == kind) for kind in drawn}
