@@ -13,7 +13,6 @@ from . import functional as F
 from .breakdown import KARBreakdown
 from .by_clip import ByClip
 from .calibration import Calibration
-from .intervals import Interval, resamplings, score_intervals
 from .occupancy import OccupancyScores
 from .protocol import Protocol
 from .ray_iou import RayIoU
@@ -142,23 +141,3 @@ def _require_sound(suite: Mapping[str, Any]) -> None:
         raise UserError(f"suite.resamples: {resamples} must be 1 or more")
     if not 0 < level < 1:
         raise UserError(f"suite.level: {level} must be between 0 and 1, as 0.95")
-
-
-def intervals_of(
-    suite: ScoreSuite,
-    tables: Mapping[str, Tables],
-    rows: Sequence[int],
-    resamples: int,
-    seed: int,
-    level: float,
-) -> dict[str, Interval]:
-    """Every score of some clips, by their rows in the tables, with its interval."""
-    if not rows:
-        raise UserError("clips: none to score")
-    weights = resamplings(len(rows), resamples, torch.Generator().manual_seed(seed))
-    found = {}
-    for name in FLAT:
-        if name in tables:
-            chosen = {key: table[list(rows)].cpu() for key, table in tables[name].items()}
-            found |= score_intervals(suite.metric(name), chosen, weights, level)
-    return found

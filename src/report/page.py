@@ -13,10 +13,9 @@ from types import MappingProxyType
 from ..atomic import replacing
 from ..errors import UserError
 from ..ontology import CLASSES, COLORS, OCCUPIED, UNKNOWN
+from ..results.render import Table, table_html
 from .curve_plot import CurvePlot, plot_html
-from .page_tables import table_html
 from .picture import Picture
-from .report_table import ReportTable
 from .scene import Scene
 from .statistics_figure import readable
 
@@ -41,12 +40,12 @@ def write_page(
     path: str | Path,
     heading: str,
     facts: Sequence[tuple[str, str]],
-    tables: Sequence[ReportTable] = (),
+    tables: Sequence[Table] = (),
     curves: Sequence[CurvePlot] = (),
     sheets: Sequence[Picture] = (),
     scenes: Sequence[Scene] = (),
     alarms: Mapping[str, Sequence[str]] = MappingProxyType({}),
-    settings: Sequence[ReportTable] = (),
+    settings: Sequence[Table] = (),
     remarks: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> None:
     """Write the page, whole or not at all.

@@ -2,9 +2,10 @@
 
 Frames of one clip show the same street in the same light, so they are no independent evidence:
 clips are drawn, with replacement, and all frames of a clip come or go together (the cluster
-bootstrap). Of two runs on the same clips the same clips are drawn, so what they share cancels.
+bootstrap). Two runs on the same clips are scored on the same drawn clips, so what they share
+cancels in their difference.
 
-Another training would have moved a score too. Where a model was trained from several seeds its
+Another training would have moved a score too. Where a model was trained from several seeds, its
 score is their mean, and every resample draws seeds, with replacement, beside its clips: each drawn
 seed is scored on the drawn clips (two levels, crossed, since all seeds are scored on all clips).
 """
@@ -16,7 +17,7 @@ from jaxtyping import Float
 from torch import Generator, Tensor
 
 from ..errors import UserError
-from .tables import TableMetric, Tables
+from ..metrics.tables import TableMetric, Tables
 
 LEVEL = 0.95
 
@@ -40,16 +41,17 @@ class Difference(NamedTuple):
 
 
 def resamplings(clips: int, resamples: int, generator: Generator) -> Float[Tensor, "r n"]:
-    """How often each of n clips is drawn in each of r resamples of n clips."""
+    """Returns how often each of n clips is drawn in each of r resamples of n clips."""
     if clips < 1 or resamples < 1:
         raise UserError(f"resamples: cannot draw {resamples} times from {clips} clips")
+
     drawn = torch.randint(clips, (resamples, clips), generator=generator)
     weights = torch.zeros(resamples, clips, dtype=torch.float64)
     return weights.scatter_add_(1, drawn, torch.ones_like(weights))
 
 
 def seed_resamplings(seeds: int, resamples: int, generator: Generator) -> Float[Tensor, "r s"]:
-    """How often each of s seeds is drawn in each of r resamples of s seeds.
+    """Returns how often each of s seeds is drawn in each of r resamples of s seeds.
 
     Where the seeds are so few that there are no more ways to draw them than resamples, all ways
     come equally often, in random order: chance would draw one of three seeds three times in 51
@@ -58,48 +60,18 @@ def seed_resamplings(seeds: int, resamples: int, generator: Generator) -> Float[
     ways = seeds**seeds
     if ways > resamples:
         return resamplings(seeds, resamples, generator)
+
     drawn = torch.cartesian_prod(*[torch.arange(seeds)] * seeds).view(ways, seeds)
     weights = torch.nn.functional.one_hot(drawn, seeds).sum(1).double()
-    # Which of the ways come once more than the others is left to chance too.
+    # Chance decides which of the ways come once more than the others, too.
     turn = torch.randperm(ways, generator=generator)[torch.arange(resamples) % ways]
     return weights[turn[torch.randperm(resamples, generator=generator)]]
-
-
-def score_intervals(
-    metric: TableMetric,
-    tables: Tables,
-    weights: Float[Tensor, "r n"],
-    level: float = LEVEL,
-) -> dict[str, Interval]:
-    """Every score of the tables [n clips, ...], with its percentile interval.
-
-    With one clip there is nothing to resample: the bounds are NaN. So they are where a score is NaN
-    in all resamples; resamples in which it is are left out.
-    """
-    samples = score_samples(metric, tables, weights)
-    return {
-        name: interval_of(_if_drawn(sample, weights), level) for name, sample in samples.items()
-    }
-
-
-def score_differences(
-    metric: TableMetric,
-    first: Tables,
-    second: Tables,
-    weights: Float[Tensor, "r n"],
-    level: float = LEVEL,
-) -> dict[str, Difference]:
-    """Every score of the second tables minus the first's, both [n clips, ...] of the same clips."""
-    ours, theirs = (score_samples(metric, tables, weights) for tables in (first, second))
-    return {
-        name: difference_of(_if_drawn(theirs[name] - ours[name], weights), level) for name in ours
-    }
 
 
 def score_samples(
     metric: TableMetric, tables: Tables, weights: Float[Tensor, "r n"]
 ) -> dict[str, Float[Tensor, "1+r"]]:
-    """Every score of the tables [n clips, ...]: of all clips, and then of each resample."""
+    """Returns every score of the tables [n clips, ...]: of all clips, and then of each resample."""
     whole = metric.scores({name: table.sum(0) for name, table in tables.items()})
     drawn = metric.scores(
         {
@@ -107,6 +79,7 @@ def score_samples(
             for name, table in tables.items()
         }
     )
+
     # The whole is summed as integers: it is the score of the result table to the last bit.
     return {name: torch.cat([value.view(1), drawn[name]]) for name, value in whole.items()}
 
@@ -114,7 +87,7 @@ def score_samples(
 def seed_sample(
     samples: Float[Tensor, "s 1+r"], weights: Float[Tensor, "r s"]
 ) -> Float[Tensor, "1+r"]:
-    """The mean of one score over s seeds, and over those that each resample draws.
+    """Returns the mean of one score over s seeds, and over those that each resample draws.
 
     ``samples`` are of the same draws of clips, ``weights`` say how often each seed is drawn
     (`seed_resamplings`). A seed whose score is NaN is left out of its mean.
@@ -125,24 +98,22 @@ def seed_sample(
 
 
 def interval_of(sample: Float[Tensor, "1+r"], level: float = LEVEL) -> Interval:
-    """A score and its percentile interval. Resamples in which it is NaN are left out, and where
-    none is left the bounds are NaN."""
+    """Returns a score and its percentile interval.
+
+    Resamples in which the score is NaN are left out; where none is left, the bounds are NaN.
+    """
     value, drawn = sample[0], sample[1:]
     kept = drawn[~drawn.isnan()]
     if not len(kept):
         return Interval(float(value), torch.nan, torch.nan)
+
     tail = (1 - level) / 2
     low, high = kept.quantile(kept.new_tensor([tail, 1 - tail])).tolist()
     return Interval(float(value), low, high)
 
 
 def difference_of(sample: Float[Tensor, "1+r"], level: float = LEVEL) -> Difference:
-    """The same for a difference, with ``same_sign``."""
+    """Returns a difference, its percentile interval, and the share of resamples of its sign."""
     value, drawn = sample[0], sample[1:]
     same = drawn[~drawn.isnan()].sign() == value.sign()
     return Difference(*interval_of(sample, level), float(same.double().mean()))
-
-
-def _if_drawn(sample: Float[Tensor, "1+r"], weights: Float[Tensor, "r n"]) -> Tensor:
-    """The score alone where there is but one clip to draw from."""
-    return sample if weights.shape[1] > 1 else sample[:1]
