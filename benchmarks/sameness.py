@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from src.data.manifest import read_manifest
-from src.report.results import MEANS, read_results
+from src.results.files import MEANS, read_results
 from src.run_folder import ANCHORS, CONFIG, METRICS, RESULTS
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypedDict
 
-import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 

@@ -153,9 +153,7 @@ def _table(
     )
 
 
-def _drawn(
-    attitude: AttitudeScores, conditions: Sequence[Condition], names: Sequence[str]
-) -> str:
+def _drawn(attitude: AttitudeScores, conditions: Sequence[Condition], names: Sequence[str]) -> str:
     """Says how the intervals were drawn; each column has clips of its own."""
     columns = [attitude.resamples[condition] for condition in conditions]
     every = attitude.resamples.values()
@@ -163,9 +161,7 @@ def _drawn(
     most = max(map(len, seeds.values()))
 
     of = f"{most} seeds and, independently, of the" if most > 1 else "the"
-    text = (
-        f"{intervals_over(columns[0])} {of} clips that have such frames, the same for every row."
-    )
+    text = f"{intervals_over(columns[0])} {of} clips that have such frames, the same for every row."
     text = text if most > 1 else f"{text} {ONE_SEED}."
     return f"{text} {lost_classes(*columns)}{listed_seeds(seeds, differences=True)}"
 

@@ -12,9 +12,7 @@ ONE_SEED = (
 FEW = 10
 
 
-def resampling(
-    resamples: Resamples, experiments: Sequence[str], differences: bool = False
-) -> str:
+def resampling(resamples: Resamples, experiments: Sequence[str], differences: bool = False) -> str:
     """Says how the intervals of a table of some experiments on one set of clips were drawn."""
     seeds = {name: resamples.seeds(name) for name in experiments}
     most, clips = max(map(len, seeds.values()), default=0), resamples.clips

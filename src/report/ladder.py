@@ -94,7 +94,9 @@ def ladder_named(names: Sequence[str]) -> Ladder:
     """
     for name in names:
         if names.count(name) > 1 or name in ANCHORS:
-            raise UserError(f"task.rungs: {name} is an anchor, or named twice; name each experiment once")
+            raise UserError(
+                f"task.rungs: {name} is an anchor, or named twice; name each experiment once"
+            )
     if not names:
         return PAPER
     steps = {*pairwise([None, *PAPER.names])}

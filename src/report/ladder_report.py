@@ -79,17 +79,18 @@ def ladder_report(
     """
     runs = [run for group in groups for run in group.runs]
     ladder, rungs = groups[0].ladder, groups[0].rungs
-    parts, *of_others = [group.parts(parts_of) for group in groups]
+    parts, *further = [group.parts(parts_of) for group in groups]
+    of_others = [part for of_group in further for part in of_group]
     marks, frames = marks_of(rungs), {run.config["data"]["frames"] for run in rungs}
 
     tables = []
     for part in parts:
-        same = [each for group in of_others for each in group if each.name == part.name]
+        same = [each for each in of_others if each.name == part.name]
         tables += paper_tables(part, same, marks, frames)
     return LadderReport(
         groups=tuple(groups),
         tables=(*tables, *attitude_tables(attitude)),
-        scores=joined([long_table([*parts, *sum(of_others, [])]), attitude.scores]),
+        scores=joined([long_table([*parts, *of_others]), attitude.scores]),
         settings=statement(rungs or groups[0].runs, ladder),
         differing=differing(rungs or groups[0].runs),
         warnings=(*surprises(rungs, ladder), *code_lines(runs), *_mixed(groups)),

@@ -65,8 +65,7 @@ class Part:
         names = self.ladder.names
         before = dict(zip(names[1:], names))
         references = {
-            name: list(dict.fromkeys([names[0], before.get(name, names[0])]))
-            for name in self.rungs
+            name: list(dict.fromkeys([names[0], before.get(name, names[0])])) for name in self.rungs
         }
         table = self.resamples.table(references)
         return table[table["score"].isin([*SCORES, *BEYOND, *DERIVED, *self.own_scores])]
@@ -156,7 +155,7 @@ class RunGroup:
 
 
 def long_table(parts: Sequence[Part]) -> pd.DataFrame:
-    """Returns the long table of all parts; a further group's label stands behind its experiments."""
+    """Returns the long table of all parts; experiments of a further group have its label."""
     return joined(
         part.scores.assign(experiment=part.scores["experiment"] + part.label) for part in parts
     )

@@ -76,8 +76,8 @@ def unpacked(places: Sequence[Path]) -> Iterator[tuple[list[Path], Naming]]:
     """Yields the folder of every place, where archives are unpacked until the block ends.
 
     ``runs.zip`` is an archive, and so is ``runs`` where only ``runs.zip`` exists; places below it,
-    as ``runs/skyocc/seed0``, are found in it. The second thing that it yields names the archive in a
-    text where the text names its folder; errors that leave the block are named so. Raises
+    as ``runs/skyocc/seed0``, are found in it. The second thing that it yields puts an archive's
+    name into a text in place of its folder; errors that leave the block have it, too. Raises
     `UserError` for a file that is no archive of runs.
     """
     with ExitStack() as stack:

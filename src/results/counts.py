@@ -68,9 +68,7 @@ class Counts:
             return "other clips or frames"
 
         # The sum over predictions leaves the labels alone.
-        labels, other_labels = (
-            each.tables["occupancy"]["count"].sum(-1) for each in (self, other)
-        )
+        labels, other_labels = (each.tables["occupancy"]["count"].sum(-1) for each in (self, other))
         return "" if torch.equal(labels, other_labels) else "other labels"
 
     def write(self, path: Path, compressed: bool = True) -> None:

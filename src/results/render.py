@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 from rich import box
 from rich.console import Console
@@ -126,11 +127,11 @@ def table_of(
     """Returns the frame of a `Table`: names and entries of its rows, and names of its columns."""
     index = pd.Index([name for name, _ in rows], name=head, dtype=object)
     # Filled cell by cell, as pandas would take a named tuple for a row of its own.
-    frame = pd.DataFrame(None, index=index, columns=list(columns), dtype=object)
+    cells = np.full((len(rows), len(columns)), None, dtype=object)
     for n, (_, entries) in enumerate(rows):
         for m, entry in enumerate(entries):
-            frame.iat[n, m] = entry
-    return frame
+            cells[n, m] = entry
+    return pd.DataFrame(cells, index=index, columns=list(columns))
 
 
 def _number(value: float, signed: bool, decimals: int) -> str:

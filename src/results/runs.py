@@ -10,8 +10,16 @@ import pandas as pd
 
 from ..errors import UserError
 from ..provenance import digest_of
-from ..run_folder import ANCHORS, CONFIG, METRICS, RESULTS, SESSIONS, TALLIES
-from ..run_folder import read_config, recorded_code
+from ..run_folder import (
+    ANCHORS,
+    CONFIG,
+    METRICS,
+    RESULTS,
+    SESSIONS,
+    TALLIES,
+    read_config,
+    recorded_code,
+)
 from .counts import Counts
 from .files import read_results
 

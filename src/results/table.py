@@ -12,8 +12,14 @@ from torch import Generator, Tensor
 from ..metrics.safety import BLOCKED
 from ..ontology import CLASSES
 from ..provenance import digest_of
-from .bootstrap import Interval, interval_of, resamplings, score_samples, seed_resamplings
-from .bootstrap import seed_sample
+from .bootstrap import (
+    Interval,
+    interval_of,
+    resamplings,
+    score_samples,
+    seed_resamplings,
+    seed_sample,
+)
 from .counts import Counts
 from .render import Cell
 

@@ -144,7 +144,7 @@ def _printed(table: pd.DataFrame) -> Table:
     rows = []
     for condition, of_condition in table.groupby("condition", sort=False):
         scores = of_condition.set_index("score")[["value", "low", "high"]]
-        cells = [Cell(*(100 * scores.loc[name])) for name in PRINTED if name in scores.index]
+        cells = [Cell(*(100 * scores.loc[name])) for name in PRINTED]
         rows.append((str(condition), [str(of_condition["frames"].iloc[0]), *cells]))
 
     title = "Scores (%) by tilt |roll| + |pitch|, and under a wrongly measured attitude"

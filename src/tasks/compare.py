@@ -164,7 +164,9 @@ def _printed(table: pd.DataFrame, clips: int) -> Table:
     for score in PRINTED:
         lines.append(len(rows))
         for run, _, *numbers, same in table[table["score"] == score].itertuples(index=False):
-            value, change = ([100 * number for number in each] for each in (numbers[:3], numbers[3:]))
+            value, change = (
+                [100 * number for number in each] for each in (numbers[:3], numbers[3:])
+            )
             sure = "–" if math.isnan(same) else f"{same:.2f}"
             beside = [Cell(*change, signed=True), sure] if run != first else []
             rows.append((f"{score}, {run}", [Cell(*value), *beside]))

@@ -11,8 +11,8 @@ from src.ontology import BUILDING, CAR, FREE, GROUND, UNKNOWN, VRU
 from src.report.curve_plot import Curve, CurvePlot
 from src.report.page import write_page
 from src.report.picture import Picture
-from src.report.report_table import Cell, Column, ReportTable
 from src.report.scene import Scene
+from src.results.render import Cell, Table, table_of
 from tests.report.street import GRID, HEIGHT, WIDTH, fill, street, tilted_frustum
 
 READY = "document.documentElement.dataset.ready === 'true'"
@@ -52,7 +52,6 @@ def street_scene():
 
 
 def tables():
-    columns = (Column("a", "score", best="high"), Column("b", "error", best="low"))
     rows = (
         ("b-run", (Cell(9.5, 9.0, 10.0), Cell(30.0))),
         ("a-run", (Cell(10.5, 10.0, 11.0), None)),
@@ -60,11 +59,12 @@ def tables():
         ("d-run", (Cell(-1.0), Cell(100.0))),
         ("gain", (Cell(99.0, signed=True), None)),
     )
-    wide = tuple(Column(f"c{n}", f"a rather long name {n}") for n in range(20))
+    ladder = table_of(rows, ["score", "error"])
+    wide = [f"a rather long name {n}" for n in range(20)]
     filled = ("run", tuple(Cell(float(n), n - 1.0, n + 1.0) for n in range(20)))
     return [
-        ReportTable("ladder", "Ladder", "In percent.", columns, rows),
-        ReportTable("wide", "Wide", "In percent.", wide, (filled,)),
+        Table("ladder", "Ladder", "In percent.", ladder, {"score": "high", "error": "low"}),
+        Table("wide", "Wide", "In percent.", table_of([filled], wide)),
     ]
 
 

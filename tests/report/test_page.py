@@ -11,12 +11,12 @@ from src.errors import UserError
 from src.report.curve_plot import Curve, CurvePlot
 from src.report.page import SCRIPTS, STYLES, WEB, write_page
 from src.report.picture import Picture
-from src.report.report_table import Cell, Column, ReportTable
+from src.results.render import Cell, Table, table_of
 from tests.report.test_page_scene import SMALL, scene_of
 
-TABLE = ReportTable("ladder", "Ladder", "In percent.", (Column("a", "a"),), (("x", (Cell(1.0),)),))
+TABLE = Table("ladder", "Ladder", "In percent.", table_of([("x", [Cell(1.0)])], ["a"]))
 PLOT = CurvePlot("Loss", "", (Curve("a", (1, 2), (2.0, 1.0)),))
-SETTINGS = ReportTable("set", "Set", "Those.", (Column("b", "b"),), (("key", ("value",)),))
+SETTINGS = Table("set", "Set", "Those.", table_of([("key", ["value"])], ["b"]))
 WICKED = "</script><script>alert('x')</script><img src=x onerror=alert(1)>{{scripts}}"
 
 
@@ -94,7 +94,7 @@ def test_what_is_empty_is_left_out(tmp_path):
 
 
 def test_no_name_becomes_markup(tmp_path):
-    table = ReportTable("t", WICKED, WICKED, (Column("a", WICKED),), ((WICKED, (WICKED,)),))
+    table = Table("t", WICKED, WICKED, table_of([(WICKED, [WICKED])], [WICKED]))
     plot = CurvePlot(WICKED, WICKED, (Curve(WICKED, (1,), (1.0,)),))
     scene = scene_of(SMALL)
     scene = scene_of(SMALL, title=WICKED, predictions={WICKED: scene.truth})

@@ -6,11 +6,11 @@ import pandas as pd
 import pytest
 
 from src.errors import UserError
-from src.report.ladder_tables import main_table
+from src.report.paper_tables import main_table
 from src.report.run_group import groups_of
-from src.report.scored_runs import read_run
+from src.results.runs import read_run
 from src.tasks.scoring import parts_of
-from tests.report.ladder_runs import ladder_of, protocol, write_run
+from tests.results.scored import ladder_of, protocol, write_run
 
 
 def names(group):

@@ -4,7 +4,6 @@ import pytest
 from omegaconf import OmegaConf
 
 from src.report.ladder import FACTORS, PAPER, factors_of, ladder_named
-from src.report.scored_runs import read_run
 from src.report.shared_settings import (
     code_lines,
     differing,
@@ -13,7 +12,8 @@ from src.report.shared_settings import (
     statement,
     surprises,
 )
-from tests.report.ladder_runs import write_run
+from src.results.runs import read_run
+from tests.results.scored import write_run
 from tests.synthetic import compose_config
 
 

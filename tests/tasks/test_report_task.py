@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from src.errors import UserError
-from src.metrics.tally import Tally
+from src.results.counts import Counts
 from src.tasks.report import report
-from tests.report.attitude_runs import write_attitude
-from tests.report.ladder_runs import protocol, write_ladder, write_run
 from tests.report.typesetting import typeset
+from tests.results.presented import write_attitude
+from tests.results.scored import protocol, write_ladder, write_run
 from tests.synthetic import compose_config
 
 KEYS = ("main", "ablation", "long_tail", "incremental", "progression", "beyond")
@@ -118,8 +118,8 @@ def test_what_is_published_gives_the_same_report_again(runs, tmp_path):
     assert ours == theirs
     reported(runs, out / "runs", out=out, publish=True)
     assert (out / "report.md").read_bytes() == (again / "report.md").read_bytes(), "onto itself too"
-    heavy = Tally.read(runs / "skyocc/seed1/tallies/skyocc.npz").tables.keys()
-    light = Tally.read(out / "runs/skyocc/seed1/tallies/skyocc.npz").tables.keys()
+    heavy = Counts.read(runs / "skyocc/seed1/tallies/skyocc.npz").tables.keys()
+    light = Counts.read(out / "runs/skyocc/seed1/tallies/skyocc.npz").tables.keys()
     assert light < heavy
 
 

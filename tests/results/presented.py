@@ -4,8 +4,8 @@ import dataclasses
 
 import pandas as pd
 
-from src.metrics.tally import Tally
-from tests.report.ladder_runs import FRAMES, predicted, tally
+from src.results.counts import Counts
+from tests.results.scored import FRAMES, counts, predicted
 
 INF = float("inf")
 CONDITIONS = [  # name, tilt from and to, noise, delay, told a level attitude
@@ -44,11 +44,11 @@ def write_attitude(run, gain=0.0, seed=0):
     (folder / "tallies").mkdir(parents=True)
     for name, *_ in CONDITIONS:
         right = RIGHT.get(name, 0.2) + gain * (name == "tilt_5_infdeg")
-        own = Tally.read(run / f"tallies/{run.parent.name}.npz")
+        own = Counts.read(run / f"tallies/{run.parent.name}.npz")
         counted = (
             own
             if name == "true"
-            else tally(
+            else counts(
                 name,
                 lambda target, n, r=right: predicted(target, r, 10 * seed + n),
                 frames_of=frames_of(name),

@@ -3,8 +3,8 @@
 import pytest
 
 from src.errors import UserError
-from src.report.scored_runs import ScoredRun, UnfinishedRun, read_run, run_folders
-from tests.report.ladder_runs import config_of, write_run
+from src.results.runs import ScoredRun, UnfinishedRun, read_run, run_folders
+from tests.results.scored import config_of, write_run
 
 OUT = "report"
 
@@ -71,7 +71,7 @@ def test_a_finished_run_is_read_with_its_anchors(tmp_path):
         "skyocc seed 2",
     )
     assert list(run.anchors) == ["all_free", "voxel_prior"]
-    assert run.tally.name == "skyocc"
+    assert run.counts.name == "skyocc"
     assert run.row["split"] == "test"
 
 

@@ -5,13 +5,15 @@ import math
 from itertools import pairwise
 
 import pytest
+from src.report.evidence import Evidence
+from src.report.report_table import Cell, Column, ReportTable
+from src.report.scored_part import ScoredPart
 
 from src.errors import UserError
 from src.metrics.safety import BLOCKED
 from src.ontology import CLASSES
-from src.report.evidence import Evidence
 from src.report.ladder import PAPER, ladder_named
-from src.report.ladder_tables import (
+from src.report.paper_tables import (
     ablation_table,
     beyond_table,
     incremental_table,
@@ -19,9 +21,7 @@ from src.report.ladder_tables import (
     main_table,
     progression_table,
 )
-from src.report.report_table import Cell, Column, ReportTable
-from src.report.scored_part import ScoredPart
-from tests.report.ladder_runs import CLIPS, RIGHT, predicted, tally
+from tests.results.scored import CLIPS, RIGHT, predicted, tally
 
 MARKS = {
     **{"baseline": ("✗", "✗", "✗"), "attitude": ("✓", "✗", "✗")},

@@ -9,7 +9,8 @@ import pytest
 from rich.console import Console
 
 from src.errors import UserError
-from src.report.results import (
+from src.ontology import CLASSES
+from src.results.files import (
     COLUMNS,
     MEANS,
     SCORES,
@@ -132,24 +133,24 @@ def test_a_corrupt_file_is_named_in_one_line(tmp_path, corrupt):
     assert "\n" not in str(caught.value)
 
 
-def test_the_means_stand_side_by_side_as_percentages(tmp_path):
-    scores = dict(zip(MEANS, (0.2891, 0.2024, 0.191)))
-    text = printed([row(**scores), row("voxel_prior", **dict.fromkeys(MEANS, 0.01))], tmp_path)
-    assert line_of(text, "skyocc").split() == ["skyocc", "0", "28.9*", "20.2*", "19.1*"]
-    assert line_of(text, "voxel_prior").split() == ["voxel_prior", "0", "1.0", "1.0", "1.0"]
+def test_every_class_and_the_means_stand_side_by_side_as_percentages(tmp_path):
+    scores = dict(zip(MEANS, (0.2891, 0.2024, 0.191))) | {"iou/car": 0.5, "kar_iou/car": 0.25}
+    rows = [row(**scores), row("voxel_prior", **dict.fromkeys(SCORES, 0.01))]
+    text = printed(rows, tmp_path)
+    car = 2 + CLASSES.index("car")
+    mine = line_of(text, "skyocc 0").split()
+    assert (mine[:2], mine[car], mine[-3:]) == (
+        *(["skyocc", "0"], "50.0*", ["28.9*", "20.2*", "19.1*"]),
+    )
+    assert line_of(text, "voxel_prior").split()[2:] == ["1.0"] * 12
+    assert line_of(text, "skyocc 0: KAR-IoU").split()[1 + car] == "25.0"
 
 
 def test_the_best_is_marked_within_each_split(tmp_path):
-    rows = [
-        row("one", "test", miou=0.5),
-        row("two", "test", miou=0.4),
-        row("three", "test_seen", miou=0.2),
-        row("four", "test_seen", miou=0.3),
-    ]
-    text = printed(rows, tmp_path)
-    starred = [
-        name for name in ("one", "two", "three", "four") if "*" in line_of(text, name).split()[2]
-    ]
+    values = {("one", "test"): 0.5, ("two", "test"): 0.4}
+    values |= {("three", "test_seen"): 0.2, ("four", "test_seen"): 0.3}
+    text = printed([row(*names, miou=value) for names, value in values.items()], tmp_path)
+    starred = [name for name, _ in values if "*" in line_of(text, f"{name} 0").split()[-3]]
     assert starred == ["one", "four"]
 
 
@@ -157,7 +158,7 @@ def test_an_absent_class_is_a_dash_and_never_best(tmp_path):
     absent = {name: math.nan for name in SCORES}
     text = printed([row(**absent), row("all_free", **absent)], tmp_path)
     assert "nan" not in text
-    assert line_of(text, "skyocc").split() == ["skyocc", "0", "–", "–", "–"]
+    assert line_of(text, "skyocc").split() == ["skyocc", "0", *["–"] * 12]
 
 
 def test_the_tables_fit_110_columns_without_wrapping(tmp_path):

@@ -4,12 +4,12 @@ import math
 
 import pytest
 import torch
+from src.tasks.condition import ConditionCount, conditions_of
 
 from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.metrics import OccupancyScores
 from src.metrics.protocol import SUPERVISED, Protocol
-from src.tasks.condition import ConditionCount, conditions_of
 
 GRID = VoxelGrid(shape=(5, 5, 3), lower_m=(0, -5, -3), upper_m=(10, 5, 3))
 CLIPS = ["a/0", "b/0"]

@@ -1,4 +1,4 @@
-"""Run folders of a ladder as training leaves them, with random predictions instead of networks."""
+"""Run folders of a ladder as training leaves them, with random predictions for its networks."""
 
 import copy
 from functools import cache
@@ -9,10 +9,9 @@ import yaml
 from src.geometry import VoxelGrid
 from src.metrics.protocol import SUPERVISED, Protocol
 from src.metrics.suite import ScoreSuite
-from src.metrics.tally import Tally
-from src.report.results import write_results
-from src.report.scored_runs import read_run
-from src.report.scores import result_rows
+from src.results.counts import Counts
+from src.results.files import result_rows, write_results
+from src.results.runs import read_run
 from src.tasks.scoring import parts_of
 
 GRID = VoxelGrid((0.0, -10.0, -6.0), (24.0, 10.0, 6.0), (6, 5, 3))
@@ -61,7 +60,7 @@ def predicted(target, right, seed):
     return torch.where(kept, target, other)
 
 
-def tally(name, predict, labels=0, of=None, cameras=True, frames_of=FRAMES):
+def counts(name, predict, labels=0, of=None, cameras=True, frames_of=FRAMES):
     """What ``predict(target, clip number)`` counts on every clip."""
     of = of or protocol()
     suite = ScoreSuite(GRID, CLIPS, of.metric, of.suite)
@@ -78,7 +77,7 @@ def tally(name, predict, labels=0, of=None, cameras=True, frames_of=FRAMES):
             scene["pix_from_camera"] = lens.expand(frames, 3, 3)
             scene["size_pix"] = (64, 32)
         suite.update(predict(target, n), scene)
-    return Tally(name, of, CLIPS, frames_of, suite.tables())
+    return Counts(name, of, CLIPS, frames_of, suite.tables())
 
 
 def config_of(experiment, seed, **changes):
@@ -131,13 +130,13 @@ def write_run(
 
 @cache
 def _counted(name, seed, labels, described):
-    """Tallies do not change, so tests share them."""
+    """Counts do not change, so tests share them."""
     right = RIGHT.get(name, 0.5)
     predict = {
         "all_free": lambda target, n: torch.full_like(target, 8),
         "voxel_prior": lambda target, n: predicted(target, 0.2, n),
     }.get(name, lambda target, n: predicted(target, right, 1000 * seed + n))
-    return tally(name, predict, labels, Protocol.from_json(described))
+    return counts(name, predict, labels, Protocol.from_json(described))
 
 
 def write_ladder(runs, seeds=(0, 1, 2), experiments=tuple(FACTORS)):

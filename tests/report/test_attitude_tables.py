@@ -5,14 +5,14 @@ import dataclasses
 import pandas as pd
 import pytest
 import torch
+from src.report.attitude_evidence import AttitudeEvidence
 
 from src.errors import UserError
-from src.metrics.tally import Tally
-from src.report.attitude_evidence import AttitudeEvidence
 from src.report.attitude_tables import attitude_tables
-from src.report.scored_runs import read_run
-from tests.report.attitude_runs import write_attitude
-from tests.report.ladder_runs import CLIPS, FRAMES, protocol, tally, write_run
+from src.results.counts import Counts
+from src.results.runs import read_run
+from tests.results.presented import write_attitude
+from tests.results.scored import CLIPS, FRAMES, protocol, tally, write_run
 
 SEEDS = (0, 1)
 
@@ -36,7 +36,7 @@ def evidence(folders):
 
 def score(folders, name, condition):
     """KAR-mIoU in percent, a seed at a time."""
-    tallies = [Tally.read(folders[name, s] / f"attitude/tallies/{condition}.npz") for s in SEEDS]
+    tallies = [Counts.read(folders[name, s] / f"attitude/tallies/{condition}.npz") for s in SEEDS]
     tables = [{k: v.sum(0) for k, v in t.tables["occupancy"].items()} for t in tallies]
     metric = tallies[0].suite().metric("occupancy")
     return [100 * float(metric.scores(table)["kar_miou"]) for table in tables]
@@ -183,7 +183,7 @@ def test_scores_under_other_conditions_are_not_put_beside_each_other(tmp_path):
 def test_scores_of_other_frames_are_not_put_beside_each_other(tmp_path, change, message):
     runs = pair(tmp_path)
     path = runs[1] / "attitude/tallies/noise_3deg.npz"
-    dataclasses.replace(Tally.read(path), **change).write(path)
+    dataclasses.replace(Counts.read(path), **change).write(path)
     with pytest.raises(UserError, match=message):
         AttitudeEvidence([read_run(run) for run in runs])
 
@@ -191,7 +191,7 @@ def test_scores_of_other_frames_are_not_put_beside_each_other(tmp_path, change, 
 def test_scores_of_another_seed_are_refused(tmp_path):
     run, other = (write_run(tmp_path, "skyocc", seed) for seed in SEEDS)
     write_attitude(run)
-    theirs = Tally.read(other / "tallies/skyocc.npz")
+    theirs = Counts.read(other / "tallies/skyocc.npz")
     theirs.write(run / "attitude/tallies/true.npz")
     with pytest.raises(UserError, match=r"true\.npz: counts .* % of the voxels .* best checkpoint"):
         AttitudeEvidence([read_run(run)])
@@ -201,7 +201,7 @@ def test_scores_of_another_protocol_than_the_runs_are_refused(tmp_path):
     run = write_run(tmp_path, "skyocc")
     write_attitude(run)
     path = run / "attitude/tallies/true.npz"
-    true = Tally.read(path)
+    true = Counts.read(path)
     metric = true.protocol.metric | {"horizon_s": 4.0}
     dataclasses.replace(true, protocol=dataclasses.replace(true.protocol, metric=metric)).write(
         path
@@ -215,7 +215,7 @@ def test_another_machine_may_tip_one_voxel_of_many(tmp_path, voxels, accepted):
     folder = write_run(tmp_path, "skyocc")
     write_attitude(folder)
     run, path = read_run(folder), folder / "attitude/tallies/true.npz"
-    tipped = Tally.read(path)
+    tipped = Counts.read(path)
     for each in (run.tally, tipped):
         each.tables["occupancy"]["count"][0, 0, 0] = voxels
     tipped.tables["occupancy"]["count"][0, 0] += torch.tensor([-1, 1, *[0] * 7])
