@@ -16,7 +16,7 @@ def protocol_table(counts: Counts) -> pd.DataFrame:
     free = counts.protocol.metric["free_index"]
     count = counts.tables["occupancy"]["count"][rows].cpu()
     iou, by_clip = F.iou_compute(count.sum(0)), F.iou_compute(count)
-    visible = F.iou_compute(counts.tables["breakdown"]["count"][rows][:, 1].cpu().sum((0, 1, 2)))
+    visible = F.iou_compute(counts.tables["breakdown"]["count"][rows][:, 1].cpu().sum((0, 1)))
     parts = counts.scores("breakdown", rows)
 
     scores = {

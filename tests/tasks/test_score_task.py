@@ -58,7 +58,7 @@ def test_the_truth_scores_one(dataset, tmp_path):
     rows = read_results(folder / "results.csv")
     assert list(rows["split"]) == ["test", "test_unseen_clips", "test_seen_clips"]
     assert (rows[["miou", "miou_occupied", "kar_miou"]] == 1).all(axis=None)
-    table = pd.read_csv(folder / "scores.csv").set_index(["split", "score"])["value"]
+    table = pd.read_csv(folder / "scores.csv").set_index(["part", "score"])["value"]
     assert table["test", "geometric_iou"] == table["test", "ray_iou"] == 1
     assert table["test", "false_free_rate"] == 0
     protocols = pd.read_csv(folder / "protocols.csv").set_index("protocol")["score"]
@@ -145,7 +145,7 @@ def test_predictions_of_another_split_are_scored_by_it(dataset, tmp_path):
         tally.frames[tally.clips.index(c)] for c in ("downtown/clip00", "suburb/clip00")
     )
     assert whole > second, "the held-out flight has all of its frames"
-    table = pd.read_csv(folder / "scores.csv").drop_duplicates("split").set_index("split")
+    table = pd.read_csv(folder / "scores.csv").drop_duplicates("part").set_index("part")
     assert table.loc["test_unseen_clips", "frames"] == whole
 
 
