@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
 
-from ..atomic import replacing
 from .attitude_tables import AttitudeScores
 from .canvas import INK, MUTED
+from .figure_file import write_figure
 
 # Another marker is taken when all colors have been used.
 COLORS = ("#2962ff", "#d1495b", "#00898a", "#8a5a00", "#6a3fb5", "#5a606a")
@@ -71,8 +70,7 @@ def draw_attitude(
         for name, of_runs in (changes or {}).items()
     }
     figure = attitude_figure(scores, {name: rows for name, rows in kept.items() if rows})
-    with replacing(path) as temporary:
-        FigureCanvasAgg(figure).print_png(temporary)
+    write_figure(figure, path)
 
 
 def attitude_figure(scores: Rows, changes: Mapping[str, Rows]) -> Figure:

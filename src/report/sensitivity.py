@@ -6,16 +6,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from ..atomic import replacing
 from ..errors import UserError
 from ..metrics.functional import Penalty
 from ..metrics.sensitivity import PARAMETERS
 from ..results.counts import Counts
 from .canvas import INK, MUTED
+from .figure_file import write_figure
 
 SYMBOLS = dict(zip(PARAMETERS, ("$v_{min}$ (m/s)", "$T_h$ (s)", r"$\lambda$ (1/s)", r"$\gamma$")))
 CELL_INCHES, DPI = 0.62, 110
@@ -72,8 +71,7 @@ def draw_sensitivity(table: pd.DataFrame, runs: Sequence[str], path: str | Path)
         axes.set_title(run, loc="left", fontsize=11, fontweight="bold", color=INK)
 
     figure.suptitle("KAR-mIoU (%) under other parameters; framed: the paper's", fontsize=11)
-    with replacing(path) as temporary:
-        FigureCanvasAgg(figure).print_png(temporary)
+    write_figure(figure, path)
 
 
 def _shades(scores: np.ndarray) -> tuple[float, float]:
