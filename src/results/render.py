@@ -131,7 +131,7 @@ def table_of(
     for n, (_, entries) in enumerate(rows):
         for m, entry in enumerate(entries):
             cells[n, m] = entry
-    return pd.DataFrame(cells, index=index, columns=list(columns))
+    return pd.DataFrame(cells, index=index, columns=list(columns), dtype=object)
 
 
 def _number(value: float, signed: bool, decimals: int) -> str:
