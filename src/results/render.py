@@ -1,7 +1,7 @@
 """A table to be shown, in every form: CSV, Markdown, LaTeX, HTML, and on the terminal."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import NamedTuple
@@ -64,6 +64,16 @@ class Cell(NamedTuple):
         return [_number(end, self.signed, decimals) for end in (self.low, self.high)]
 
 
+class Shown(NamedTuple):
+    """An entry of a table as it is shown: its text, the bounds below it, and whether it is best."""
+
+    entry: Cell | str | None
+    column: str
+    text: str
+    bounds: list[str]
+    is_best: bool
+
+
 @dataclass(frozen=True)
 class Table:
     """A small DataFrame to be shown, with its title and caption.
@@ -85,12 +95,13 @@ class Table:
     ranked: int | None = None
 
     @property
-    def head(self) -> str:
-        return str(self.frame.index.name or "Method")
-
-    @property
     def columns(self) -> list[str]:
         return list(self.frame.columns)
+
+    @property
+    def heads(self) -> list[str]:
+        """What heads the names, and every column."""
+        return [str(self.frame.index.name), *self.columns]
 
     @property
     def rows(self) -> list[tuple[str, list]]:
@@ -100,16 +111,24 @@ class Table:
     def entries(self, column: str) -> list[Cell | str | None]:
         return self.frame[column].tolist()
 
+    def is_text(self, column: str) -> bool:
+        return any(isinstance(entry, str) for entry in self.entries(column))
+
+    def is_signed(self, column: str) -> bool:
+        """Whether all numbers of a column are differences."""
+        return all(cell.signed for cell in self.entries(column) if isinstance(cell, Cell))
+
     def best_rows(self, column: str) -> set[int]:
         """Returns the rows whose number is to be marked; none where there is no choice."""
-        cells = [(n, x) for n, x in enumerate(self.entries(column)) if isinstance(x, Cell)]
-        # A difference below scores is no rival of theirs.
-        signed = all(cell.signed for _, cell in cells)
         ranked = len(self.frame) if self.ranked is None else self.ranked
         values = {
             n: cell.value
-            for n, cell in cells
-            if n < ranked and cell.signed == signed and not math.isnan(cell.value)
+            for n, cell in enumerate(self.entries(column))
+            if isinstance(cell, Cell)
+            and n < ranked
+            and not math.isnan(cell.value)
+            # A difference below scores is no rival of theirs.
+            and cell.signed == self.is_signed(column)
         }
         if column not in self.best or len(set(values.values())) < 2:
             return set()
@@ -117,20 +136,29 @@ class Table:
         best = max(values.values()) if self.best[column] == "high" else min(values.values())
         return {n for n, value in values.items() if value == best}
 
-    def is_text(self, column: str) -> bool:
-        return any(isinstance(entry, str) for entry in self.entries(column))
+    def shown(self, decimals: int = 2) -> Iterator[tuple[str, list[Shown]]]:
+        """Yields the name of every row, and its entries as they are shown."""
+        best = {column: self.best_rows(column) for column in self.columns}
+        for n, (name, entries) in enumerate(self.rows):
+            row = []
+            for column, entry in zip(self.columns, entries):
+                text, bounds = entry or "", []
+                if isinstance(entry, Cell):
+                    text, bounds = entry.text(decimals), entry.bounds(decimals)
+                row.append(Shown(entry, column, text, bounds, n in best[column]))
+            yield name, row
 
 
 def table_of(
     rows: Sequence[tuple[str, Sequence]], columns: Sequence[str], head: str = "Method"
 ) -> pd.DataFrame:
     """Returns the frame of a `Table`: names and entries of its rows, and names of its columns."""
-    index = pd.Index([name for name, _ in rows], name=head, dtype=object)
     # Filled cell by cell, as pandas would take a named tuple for a row of its own.
     cells = np.full((len(rows), len(columns)), None, dtype=object)
     for n, (_, entries) in enumerate(rows):
         for m, entry in enumerate(entries):
             cells[n, m] = entry
+    index = pd.Index([name for name, _ in rows], name=head, dtype=object)
     return pd.DataFrame(cells, index=index, columns=list(columns), dtype=object)
 
 
@@ -162,14 +190,11 @@ def csv_of(tables: Iterable[Table]) -> str:
 
 def markdown_of(table: Table) -> str:
     """Returns a table with its title and caption; the best of a column is bold."""
-    lines = [[table.head, *table.columns], [":--", *["--:"] * len(table.columns)]]
-    lines[0] = [markdown(text) for text in lines[0]]
-    for row, (name, entries) in enumerate(table.rows):
-        cells = [
-            _markdown_cell(entry, row in table.best_rows(column))
-            for entry, column in zip(entries, table.columns)
-        ]
-        lines.append([markdown(name), *cells])
+    lines = [list(map(markdown, table.heads)), [":--", *["--:"] * len(table.columns)]]
+    for name, row in table.shown():
+        cells = [f"**{x.text}**" if x.is_best else markdown(x.text) for x in row]
+        bounds = [f" [{', '.join(x.bounds)}]" if x.bounds else "" for x in row]
+        lines.append([markdown(name), *map("".join, zip(cells, bounds))])
 
     rows = "".join(f"| {' | '.join(line)} |\n" for line in lines)
     return f"**{markdown(table.title)}.** {markdown(table.caption)}\n\n{rows}"
@@ -178,13 +203,6 @@ def markdown_of(table: Table) -> str:
 def markdown(text: str) -> str:
     """Returns text that Markdown shows as it is written, also in a cell."""
     return "".join(f"\\{letter}" if letter in "\\|_*`<[" else letter for letter in text)
-
-
-def _markdown_cell(entry: Cell | str | None, is_best: bool) -> str:
-    if not isinstance(entry, Cell):
-        return markdown(entry or "")
-    value = f"**{entry.text()}**" if is_best else entry.text()
-    return f"{value} [{', '.join(entry.bounds())}]" if entry.bounds() else value
 
 
 # ----------------------------------------------------------------------------------------- LaTeX
@@ -198,8 +216,7 @@ def latex_of(table: Table) -> str:
     """
     is_wide = len(table.columns) > WIDE
     kind, size = ("table*", r"\scriptsize") if is_wide else ("table", r"\small")
-    head = [latex(text) for text in (table.head, *table.columns)]
-    rows = [_latex_row(table, n) for n in range(len(table.rows))]
+    rows = [_latex_row(name, row) for name, row in table.shown()]
     for n in sorted(table.lines, reverse=True):
         rows.insert(n, r"\midrule")
 
@@ -212,7 +229,7 @@ def latex_of(table: Table) -> str:
         rf"\label{{tab:{table.key}}}",
         rf"\sbox0{{\begin{{tabular}}{{l{'c' * len(table.columns)}}}",
         r"\toprule",
-        " & ".join(head) + r" \\",
+        " & ".join(map(latex, table.heads)) + r" \\",
         r"\midrule",
         *rows,
         r"\bottomrule",
@@ -228,23 +245,23 @@ def latex(text: str) -> str:
     return "".join(LATEX.get(letter, letter if letter <= LAST_LATIN else "?") for letter in text)
 
 
-def _latex_row(table: Table, row: int) -> str:
+def _latex_row(name: str, row: Sequence[Shown]) -> str:
     """Returns a line of numbers and, where there is any interval, a small one of them below."""
-    name, entries = table.rows[row]
-    values, below = [latex(name)], [""]
-    for entry, column in zip(entries, table.columns):
-        if not isinstance(entry, Cell):
-            entry = latex(entry or "")
-            values, below = [*values, entry], [*below, ""]
-            continue
-        # A hyphen would be set shorter than the plus that it stands below.
-        value = latex(NONE) if math.isnan(entry.value) else entry.text().replace("-", "$-$")
-        values.append(rf"\textbf{{{value}}}" if row in table.best_rows(column) else value)
-        interval = ", ".join(entry.bounds()).replace("-", "$-$")
-        below.append(rf"{{\tiny [{interval}]}}" if interval else "")
+    # A hyphen would be set shorter than the plus that it stands below.
+    texts = [
+        x.text.replace("-", "$-$")
+        if isinstance(x.entry, Cell) and x.text != NONE
+        else latex(x.text)
+        for x in row
+    ]
+    values = [rf"\textbf{{{t}}}" if x.is_best else t for x, t in zip(row, texts)]
+    below = [", ".join(x.bounds).replace("-", "$-$") for x in row]
 
-    lines = [" & ".join(values) + r" \\"]
-    return "\n".join([*lines, " & ".join(below) + r" \\[2pt]"] if any(below) else lines)
+    line = " & ".join([latex(name), *values]) + r" \\"
+    if not any(below):
+        return line
+    small = (rf"{{\tiny [{bounds}]}}" if bounds else "" for bounds in below)
+    return f"{line}\n{' & '.join(['', *small])} " + r"\\[2pt]"
 
 
 # ------------------------------------------------------------------------------------------ HTML
@@ -255,60 +272,52 @@ def table_html(table: Table) -> str:
 
     A column's head is a button that sorts by it, the best end first.
     """
-    key = escape(table.key)
-    heads = [_html_head(table.head, "", "ascending", is_text=True)]
-    for column in table.columns:
-        is_text = table.is_text(column)
-        first = "ascending" if is_text or table.best.get(column) == "low" else "descending"
-        heads.append(_html_head(column, table.short.get(column, ""), first, is_text))
-    rows = "".join(_html_row(table, row) for row in range(len(table.rows)))
+    key, title = escape(table.key), escape(table.title)
+    heads = "".join(_html_head(table, column) for column in (None, *table.columns))
+    rows = ""
+    for n, (name, row) in enumerate(table.shown()):
+        kind = ' class="line"' if n in table.lines else ""
+        cells = "".join(_html_cell(table, x) for x in row)
+        rows += f'<tr{kind}><th scope="row">{escape(name)}</th>{cells}</tr>'
 
     return (
-        f'<section class="table" id="table-{key}"><h3 id="title-{key}">{escape(table.title)}</h3>'
+        f'<section class="table" id="table-{key}"><h3 id="title-{key}">{title}</h3>'
         f'<div class="scroll" role="region" tabindex="0" aria-labelledby="title-{key}">'
-        f"<table><thead><tr>{''.join(heads)}</tr></thead><tbody>{rows}</tbody></table>"
+        f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
         f'</div><p class="caption">{escape(table.caption)}</p></section>'
     )
 
 
-def _html_head(name: str, short: str, first: str, is_text: bool) -> str:
-    text = escape(name)
-    if short:
-        text = f'<span class="long">{text}</span><span class="short">{escape(short)}</span>'
-    kind = ' class="text"' if is_text else ""
+def _html_head(table: Table, column: str | None) -> str:
+    """Returns the head of a column, or without one that of the names."""
+    is_text = column is None or table.is_text(column)
+    text, kind = escape(column or table.heads[0]), ' class="text"' if is_text else ""
+    if column in table.short:
+        short = escape(table.short[column])
+        text = f'<span class="long">{text}</span><span class="short">{short}</span>'
+    first = "ascending" if is_text or table.best.get(column) == "low" else "descending"
     return (
         f'<th scope="col"{kind} aria-sort="none"><button type="button" data-first="{first}">'
         f"{text}</button></th>"
     )
 
 
-def _html_row(table: Table, row: int) -> str:
-    name, entries = table.rows[row]
-    cells = "".join(
-        _html_cell(entry, table, column, row in table.best_rows(column))
-        for entry, column in zip(entries, table.columns)
-    )
-    kind = ' class="line"' if row in table.lines else ""
-    return f'<tr{kind}><th scope="row">{escape(name)}</th>{cells}</tr>'
-
-
-def _html_cell(entry: Cell | str | None, table: Table, column: str, is_best: bool) -> str:
+def _html_cell(table: Table, cell: Shown) -> str:
     """Returns a data cell; one with a number keeps the whole of it to sort by."""
-    if isinstance(entry, str):
-        return f'<td class="text">{escape(entry)}</td>'
-    if entry is None or not math.isfinite(entry.value):
-        kind = "text empty" if table.is_text(column) else "empty"
+    if isinstance(cell.entry, str):
+        return f'<td class="text">{escape(cell.text)}</td>'
+    if cell.entry is None or math.isnan(cell.entry.value):
+        kind = "text empty" if table.is_text(cell.column) else "empty"
         return f'<td class="{kind}"><span aria-label="none">{NONE}</span></td>'
 
-    # The minus of typesetters is as wide as a plus.
-    value, interval = (text.replace("-", "−") for text in (entry.text(), ", ".join(entry.bounds())))
-    content = f'<b>{value}</b><span class="hidden"> best</span>' if is_best else value
-    content += f" <small>[{interval}]</small>" if interval else ""
-    kind = ' class="best"' if is_best else ""
+    content = f'<b>{cell.text}</b><span class="hidden"> best</span>' if cell.is_best else cell.text
+    content += f" <small>[{', '.join(cell.bounds)}]</small>" if cell.bounds else ""
+    kind = ' class="best"' if cell.is_best else ""
     # A difference below scores is not sorted among them.
-    others = (cell for cell in table.entries(column) if isinstance(cell, Cell))
-    apart = " data-apart" if entry.signed and not all(cell.signed for cell in others) else ""
-    return f'<td{kind} data-value="{float(entry.value)!r}"{apart}>{content}</td>'
+    apart = " data-apart" if cell.entry.signed and not table.is_signed(cell.column) else ""
+    # The minus of typesetters is as wide as a plus.
+    text = content.replace("-", "−")
+    return f'<td{kind} data-value="{float(cell.entry.value)!r}"{apart}>{text}</td>'
 
 
 # ---------------------------------------------------------------------------------- the terminal
@@ -329,27 +338,21 @@ def print_table(table: Table, console: Console | None = None) -> None:
 
 def _drawn(table: Table, stacked: bool) -> RichTable:
     drawn = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), title_justify="left")
-    drawn.add_column(table.head, overflow="fold", max_width=NAME_WIDTH)
+    drawn.add_column(table.heads[0], overflow="fold", max_width=NAME_WIDTH)
     for column in table.columns:
         drawn.add_column(table.short.get(column, column), justify="right", no_wrap=True)
 
-    for row, (name, entries) in enumerate(table.rows):
-        if row in table.lines:
+    for n, (name, row) in enumerate(table.shown(decimals=1)):
+        if n in table.lines:
             drawn.add_section()
-        cells = [
-            _printed_cell(entry, row in table.best_rows(column), stacked)
-            for entry, column in zip(entries, table.columns)
-        ]
-        drawn.add_row(Text(name), *cells)
+        drawn.add_row(Text(name), *(_printed(cell, stacked) for cell in row))
     return drawn
 
 
-def _printed_cell(entry: Cell | str | None, is_best: bool, stacked: bool) -> Text:
-    if not isinstance(entry, Cell):
-        return Text(entry or "")
-    value, ends = entry.text(decimals=1), entry.bounds(decimals=1)
+def _printed(cell: Shown, stacked: bool) -> Text:
+    if not isinstance(cell.entry, Cell):
+        return Text(cell.text)
     # A blank where others have a star keeps the points in line.
-    lines = [(f"{value}*", "bold") if is_best else (f"{value} ", "")]
-    if ends:
-        lines += [(f"\n{end} ", "dim") for end in (ends if stacked else [f"[{', '.join(ends)}]"])]
-    return Text.assemble(*lines)
+    value = (f"{cell.text}*", "bold") if cell.is_best else (f"{cell.text} ", "")
+    below = cell.bounds if stacked or not cell.bounds else [f"[{', '.join(cell.bounds)}]"]
+    return Text.assemble(value, *((f"\n{end} ", "dim") for end in below))
