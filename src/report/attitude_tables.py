@@ -1,6 +1,6 @@
 """Tables of what attitude does to KAR-mIoU: by tilt, and where it is not measured as it is."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 
 import pandas as pd
@@ -104,22 +104,15 @@ def attitude_tables(attitude: AttitudeScores) -> list[Table]:
     for which, (title, text, fewest) in kinds.items():
         conditions = attitude.conditions(which)
         names = attitude.names(conditions)
+        above = [name for name in names if ladder.first in names and name != ladder.first]
+        over, keys = ladder.reference, [{"experiment": n, "reference": ladder.first} for n in above]
+        # Level flight is compared with the true attitude on the same frames, and not with a rung.
         if which == "level":
-            changes = {
-                f"{ladder.row_name(name)}, over told level": {
-                    **{"experiment": name, "condition": TRUE},
-                    **{"reference": name, "reference_condition": LEVEL},
-                }
-                for name in names
-            }
-        else:
-            changes = {
-                f"{ladder.row_name(name)}, over {ladder.reference}": {
-                    **{"experiment": name, "reference": ladder.first},
-                }
-                for name in names
-                if ladder.first in names and name != ladder.first
-            }
+            over = "told level"
+            true = {"condition": TRUE, "reference_condition": LEVEL}
+            keys = [{"experiment": name, "reference": name, **true} for name in names]
+
+        changes = [(f"{ladder.row_name(key['experiment'])}, over {over}", key) for key in keys]
         if len(conditions) > fewest:
             tables.append(_table(attitude, which, title, text, conditions, changes))
     return tables
@@ -131,12 +124,12 @@ def _table(
     title: str,
     text: str,
     conditions: Sequence[Condition],
-    changes: Mapping[str, Mapping[str, str]],
+    changes: Sequence[tuple[str, dict[str, str]]],
 ) -> Table:
     """Returns a table of scores and, below a line, of the changes: the keys of their rows."""
     ladder, names = attitude.ladder, attitude.names(conditions)
     rows = [(ladder.row_name(name), {"experiment": name}) for name in names]
-    rows += changes.items()
+    rows += changes
     heads = [_head(condition, attitude.resamples[condition].frames) for condition in conditions]
     if which == "faults":
         heads = [_fault(condition) for condition in conditions]

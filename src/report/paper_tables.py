@@ -73,6 +73,7 @@ def ablation_table(part: Part, marks: Mapping[str, Sequence[str]]) -> Table:
     factors = {"Att. Proj.": "att.", "Class Weight": "wts.", "Lovász": "lov."}
     changes = {"miou": "mIoU", "kar_miou": "KAR", "iou/thin_structure": "Thin", "iou/vru": "VRU"}
     columns = [*MEANS, *(_change(*change) for change in changes.items())]
+
     rows = [
         (part.ladder.row_name(name), [*marks[name], *cells])
         for name, cells in _cells(part, part.rungs, columns, part.ladder.first)
@@ -89,9 +90,11 @@ def long_tail_table(part: Part, frames: Collection[int]) -> Table:
     rows: list[Row] = [
         (_added(part, name, frames), cells) for name, cells in _cells(part, part.rungs, columns)
     ]
-    text, lines, first, last = "", [], part.ladder.first, part.ladder.last
+
+    # The last row says what the highest rung gains over the lowest, where both are there.
+    text, lines, first, last = "", (), part.ladder.first, part.ladder.last
     if {first, last} <= set(part.rungs) and first != last:
-        lines = [len(rows)]
+        lines = (len(rows),)
         changes = [column._replace(is_change=True) for column in columns]
         ((_, gain),) = _cells(part, [last], changes, first)
         full = "full model" if last == PAPER.last else part.ladder.row_name(last)
@@ -104,7 +107,8 @@ def long_tail_table(part: Part, frames: Collection[int]) -> Table:
         f"All numbers are standard IoU percentages. Of the {counted(part.resamples.clips, 'clip')},"
         f" so many have a labelled voxel of the class: {clips}."
     )
-    return _of_rungs(part, "long_tail", "Long-tail safety structures", text, columns, rows, lines)
+    title = "Long-tail safety structures"
+    return _of_rungs(part, "long_tail", title, text, columns, rows, lines=lines)
 
 
 def incremental_table(part: Part) -> Table:
@@ -112,6 +116,8 @@ def incremental_table(part: Part) -> Table:
     changes = {"miou": "mIoU", "kar_miou": "KAR"}
     changes |= {f"iou/{name}": CLASS_NAMES[name] for name in LONG_TAIL}
     columns = [_change(*change, best="") for change in changes.items()]
+
+    # A step whose lower rung is missing has no number: that from another rung would be wrong.
     rows = [
         (part.ladder.rungs[name].added or part.ladder.row_name(name), cells)
         for before, name in pairwise(part.ladder.names)
@@ -132,6 +138,7 @@ def progression_table(part: Part, frames: Collection[int]) -> Table:
     columns = [*MEANS, *(_change(*change) for change in changes.items())]
     # No best: the lowest gap is that of a model that finds nothing.
     columns.append(Column("gap", "Gap", best=""))
+
     rows = [
         (_added(part, name, frames), cells)
         for name, cells in _cells(part, part.rungs, columns, part.ladder.first)
@@ -153,6 +160,7 @@ def beyond_table(parts: Sequence[Part]) -> Table:
     scored = {score for part in parts for score in part.scores["score"]}
     columns = [Column(score, *named) for score, named in BEYOND.items() if score in scored]
     columns += [Column(score, score) for score in parts[0].own_scores]
+
     text = (
         f"{PERCENT} mIoU of the occupied classes alone; IoU of occupied against free; RayIoU of "
         "what the camera's rays meet first; of what truly is occupied, the share predicted free: "
@@ -186,7 +194,8 @@ def _of_all(
 
     # Rows of other parts were scored on something else: none of them can be the best.
     ranked = len(first.rungs + first.others + first.anchors)
-    return _table(first, key, title, " ".join(captions), columns, rows, lines, ranked=ranked)
+    more = {"lines": tuple(lines), "ranked": ranked}
+    return _table(first, key, title, " ".join(captions), columns, rows, **more)
 
 
 def _of_rungs(
@@ -196,13 +205,11 @@ def _of_rungs(
     text: str,
     columns: Sequence[Column],
     rows: Sequence[Row],
-    lines: Sequence[int] = (),
-    head: str = "Configuration",
-    factors: Mapping[str, str] | None = None,
+    **more,
 ) -> Table:
     drawn = resampling(part.resamples, part.rungs, differences=True)
-    caption = f"{text}{_absent(part)} {drawn}"
-    return _table(part, key, title, caption, columns, rows, lines, head, factors=factors or {})
+    more = {"head": "Configuration"} | more
+    return _table(part, key, title, f"{text}{_absent(part)} {drawn}", columns, rows, **more)
 
 
 def _table(
@@ -212,24 +219,22 @@ def _table(
     caption: str,
     columns: Sequence[Column],
     rows: Sequence[Row],
-    lines: Sequence[int] = (),
     head: str = "Method",
-    ranked: int | None = None,
-    factors: Mapping[str, str] | None = None,
+    **more,
 ) -> Table:
-    """Returns the table; ``factors`` are columns of texts before the others, and their short
-    names."""
-    texts = factors or {}
+    """Returns the table; ``factors`` among ``more`` are columns of texts before the others."""
+    factors = more.pop("factors", {})
     suffix = "" if part.name == "test" else f"_{part.name}"
+    names = [*factors, *(column.name for column in columns)]
+
     return Table(
         f"{key}{suffix}",
         f"{title}, {part.name} of {part.dataset}{part.label}",
         caption,
-        table_of(rows, [*texts, *(column.name for column in columns)], head),
+        table_of(rows, names, head),
         {column.name: column.best for column in columns if column.best},
-        {**texts, **{column.name: column.short for column in columns if column.short}},
-        tuple(lines),
-        ranked,
+        factors | {column.name: column.short for column in columns if column.short},
+        **more,
     )
 
 

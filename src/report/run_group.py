@@ -184,12 +184,9 @@ def groups_of(runs: Sequence[ScoredRun], mixed: bool, ladder: Ladder = PAPER) ->
             f"{second.path}: was scored on {_difference(first, second)} than {first.path}; score "
             f"both alike, or set {MIXED}"
         )
-    labels = ["", *(f" ({n}: {_difference(groups[0][0], g[0])})" for n, g in _further(groups))]
+    numbered = enumerate((_difference(groups[0][0], group[0]) for group in groups), start=1)
+    labels = [f" ({n}: {difference})" if n > 1 else "" for n, difference in numbered]
     return [RunGroup(_sorted(g, ladder), label, ladder) for g, label in zip(groups, labels)]
-
-
-def _further(groups: Sequence[list[ScoredRun]]) -> list[tuple[int, list[ScoredRun]]]:
-    return list(enumerate(groups, start=1))[1:]
 
 
 def _require_same_code(runs: Sequence[ScoredRun]) -> None:

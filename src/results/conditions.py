@@ -96,11 +96,10 @@ def conditions_of(
     edges = [0.0, *tilt_edges_deg]
     if any(not high > low for low, high in pairwise(edges)):
         raise UserError(f"task.tilt_edges_deg: {list(tilt_edges_deg)}; give ascending ones above 0")
-    for name, values in {"noise_deg": noise_deg, "delay_s": delay_s}.items():
-        if any(not 0 < value < math.inf for value in values):
-            raise UserError(f"task.{name}: {list(values)}; give values above 0")
     listed = {"tilt_edges_deg": tilt_edges_deg, "noise_deg": noise_deg, "delay_s": delay_s}
     for name, values in listed.items():
+        if any(not 0 < value < math.inf for value in values):
+            raise UserError(f"task.{name}: {list(values)}; give values above 0")
         if len({f"{value:g}" for value in values}) < len(values):
             raise UserError(f"task.{name}: {list(values)}; give values of which no two are alike")
 

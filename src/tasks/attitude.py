@@ -19,13 +19,7 @@ from ..data.dataset import history_stride
 from ..metrics.by_clip import ByClip
 from ..metrics.protocol import Protocol
 from ..metrics.tables import TableMetric
-from ..results.conditions import (
-    ATTITUDE,
-    TABLE,
-    Condition,
-    condition_table,
-    conditions_of,
-)
+from ..results.conditions import ATTITUDE, TABLE, Condition, condition_table, conditions_of
 from ..results.counts import Counts
 from ..results.files import write_table
 from ..results.render import Cell, Table, print_table, table_of

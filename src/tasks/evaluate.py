@@ -16,13 +16,7 @@ from ..metrics.suite import ScoreSuite
 from ..models.module import OccupancyModule
 from ..ontology import FREE
 from ..provenance import git_commit
-from ..results.files import (
-    print_results,
-    read_results,
-    result_rows,
-    write_results,
-    write_scores,
-)
+from ..results import files
 from ..run_folder import ANCHORS, RunFolder
 from ..terminal import say, tracked
 from .processes import is_first_process, part_company
@@ -55,7 +49,7 @@ def evaluate(
     parameters = sum(p.numel() for p in module.network.parameters())
     facts = {"parameters": parameters, "precision": trainer.precision}
     facts["seconds"] = round(seconds, 1)
-    scored, rows = [counts], result_rows(counts, parts, shared | facts)
+    scored, rows = [counts], files.result_rows(counts, parts, shared | facts)
     for name, prediction in _anchors(module).items():
         start_s = time.perf_counter()
         suite = anchor_scores(name, prediction, data, samples, suite_of(cfg, data))
@@ -63,12 +57,12 @@ def evaluate(
         # An anchor has no network.
         facts = {"parameters": 0, "precision": "none"}
         facts["seconds"] = round(time.perf_counter() - start_s, 1)
-        rows += result_rows(scored[-1], parts, shared | facts)
+        rows += files.result_rows(scored[-1], parts, shared | facts)
 
-    write_scores(folder.path, {cfg.seed: scored}, parts)
+    files.write_scores(folder.path, {cfg.seed: scored}, parts)
     _draw(cfg, folder, module, data)
-    write_results(folder.results, sorted(rows, key=lambda row: row["split"]))
-    print_results(read_results(folder.results))
+    files.write_results(folder.results, sorted(rows, key=lambda row: row["split"]))
+    files.print_results(files.read_results(folder.results))
     say(f"{folder.results} and {folder.figures}")
 
 

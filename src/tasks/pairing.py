@@ -89,7 +89,7 @@ def _held_out(facts: Mapping[str, object], folder: Path) -> dict[str, list[str]]
 
 
 class _Occ3D:
-    """Predictions and ground truth in Occ3D's layout; the configuration states what is not in it."""
+    """Predictions and ground truth in Occ3D's layout; the configuration states the rest."""
 
     unseen: frozenset[str] = frozenset()
 

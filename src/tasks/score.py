@@ -10,15 +10,8 @@ from ..errors import UserError
 from ..metrics.protocol import Protocol
 from ..metrics.suite import ScoreSuite
 from ..provenance import git_commit
+from ..results import files
 from ..results.counts import Counts
-from ..results.files import (
-    print_results,
-    read_results,
-    result_rows,
-    write_results,
-    write_scores,
-    write_table,
-)
 from ..results.protocols import protocol_table
 from ..results.table import Parts
 from ..run_folder import RESULTS, version_of
@@ -94,14 +87,14 @@ def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
 
 
 def _write(folder: Path, counts: Counts, parts: Parts, facts: Mapping[str, object]) -> None:
-    write_scores(folder, {facts["seed"]: [counts]}, parts)
-    write_table(protocol_table(counts), folder / "protocols.csv")
+    files.write_scores(folder, {facts["seed"]: [counts]}, parts)
+    files.write_table(protocol_table(counts), folder / "protocols.csv")
     summed = {name: table.sum(0) for name, table in counts.tables["breakdown"].items()}
     breakdown = counts.suite().metric("breakdown").table(summed)
-    write_table(breakdown, folder / "breakdown.csv")
+    files.write_table(breakdown, folder / "breakdown.csv")
 
-    write_results(folder / RESULTS, result_rows(counts, parts, facts))
-    print_results(read_results(folder / RESULTS))
+    files.write_results(folder / RESULTS, files.result_rows(counts, parts, facts))
+    files.print_results(files.read_results(folder / RESULTS))
     say(folder)
 
 

@@ -3,6 +3,8 @@
 import io
 import json
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -172,3 +174,10 @@ def test_the_tables_fit_110_columns_without_wrapping(tmp_path):
     assert max(map(len, text.splitlines())) <= 110
     assert text.count("longer_experiment") == 2 * 4
     assert "…" not in text
+
+
+def test_training_and_scoring_import_nothing_of_the_report():
+    modules = "src.tasks.fit, src.tasks.test, src.tasks.score, src.tasks.attitude"
+    listed = f"import sys, {modules}; print([m for m in sys.modules if 'src.report' in m])"
+    done = subprocess.run([sys.executable, "-c", listed], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr
