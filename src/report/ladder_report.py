@@ -13,8 +13,15 @@ from .attitude_tables import AttitudeScores, attitude_tables
 from .ladder import Ladder
 from .paper_tables import paper_tables
 from .run_group import RunGroup, long_table
-from .shared_settings import Values, code_lines, differing, marks_of, other_experiments
-from .shared_settings import statement, surprises
+from .shared_settings import (
+    Values,
+    code_lines,
+    differing,
+    marks_of,
+    other_experiments,
+    statement,
+    surprises,
+)
 
 
 @dataclass(frozen=True)
