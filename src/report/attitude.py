@@ -65,10 +65,12 @@ def draw_attitude(
     ``changes`` are differences by tilt, by what they are over; those without a row are left out.
     Bars are the intervals. Raises `UserError` for a path that cannot be written.
     """
+    # Rungs without a common seed have no difference.
     kept = {
         name: {run: rows for run, rows in of_runs.items() if len(rows)}
         for name, of_runs in (changes or {}).items()
     }
+
     figure = attitude_figure(scores, {name: rows for name, rows in kept.items() if rows})
     write_figure(figure, path)
 

@@ -30,6 +30,7 @@ def draw_curves(metrics_csv: str | Path, path: str | Path) -> None:
     loss_axes, score_axes = figure.subplots(1, 2)
 
     _draw(loss_axes, table, TRAIN_LOSS, "training loss", COLORS[0])
+    # Scores are logged as shares, and drawn in percent.
     for (column, label), color in zip(VALIDATION.items(), COLORS[1:]):
         _draw(score_axes, table, column, label, color, scale=100)
     for axes, title in ((loss_axes, "Training loss"), (score_axes, "Validation (%)")):

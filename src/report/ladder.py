@@ -73,6 +73,7 @@ class Ladder:
         return [name for name in self.names if name in names] + sorted(names - set(self.names))
 
 
+# The four experiments of Table 3, and the names of their rows.
 PAPER = Ladder(
     {
         "baseline": Rung("Baseline", "", (False, False, False)),
@@ -99,6 +100,8 @@ def ladder_named(names: Sequence[str]) -> Ladder:
             )
     if not names:
         return PAPER
+
+    # The first rung stands on nothing, in the paper as here.
     steps = {*pairwise([None, *PAPER.names])}
     return Ladder(
         {name: _rung(name, (before, name) in steps) for before, name in pairwise([None, *names])}

@@ -79,6 +79,7 @@ def ladder_report(
     """
     runs = [run for group in groups for run in group.runs]
     ladder, rungs = groups[0].ladder, groups[0].rungs
+    # Tables of differences are of the first group; others only have rows beside it.
     parts, *further = [group.parts(parts_of) for group in groups]
     of_others = [part for of_group in further for part in of_group]
     marks, frames = marks_of(rungs), {run.config["data"]["frames"] for run in rungs}
@@ -108,6 +109,7 @@ def _missing(
     finished = {(run.experiment, run.seed) for group in groups for run in group.runs}
     compared = {(run.experiment, run.seed) for run in groups[0].runs}
     begun = {(run.experiment, run.seed): run for run in unfinished}
+    # The seeds that one rung has are expected of every other one.
     of_ladder = {key for key in (*compared, *begun) if key[0] in ladder}
 
     lines = []

@@ -16,6 +16,7 @@ from .captions import counted, resampling
 from .ladder import PAPER
 from .run_group import BEYOND, LONG_TAIL, Part
 
+# Names of the classes in the heads of the paper's tables.
 CLASS_NAMES = {
     **dict(zip(CLASSES[:3], ("Building", "Ground", "Vegetation"))),
     **dict(zip(LONG_TAIL, ("Thin Struct.", "Large Veh.", "Car", "VRU"))),
@@ -37,6 +38,7 @@ class Column(NamedTuple):
     is_change: bool = False
 
 
+# The two scores that the paper ranks by; the second is its own.
 MEANS = [Column("miou", "mIoU"), Column("kar_miou", "KAR-mIoU", short="KAR")]
 
 

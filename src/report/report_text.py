@@ -7,6 +7,7 @@ from ..results.runs import UNKNOWN_CODE, ScoredRun
 from .ladder_report import LadderReport
 from .shared_settings import Values, shortened
 
+# Stands before the tables, in the page and in the text.
 NUMBERS = (
     "Numbers are percentages and differences percentage points, but shares in `scores.csv`. In "
     "bold: the best mean of a column, whatever the intervals say."
@@ -29,6 +30,8 @@ def report_text(report: LadderReport, heading: str, figures: Mapping[str, str]) 
         f"![{markdown(caption)}]({place})\n\n{markdown(caption)}"
         for place, caption in figures.items()
     ]
+
+    # What makes the numbers doubtful stands before the numbers.
     blocks = [
         f"# {heading}",
         "\n".join(facts),
@@ -56,6 +59,7 @@ def facts_of(report: LadderReport) -> dict[str, str]:
     for name, size in _by_experiment(report, lambda run: f"{run.row['parameters']:,}").items():
         sizes.setdefault(size, []).append(name)
 
+    # One size needs no names: it is that of every experiment.
     parameters = list(sizes)
     if len(sizes) > 1:
         parameters = [f"{size} ({', '.join(names)})" for size, names in sizes.items()]

@@ -47,6 +47,7 @@ def draw_sensitivity(table: pd.DataFrame, runs: Sequence[str], path: str | Path)
     Figures are KAR-mIoU in percent with the run's rank below; a frame marks the paper's
     parameters. Raises `UserError` for a path that cannot be written.
     """
+    # Two parameters a side make one flat map of the four.
     down, across = ("horizon_s", "decay_per_s"), ("min_speed_mps", "penalty_scale")
     size = [len(table[list(keys)].drop_duplicates()) for keys in (down, across)]
     columns = min(len(runs), PANELS_A_ROW)

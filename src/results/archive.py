@@ -124,6 +124,8 @@ def _unpack(path: Path, folder: Path) -> None:
             members = archive.infolist()
             for member in members:
                 _require_safe(member)
+
+            # The sizes that it declares; zipfile stops where a member is larger than it says.
             if sum(member.file_size for member in members) > LARGEST:
                 raise ValueError(f"it holds more than {LARGEST:,} bytes")
             if not any(PurePosixPath(member.filename).name == CONFIG for member in members):

@@ -172,6 +172,7 @@ def _require_alike(tables: Mapping[Path, tuple[ScoredRun, dict]]) -> dict[str, d
     """
     facts: dict[str, dict] = {}
     firsts: dict[str, tuple[Path, dict]] = {}
+
     for path, (run, table) in tables.items():
         first, of_first = next((first, each) for first, (_, each) in tables.items())
         if _bins(table) != _bins(of_first):

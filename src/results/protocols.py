@@ -19,6 +19,7 @@ def protocol_table(counts: Counts) -> pd.DataFrame:
     visible = F.iou_compute(counts.tables["breakdown"]["count"][rows][:, 1].cpu().sum((0, 1)))
     parts = counts.scores("breakdown", rows)
 
+    # Classes without a voxel are NaN, and left out of a mean; some papers count them as 0.
     scores = {
         "mIoU, free space averaged in": F.mean_iou(iou),
         "mIoU of occupied classes": F.mean_iou(iou, without=free),
@@ -30,6 +31,7 @@ def protocol_table(counts: Counts) -> pd.DataFrame:
         "KAR-mIoU, visible voxels": parts["visible/kar_miou"],
         "geometric IoU, occupied against free": F.geometric_iou(count.sum(0), free),
     }
+    # Runs whose cameras are unknown have no rays, and published counts no sensitivity.
     for edge_m in suite.metric("breakdown").distance_edges_m:
         score = parts[f"all/within_{edge_m:g}m/miou_occupied"]
         scores[f"mIoU of occupied classes within {edge_m:g} m"] = score

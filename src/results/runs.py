@@ -106,12 +106,14 @@ def run_folders(places: Sequence[Path], out: Path) -> list[Path]:
     `UserError` for a place that holds none.
     """
     folders: dict[Path, Path] = {}
+
     for place in places:
         if not place.is_dir():
             raise UserError(f"{place}: no such folder; train first, or name runs in task.runs")
         below = list(_below(place, out.resolve(), DEPTH))
         if not below:
             raise UserError(f"{place}: holds no run folder; train first, or name runs in task.runs")
+        # A run that two places hold is one run.
         folders |= {path.resolve(): path for path in below}
     return list(folders.values())
 

@@ -24,6 +24,7 @@ from ..results.render import WIDTH, Cell, Table, print_table, table_of
 from ..results.table import Resamples
 from ..run_folder import ANCHORS, TALLIES
 
+# Of all scores, which differences.csv has, these are printed.
 PRINTED = ("miou", "miou_occupied", "kar_miou", "collision_miss_rate", "geometric_iou", "ray_iou")
 
 
@@ -117,6 +118,7 @@ def _clips_like(patterns: Sequence[str], counts: Counts) -> set[str]:
 def _names(scored: Sequence[Counts], files: Sequence[Path], given: Sequence[str]) -> list[str]:
     """Returns names of runs. Those of one name are told apart by what differs in their files'
     paths, such as the seed, or by what was given where the paths do not align."""
+    # Seeds of one experiment have one name, and so have two scorings of one run.
     alike = defaultdict(list)
     for n, counts in enumerate(scored):
         alike[counts.name].append(n)

@@ -30,6 +30,7 @@ from .showcase import COMPARISON, TILT, showcase
 
 TEXT, PAGE, FIGURES = "report.md", "report.html", "figures"
 SCORES, TABLES, LATEX, RUNS = "scores.csv", "tables.csv", "tables.tex", "runs.zip"
+# Tables that are printed, by their keys.
 PRINTED = ("main", "ablation")
 
 

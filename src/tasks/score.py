@@ -39,6 +39,7 @@ def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> N
     name = str(pairing.facts.get("name", folder.name))
 
     scored = ScoreSuite(pairing.grid, clips_of(samples), metric, suite)
+    # Calibration of some frames would stand beside scores of all of them.
     with_logits = _count(scored, samples, pairing, name)
     if 0 < with_logits < len(samples):
         scored.by_clip["calibration"].reset()
@@ -67,10 +68,12 @@ def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
 
     Raises `UserError` for a number that is none.
     """
+    # Checked before anything is scored, as that may take an hour.
     for key in ("seed", "parameters"):
         value = pairing.facts.get(key, 0)
         if type(value) is not int:
             raise UserError(f"{folder / FACTS}: {key}: {value!r} is no whole number; correct it")
+
     return {
         "scale": str(pairing.facts.get("scale", "")) or "unknown",
         "seed": pairing.facts.get("seed", 0),
