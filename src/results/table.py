@@ -79,7 +79,7 @@ class Resamples:
         self,
         counts: Mapping[str, Mapping[int, Counts]],
         presented: Presented = Presented(),
-        without: Collection[str] = GRIDS,
+        without: Collection[str] = (),
         derived: Derived | None = None,
     ) -> None:
         self.first = next(iter(next(iter(counts.values())).values()))
@@ -222,7 +222,8 @@ class Resamples:
         """Returns every score of a run, of all clips and of each resample."""
         samples: Samples = {}
         for name, tables in counts.tables.items():
-            if name not in self.without:
+            is_in_table = getattr(self.suite.metric(name), "in_score_table", name not in GRIDS)
+            if is_in_table and name not in self.without:
                 chosen = {key: table[self.rows].cpu() for key, table in tables.items()}
                 scored = score_samples(self.suite.metric(name), chosen, self.weights)
                 self.scores_of.setdefault(name, list(scored))
