@@ -22,6 +22,9 @@ from ..terminal import say, tracked
 from .processes import is_first_process, part_company
 from .scoring import counts_of, parts_of, protocol_of, suite_of
 
+# Frames on the sheet of a run.
+SHOWN_FRAMES = 5
+
 
 def evaluate(
     cfg: DictConfig,
@@ -88,7 +91,8 @@ def _draw(cfg: DictConfig, folder: RunFolder, module: OccupancyModule, data: Sky
     from ..report.curves import draw_curves
     from .scenes import draw_sheet
 
-    draw_sheet(module, data, folder.figures / "qualitative.png", f"{cfg.name}, {cfg.scale_name}")
+    heading = f"{cfg.name}, {cfg.scale_name}"
+    draw_sheet(module, data, folder.figures / "qualitative.png", heading, SHOWN_FRAMES)
     if folder.metrics.is_file():
         draw_curves(folder.metrics, folder.figures / "curves.png")
 

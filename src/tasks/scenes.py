@@ -22,9 +22,6 @@ from .predictor import on_device
 Network = Callable[[Batch], Tensor]
 Labels = UInt8[np.ndarray, "X Y Z"]
 
-# Frames on the sheet of a run.
-SHOWN_FRAMES = 5
-
 
 def scene_of(
     sample: Batch, grid: VoxelGrid, predictions: Mapping[str, Labels], remark: str = ""
@@ -61,13 +58,15 @@ def labels_of(network: Network, sample: Batch) -> Labels:
     return logits.argmax(dim=1)[0].to(torch.uint8).cpu().numpy()
 
 
-def draw_sheet(module: OccupancyModule, data: SkyShieldData, path: Path, heading: str) -> None:
-    """Draws the qualitative sheet of a few test frames, chosen by `pick_frames`."""
+def draw_sheet(
+    module: OccupancyModule, data: SkyShieldData, path: Path, heading: str, frames: int
+) -> None:
+    """Draws the qualitative sheet of so many test frames, chosen by `pick_frames`."""
     dataset = data.dataset("test")
     tilt_rad = np.array([_tilt_rad(data, *sample) for sample in dataset.samples])
     module.eval()
 
-    samples = [dataset[index] for index in pick_frames(tilt_rad, SHOWN_FRAMES)]
+    samples = [dataset[index] for index in pick_frames(tilt_rad, frames)]
     scenes = [
         scene_of(sample, data.grid, {"Prediction": labels_of(module, sample)}) for sample in samples
     ]
