@@ -15,7 +15,7 @@ import yaml
 from benchmarks.settings import run
 from benchmarks.tables import print_table
 from src.data.manifest import read_manifest
-from src.report.results import MEANS, read_results
+from src.results.files import MEANS, read_results
 from src.run_folder import ANCHORS, CONFIG, METRICS, RESULTS
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from src.report.results import read_results
+from src.results.files import read_results
 from src.tasks.fit import SKIPPED
 from src.tasks.report import report
 from tests.sessions import spent_s

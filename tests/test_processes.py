@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import torch
 
-from src.report.results import read_results
+from src.results.files import read_results
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 ROOT = Path(__file__).parent.parent

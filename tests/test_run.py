@@ -20,12 +20,12 @@ from src.data.clip import Clip
 from src.data.datamodule import SkyShieldData
 from src.errors import UserError
 from src.failures import one_line
-from src.metrics.tally import Tally
 from src.models.checkpoint import Checkpoint
 from src.models.module import OccupancyModule, rate_share
 from src.models.network import SkyOcc
 from src.ontology import CLASSES
-from src.report.results import SCORES, read_results
+from src.results.counts import Counts
+from src.results.files import SCORES, read_results
 from src.tasks import evaluate
 from src.tasks.compare import compare
 from src.tasks.dataset import data_of
@@ -381,7 +381,7 @@ def test_what_is_scored_in_part_says_so(finished):
     folder, overrides = finished
     few = ("data.batch_size=2", "+trainer.limit_test_batches=1")
     score(compose_config(*overrides, *few, "task=test", "ckpt_path=best"))
-    part = {path.stem: Tally.read(path) for path in (folder / "test/tallies").iterdir()}
+    part = {path.stem: Counts.read(path) for path in (folder / "test/tallies").iterdir()}
     frames = {sum(tally.frames) for tally in part.values()}
     assert frames == {tally.protocol.frames for tally in part.values()} == {2}
     counted = [tally.tables["occupancy"]["count"].sum((1, 2)).tolist() for tally in part.values()]

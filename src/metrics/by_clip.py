@@ -13,9 +13,9 @@ from .tables import Scores, TableMetric, Tables
 
 
 class ByClip(Metric):
-    """A metric over a data set whose clips can be told apart afterwards.
+    """A metric over a dataset whose clips can be told apart afterwards.
 
-    Frames of one clip are alike, so intervals resample clips (`intervals`), and the parts of a
+    Frames of one clip are alike, so intervals resample clips (`bootstrap`), and the parts of a
     split are sets of clips. `compute` gives the scores of all clips together.
 
     Args:
@@ -39,7 +39,7 @@ class ByClip(Metric):
             self.add_state(name, default=table, dist_reduce_fx="sum")
 
     def update(self, clip: Sequence[str], *batch: Any, **options: Any) -> None:
-        """Count a batch; ``clip`` names the clip of every frame, the rest is the metric's own."""
+        """Counts a batch; ``clip`` names the clip of every frame, the rest is the metric's own."""
         try:
             rows, tables = self._frames(clip, *batch, **options)
         except Exception:
@@ -50,7 +50,7 @@ class ByClip(Metric):
             setattr(self, name, getattr(self, name).index_add(0, rows.to(table.device), table))
 
     def forward(self, clip: Sequence[str], *batch: Any, **options: Any) -> Scores:
-        """`update`, and the scores of this batch alone."""
+        """Updates, and returns the scores of this batch alone."""
         # As in `TableMetric`: the framework clears the state before it updates.
         self._frames(clip, *batch, **options)
         return super().forward(clip, *batch, **options)
@@ -58,7 +58,7 @@ class ByClip(Metric):
     def _frames(
         self, clip: Sequence[str], *batch: Any, **options: Any
     ) -> tuple[Int64[Tensor, "b"], Tables]:
-        """The row of every frame's clip, and its tables."""
+        """Returns the row of every frame's clip, and its tables."""
         if unknown := [name for name in clip if name not in self.row]:
             raise UserError(f"clip: {unknown[0]} is none of the {len(self.clips)} clips to score")
         tables = self.metric.frame_tables(*batch, **options)
@@ -68,7 +68,7 @@ class ByClip(Metric):
         return torch.tensor([self.row[name] for name in clip], dtype=torch.int64), tables
 
     def tables(self, chosen: Callable[[str], bool] = lambda clip: True) -> Tables:
-        """The tables of every chosen clip, [clips, ...]."""
+        """Returns the tables of every chosen clip, [clips, ...]."""
         rows = [n for clip, n in self.row.items() if chosen(clip)]
         # Inside `compute` the ranks' states are summed already.
         alone = not self._is_synced
@@ -76,10 +76,10 @@ class ByClip(Metric):
             return {name: getattr(self, name)[rows] for name in self.metric.shapes}
 
     def compute(self) -> Scores:
-        """The scores of all clips together."""
+        """Returns the scores of all clips together."""
         return self.scores()
 
     def scores(self, chosen: Callable[[str], bool] = lambda clip: True) -> Scores:
-        """The scores of the chosen clips together."""
+        """Returns the scores of the chosen clips together."""
         summed = {name: table.sum(0) for name, table in self.tables(chosen).items()}
         return {name: score.float() for name, score in self.metric.scores(summed).items()}

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, TypedDict
 
-import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
@@ -14,7 +13,6 @@ from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
 from .by_clip import ByClip
-from .intervals import Interval, resamplings, score_intervals
 from .protocol import Protocol
 from .tables import TableMetric, Tables
 
@@ -166,24 +164,3 @@ def _inputs(metric: TableMetric) -> tuple[set[str], set[str]]:
     parameters = inspect.signature(metric.frame_tables).parameters
     required = {key for key, each in parameters.items() if each.default is each.empty}
     return required, set(parameters)
-
-
-def intervals_of(
-    suite: ScoreSuite,
-    tables: Mapping[str, Tables],
-    rows: Sequence[int],
-    resamples: int,
-    seed: int,
-    level: float,
-) -> dict[str, Interval]:
-    """Returns every score of some clips, by their rows in the tables, with its interval."""
-    if not rows:
-        raise UserError("clips: none to score")
-    weights = resamplings(len(rows), resamples, torch.Generator().manual_seed(seed))
-
-    intervals: dict[str, Interval] = {}
-    for name, of_metric in tables.items():
-        if suite.metric(name).in_score_table:
-            chosen = {key: table[list(rows)].cpu() for key, table in of_metric.items()}
-            intervals |= score_intervals(suite.metric(name), chosen, weights, level)
-    return intervals

@@ -1,143 +1,171 @@
-"""Tables of what attitude does to a score: by tilt, and where it is not measured as it is."""
+"""Tables of what attitude does to KAR-mIoU: by tilt, and where it is not measured as it is."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 
 import pandas as pd
 
-from .attitude import SCORE
-from .attitude_evidence import AttitudeEvidence
-from .evidence import Evidence
+from ..results.conditions import LEVEL, TRUE, Condition, Conditions
+from ..results.render import Table, table_of
+from ..results.table import Presented, Resamples, joined, pivoted
+from .captions import ONE_SEED, intervals_over, listed_seeds, lost_classes
 from .ladder import PAPER, Ladder
-from .report_table import Cell, Column, ReportTable
-from .scored_part import ONE_SEED, listed_seeds, lost_classes
 
-TILT = (
+SCORE = "kar_miou"
+# Scores of a condition that stand in the long table of a report.
+SCORES = ("miou", "miou_occupied", SCORE)
+
+BY_TILT = (
     "KAR-mIoU of the test frames of each tilt |roll| + |pitch|, and below it what a rung gains "
     "over {reference} on the same frames. All numbers are percentages."
 )
-LEVEL = (
+BY_LEVEL = (
     "KAR-mIoU of the test frames of each tilt where the model is told that the UAV flies level, "
     "and below it what the true attitude is worth to it: the gain over that on the same frames. "
     "All numbers are percentages."
 )
-FAULTS = (
+BY_FAULT = (
     "KAR-mIoU of the whole test split where the model is told a wrong attitude: noise of a "
     "standard deviation on roll and pitch, drawn once for all runs, or the attitude of some time "
     "ago. All numbers are percentages."
 )
 
-Row = tuple[str, tuple[Cell | None, ...]]
 
+@dataclass(frozen=True)
+class AttitudeScores:
+    """The long table of all conditions, and how each of them was resampled."""
 
-def attitude_tables(found: AttitudeEvidence, ladder: Ladder = PAPER) -> list[ReportTable]:
-    """One by tilt, one of the same frames told a level attitude, and one by fault, of what there
-    is."""
-    tilts, levels = (
-        [Column(name, _tilt(found, name), best="high") for name in found.names(which)]
-        for which in ("tilt", "level")
-    )
-    faults = [
-        Column(name, _fault(found.conditions.loc[name]), best="high")
-        for name in [*found.names("noise_deg"), *found.names("delay_s")[1:]]
-    ]
-    tables = []
-    if tilts:
-        gains = _gains(found, tilts, ladder)
-        tables.append(_table(found, "attitude_tilt", "By tilt", TILT, tilts, gains, ladder))
-    if levels:
-        name, worths = "Told level flight", _worths(found, levels, ladder)
-        tables.append(_table(found, "attitude_level", name, LEVEL, levels, worths, ladder))
-    if len(faults) > 1:
-        gains = _gains(found, faults, ladder)
-        tables.append(
-            _table(found, "attitude_faults", "Wrong attitude", FAULTS, faults, gains, ladder)
+    resamples: dict[Condition, Resamples]
+    scores: pd.DataFrame
+    ladder: Ladder = PAPER
+
+    @classmethod
+    def of(cls, conditions: Conditions, ladder: Ladder = PAPER) -> "AttitudeScores":
+        """Resamples what was counted under each condition.
+
+        Differences are from the lowest rung, and of the true attitude from that of level flight.
+        """
+        resamples = {
+            each: Resamples(counts, Presented(each.part, each.presented))
+            for each, counts in conditions.items()
+        }
+        tables = []
+        for condition, drawn in resamples.items():
+            above = [name for name in drawn.samples if name != ladder.first]
+            tables.append(drawn.table({name: [ladder.first] for name in above}))
+            if condition.level:
+                true = resamples[replace(condition, level=False)]
+                tables.append(true.table_of_changes(drawn))
+
+        table = joined(tables)
+        return cls(resamples, table[table["score"].isin(SCORES)], ladder)
+
+    def names(self, conditions: Sequence[Condition]) -> list[str]:
+        """Returns the experiments that were scored under any of some conditions, in their order."""
+        return self.ladder.in_order(
+            name for each in conditions for name in self.resamples[each].samples
         )
+
+    def conditions(self, which: str) -> list[Condition]:
+        """Returns the conditions of the bins of "tilt", of "level" flight, or of "faults".
+
+        Bins ascend, and all frames come before them; faults begin with the true attitude.
+        """
+        by_tilt = sorted(self.resamples, key=lambda c: (c.tilt_low_deg, -c.tilt_high_deg))
+        if which != "faults":
+            is_level = which == "level"
+            return [c for c in by_tilt if c.level == is_level and (c.is_bin or is_level)]
+
+        noisy = sorted((c for c in by_tilt if c.noise_deg > 0), key=lambda c: c.noise_deg)
+        late = sorted((c for c in by_tilt if c.delay_s > 0), key=lambda c: c.delay_s)
+        return [*(c for c in by_tilt if c.name == TRUE), *noisy, *late]
+
+    def rows(self, experiment: str, reference: str = "", condition: str = "") -> pd.DataFrame:
+        """Returns KAR-mIoU of an experiment under each condition, beside the condition's facts.
+
+        With a ``reference`` it is the change from that, which may be under another ``condition``.
+        """
+        facts = [{"part": c.part, "condition": c.presented, **asdict(c)} for c in self.resamples]
+        wanted = {"experiment": experiment, "seed": "mean", "score": SCORE}
+        wanted |= {"reference": reference, "reference_condition": condition}
+        chosen = self.scores[(self.scores[list(wanted)] == pd.Series(wanted)).all(axis=1)]
+        return pd.DataFrame(facts).merge(chosen, on=["part", "condition"])
+
+
+def attitude_tables(attitude: AttitudeScores) -> list[Table]:
+    """Returns one table by tilt, one of the same frames told a level attitude, and one by fault, of
+    what there is."""
+    ladder, tables = attitude.ladder, []
+    kinds = {
+        "tilt": ("By tilt", BY_TILT, 0),
+        "level": ("Told level flight", BY_LEVEL, 0),
+        "faults": ("Wrong attitude", BY_FAULT, 1),
+    }
+    for which, (title, text, fewest) in kinds.items():
+        conditions = attitude.conditions(which)
+        names = attitude.names(conditions)
+        above = [name for name in names if ladder.first in names and name != ladder.first]
+        over, keys = ladder.reference, [{"experiment": n, "reference": ladder.first} for n in above]
+        # Level flight is compared with the true attitude on the same frames, and not with a rung.
+        if which == "level":
+            over = "told level"
+            true = {"condition": TRUE, "reference_condition": LEVEL}
+            keys = [{"experiment": name, "reference": name, **true} for name in names]
+
+        changes = [(f"{ladder.row_name(key['experiment'])}, over {over}", key) for key in keys]
+        if len(conditions) > fewest:
+            tables.append(_table(attitude, which, title, text, conditions, changes))
     return tables
 
 
-def _gains(found: AttitudeEvidence, columns: Sequence[Column], ladder: Ladder) -> list[Row]:
-    """Over the lowest rung; none where that is not there."""
-    first, there = ladder.first, _scored(found, columns)
-    above = [name for name in there if name != first and first in there]
-    over = f", over {ladder.reference}"
-    return _rows(
-        lambda key, name: found.gain(key, name, first, SCORE), above, columns, ladder, over
-    )
-
-
-def _worths(found: AttitudeEvidence, columns: Sequence[Column], ladder: Ladder) -> list[Row]:
-    return _rows(
-        lambda key, name: found.worth(key, name, SCORE),
-        _scored(found, columns),
-        columns,
-        ladder,
-        ", over told level",
-    )
-
-
-def _rows(
-    cell: Callable[[str, str], Cell | None],
-    experiments: Sequence[str],
-    columns: Sequence[Column],
-    ladder: Ladder,
-    over: str = "",
-) -> list[Row]:
-    """A row for each experiment, of the ``cell`` of each condition and it."""
-    return [
-        (ladder.row_name(name) + over, tuple(cell(column.key, name) for column in columns))
-        for name in ladder.in_order(experiments)
-    ]
-
-
-def _scored(found: AttitudeEvidence, columns: Sequence[Column]) -> list[str]:
-    """The experiments that have a score in any of the columns."""
-    return [
-        name
-        for name in found.experiments
-        if any(found.evidence[column.key].seeds(name) for column in columns)
-    ]
-
-
 def _table(
-    found: AttitudeEvidence,
-    key: str,
+    attitude: AttitudeScores,
+    which: str,
     title: str,
     text: str,
-    columns: Sequence[Column],
-    differences: Sequence[Row],
-    ladder: Ladder,
-) -> ReportTable:
-    """Scores, and below a line the differences."""
-    names = _scored(found, columns)
-    scores = _rows(lambda key, name: found.cell(key, name, SCORE), names, columns, ladder)
-    seeds = {name: found.seeds(name) for name in ladder.in_order(names)}
-    text = text.format(reference=ladder.reference)
-    drawn = _resampling([found.evidence[column.key] for column in columns], seeds)
-    caption = f"{text} {drawn} {listed_seeds(seeds, differences=True)}"
-    lines = (len(scores),) if differences else ()
-    return ReportTable(key, title, caption, tuple(columns), (*scores, *differences), lines=lines)
+    conditions: Sequence[Condition],
+    changes: Sequence[tuple[str, dict[str, str]]],
+) -> Table:
+    """Returns a table of scores and, below a line, of the changes: the keys of their rows."""
+    ladder, names = attitude.ladder, attitude.names(conditions)
+    rows = [(ladder.row_name(name), {"experiment": name}) for name in names]
+    rows += changes
+    heads = [_head(condition, attitude.resamples[condition].frames) for condition in conditions]
+    if which == "faults":
+        heads = [_fault(condition) for condition in conditions]
+    keys = [{"condition": c.presented, "part": c.part, "score": SCORE} for c in conditions]
+    cells = pivoted(attitude.scores, [key for _, key in rows], keys)
 
-
-def _resampling(columns: Sequence[Evidence], seeds: Mapping[str, Sequence[int]]) -> str:
-    """How the intervals were drawn; the columns have clips of their own."""
-    evidence, most = columns[0], max(map(len, seeds.values()))
-    drawn = f"{most} seeds and, independently, of the" if most > 1 else "the"
-    said = (
-        f"In brackets: {100 * evidence.level:g} % percentile intervals over "
-        f"{evidence.resamples:,} resamples of {drawn} clips that have such frames, the same for "
-        "every row."
+    return Table(
+        f"attitude_{which}",
+        title,
+        f"{text.format(reference=ladder.reference)} {_drawn(attitude, conditions, names)}",
+        table_of([(name, row) for (name, _), row in zip(rows, cells)], heads),
+        best=dict.fromkeys(heads, "high"),
+        lines=(len(names),) if changes else (),
     )
-    said = said if most > 1 else f"{said} {ONE_SEED}."
-    return f"{said} {lost_classes(*columns)}".rstrip()
 
 
-def _tilt(found: AttitudeEvidence, name: str) -> str:
-    low, high = found.conditions.loc[name, ["tilt_low_deg", "tilt_high_deg"]]
+def _drawn(attitude: AttitudeScores, conditions: Sequence[Condition], names: Sequence[str]) -> str:
+    """Says how the intervals were drawn; each column has clips of its own."""
+    columns = [attitude.resamples[condition] for condition in conditions]
+    every = attitude.resamples.values()
+    seeds = {name: sorted({s for each in every for s in each.seeds(name)}) for name in names}
+    most = max(map(len, seeds.values()))
+
+    of = f"{most} seeds and, independently, of the" if most > 1 else "the"
+    text = f"{intervals_over(columns[0])} {of} clips that have such frames, the same for every row."
+    text = text if most > 1 else f"{text} {ONE_SEED}."
+    return f"{text} {lost_classes(*columns)}{listed_seeds(seeds, differences=True)}"
+
+
+def _head(condition: Condition, frames: int) -> str:
+    low, high = condition.tilt_low_deg, condition.tilt_high_deg
     bounds = f"{low:g}–{high:g}°" if high < float("inf") else f"from {low:g}°" if low else "all"
-    return f"{bounds} ({found.evidence[name].frames} frames)"
+    return f"{bounds} ({frames} frames)"
 
 
-def _fault(facts: pd.Series) -> str:
-    if facts["noise_deg"] > 0:
-        return f"{facts['noise_deg']:g}° noise"
-    return f"{facts['delay_s']:g} s late" if facts["delay_s"] > 0 else "true"
+def _fault(condition: Condition) -> str:
+    if condition.noise_deg > 0:
+        return f"{condition.noise_deg:g}° noise"
+    return f"{condition.delay_s:g} s late" if condition.delay_s > 0 else "true"

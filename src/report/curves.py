@@ -4,13 +4,12 @@ from pathlib import Path
 
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..atomic import replacing
 from ..errors import UserError
 from .curve_plot import Curve
+from .figure_file import write_figure
 
 TRAIN_LOSS = "train/total"
 VALIDATION = {"val/kar_miou": "KAR-mIoU", "val/miou_occupied": "mIoU occupied"}
@@ -19,7 +18,7 @@ SIZE_INCHES, DPI = (9.0, 3.4), 150
 
 
 def draw_curves(metrics_csv: str | Path, path: str | Path) -> None:
-    """Write a PNG of training loss and validation scores (%) against the epoch.
+    """Writes a PNG of training loss and validation scores (%) against the epoch.
 
     ``metrics_csv`` is what Lightning's CSV logger writes: a column ``epoch``, and one for each
     quantity, empty in the rows where it was not logged. Several values in an epoch are averaged;
@@ -28,21 +27,22 @@ def draw_curves(metrics_csv: str | Path, path: str | Path) -> None:
     """
     table = _read(metrics_csv)
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
-    canvas = FigureCanvasAgg(figure)
     loss_axes, score_axes = figure.subplots(1, 2)
+
     _draw(loss_axes, table, TRAIN_LOSS, "training loss", COLORS[0])
+    # Scores are logged as shares, and drawn in percent.
     for (column, label), color in zip(VALIDATION.items(), COLORS[1:]):
         _draw(score_axes, table, column, label, color, scale=100)
-    _finish(loss_axes, "Training loss")
-    _finish(score_axes, "Validation (%)")
-    with replacing(path) as temporary:
-        canvas.print_png(temporary)
+    for axes, title in ((loss_axes, "Training loss"), (score_axes, "Validation (%)")):
+        _finish(axes, title)
+    write_figure(figure, path)
 
 
 def read_curve(metrics_csv: str | Path, column: str, name: str, scale: float = 1.0) -> Curve:
-    """One column of a ``metrics.csv`` as the curve of a run, with no point where it was not logged.
+    """Reads one column of a ``metrics.csv`` as the curve of a run.
 
-    Raises `UserError` as `draw_curves` does.
+    It has no point in an epoch in which nothing was logged. Raises `UserError` as `draw_curves`
+    does.
     """
     return _curve(_read(metrics_csv), column, name, scale)
 
@@ -56,6 +56,7 @@ def _read(metrics_csv: str | Path) -> pd.DataFrame:
     except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise UserError(f"{metrics_csv}: not a readable table ({reason}); run again") from error
+
     if "epoch" not in table or not any(name in table for name in wanted):
         raise UserError(f"{metrics_csv}: has no epoch with any of {', '.join(wanted)}; run again")
     return table
@@ -64,7 +65,7 @@ def _read(metrics_csv: str | Path) -> pd.DataFrame:
 def _draw(
     axes: Axes, table: pd.DataFrame, column: str, label: str, color: str, scale: float = 1.0
 ) -> None:
-    """One curve, where the column was logged."""
+    """Draws one curve, where the column was logged."""
     curve = _curve(table, column, label, scale)
     if curve.epochs:
         style = {"color": color, "label": label, "marker": "o", "markersize": 3.5}
@@ -72,7 +73,7 @@ def _draw(
 
 
 def _curve(table: pd.DataFrame, column: str, name: str, scale: float) -> Curve:
-    """The mean of a column in each epoch, at the epoch's end; empty where it was never logged."""
+    """Returns the mean of a column in each epoch, at the epoch's end; empty where never logged."""
     if column not in table:
         return Curve(name, (), ())
     values = table.dropna(subset=[column]).groupby("epoch")[column].mean() * scale

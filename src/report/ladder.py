@@ -1,6 +1,6 @@
 """The ladder: its experiments in their order, their names in the paper, and its three factors.
 
-A rung of the paper adds one factor to the one before it (`conf/experiment/`).
+Each rung of the paper adds one factor to the rung before it (`conf/experiment/`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,12 +9,21 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ..errors import UserError
+from ..results.runs import value_at
+from ..run_folder import ANCHORS
 
-FACTORS = ("model.encoder.projection", "loss.class_weights", "loss.lovasz_weight")
-"""Where a run's configuration says which of the factors it has."""
+# Where a run's configuration says which of the factors it has: each key, and the one that it had
+# in published runs.
+FACTORS = {
+    "projection": ("model.encoder.projection",),
+    "class_weights": ("loss.terms.cross_entropy.class_weights", "loss.class_weights"),
+    "lovasz": ("loss.terms.lovasz.weight", "loss.lovasz_weight"),
+}
+# Keys in which rungs may differ; a rung without the Lovász loss has nothing under its name.
+FACTOR_KEYS = (*(key for keys in FACTORS.values() for key in keys), "loss.terms.lovasz")
 
-ANCHORS = {"all_free": "All free", "voxel_prior": "Voxel prior"}
-"""Predictions that never look at the image, scored beside every run."""
+# Names of the predictions that never look at the image, scored beside every run.
+ANCHOR_NAMES = dict(zip(ANCHORS, ("All free", "Voxel prior")))
 
 
 class Rung(NamedTuple):
@@ -50,21 +59,21 @@ class Ladder:
 
     @property
     def reference(self) -> str:
-        """What gains are over, in words."""
+        """The experiment that gains are measured over, in words."""
         return "the baseline" if self.first == PAPER.first else self.row_name(self.first)
 
     def row_name(self, experiment: str) -> str:
-        """What a row of a table is called."""
+        """Returns the name of an experiment's row in a table."""
         rung = self.rungs.get(experiment)
-        return rung.row if rung else ANCHORS.get(experiment, experiment)
+        return rung.row if rung else ANCHOR_NAMES.get(experiment, experiment)
 
     def in_order(self, experiments: Iterable[str]) -> list[str]:
-        """The rungs from the lowest, and then the others by name."""
-        there = list(experiments)
-        others = sorted(name for name in there if name not in self)
-        return [name for name in self.names if name in there] + others
+        """Returns the rungs from the lowest, and then the others by name."""
+        names = set(experiments)
+        return [name for name in self.names if name in names] + sorted(names - set(self.names))
 
 
+# The four experiments of Table 3, and the names of their rows.
 PAPER = Ladder(
     {
         "baseline": Rung("Baseline", "", (False, False, False)),
@@ -80,15 +89,19 @@ PAPER = Ladder(
 
 
 def ladder_named(names: Sequence[str]) -> Ladder:
-    """The ladder of these experiments, the lowest first; without a name, the paper's.
+    """Returns the ladder of some experiments, the lowest first; without a name, the paper's.
 
-    Raises `UserError` for a name that is there twice, or is an anchor's.
+    Raises `UserError` for a name that is given twice, or is an anchor's.
     """
     for name in names:
         if names.count(name) > 1 or name in ANCHORS:
-            raise UserError(f"task.rungs: {name} cannot be a rung, or not twice; name experiments")
+            raise UserError(
+                f"task.rungs: {name} is an anchor, or named twice; name each experiment once"
+            )
     if not names:
         return PAPER
+
+    # The first rung stands on nothing, in the paper as here.
     steps = {*pairwise([None, *PAPER.names])}
     return Ladder(
         {name: _rung(name, (before, name) in steps) for before, name in pairwise([None, *names])}
@@ -96,9 +109,12 @@ def ladder_named(names: Sequence[str]) -> Ladder:
 
 
 def _rung(name: str, is_a_step: bool) -> Rung:
-    """A rung of the paper that stands on the same rung as there has its name and what it adds. On
-    another one it keeps the factors, and the name unless that says what was added; what the paper
-    does not have is called as its experiment is."""
+    """Returns the rung of an experiment; ``is_a_step`` where it stands on the same one as in the
+    paper, and so keeps the paper's name and what it adds.
+
+    On another rung it keeps the factors, and the name unless that says what was added. An
+    experiment that the paper does not have is called by its own name.
+    """
     rung = PAPER.rungs.get(name, Rung(name, ""))
     if is_a_step:
         return rung
@@ -106,14 +122,19 @@ def _rung(name: str, is_a_step: bool) -> Rung:
 
 
 def factors_of(config: Mapping) -> tuple[bool, bool, bool]:
-    """Which of the ladder's factors a run's configuration has."""
-    projection, class_weights, lovasz_weight = (value_at(config, key) for key in FACTORS)
-    return projection == "attitude", class_weights is not None, bool(lovasz_weight)
+    """Returns which of the ladder's factors a run's configuration has."""
+    values = {
+        factor: next((v for key in keys if (v := value_at(config, key)) is not None), None)
+        for factor, keys in FACTORS.items()
+    }
+    return (
+        values["projection"] == "attitude",
+        values["class_weights"] is not None,
+        bool(values["lovasz"]),
+    )
 
 
-def value_at(config: Mapping, key: str) -> object:
-    """The value at a dotted key; ``None`` where there is none."""
-    node: object = config
-    for name in key.split("."):
-        node = node.get(name) if isinstance(node, Mapping) else None
-    return node
+def factor_keys_of(config: Mapping) -> list[str]:
+    """Returns the key of each factor in a run's configuration."""
+    is_published = value_at(config, "loss.terms") is None
+    return [keys[-1] if is_published else keys[0] for keys in FACTORS.values()]

@@ -1,4 +1,4 @@
-"""What the paper reports of its own data set, to be set beside ours."""
+"""The paper's own numbers of its dataset, to be set beside those of a generated one."""
 
 from typing import Final, NamedTuple
 
@@ -8,9 +8,10 @@ MEAN_HEIGHT_M: Final = 7.18
 SHARE_BELOW_11_M: Final = 0.861
 MAX_HEIGHT_M: Final = 20.0
 
+# Shares of "voxels" (Fig. 5 C); the paper does not say of which.
 CLASS_SHARES: Final = {"free": 0.8278, "thin_structure": 0.0026, "car": 0.00071, "vru": 0.00016}
-"""Shares of "voxels" (Fig. 5 C); the paper does not say of which."""
 
+# Instances in the front image over all `FRAMES` (Fig. 5 D).
 INSTANCES: Final = {
     "car": 74_530,
     "truck": 25_319,
@@ -19,8 +20,8 @@ INSTANCES: Final = {
     "bicycle": 31_646,
     "motorcycle": 32_262,
 }
-"""Instances in the front image over all `FRAMES` (Fig. 5 D)."""
 
+# Table of App. B; the counts are those of Table 1.
 STATISTICS: Final = {
     "Simulator": "CARLA",
     "Scenes": "8",
@@ -34,7 +35,6 @@ STATISTICS: Final = {
     "Learning input": "monocular front-view RGB",
     "Annotation signals": "dual LiDAR + simulator semantics",
 }
-"""Table of App. B; the counts are those of Table 1."""
 
 
 class Benchmark(NamedTuple):

@@ -5,17 +5,16 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from ..results.render import Table, table_html, table_of
+from ..results.runs import ScoredRun
 from ..run_folder import METRICS
 from .curve_plot import CurvePlot
 from .curves import TRAIN_LOSS, read_curve
 from .ladder_report import LadderReport
 from .page import SETTINGS, TABLES, write_page
-from .page_tables import table_html
 from .picture import Picture
-from .report_table import Column, ReportTable
 from .report_text import NUMBERS, facts_of, settings_rows
 from .scene import VoxelScene
-from .scored_runs import ScoredRun
 from .shared_settings import Values
 
 # Columns of ``metrics.csv``, and the titles and units of their plots.
@@ -55,15 +54,13 @@ def write_report_page(
     )
 
 
-def _settings_table(differing: Values) -> ReportTable:
+def _settings_table(differing: Values) -> Table:
     head, *rows = settings_rows(differing)
-    return ReportTable(
+    return Table(
         "settings",
         "What the rungs do not share",
         "Every key of their configurations in which two of them differ.",
-        tuple(Column(name, name) for name in head[1:]),
-        tuple((name, tuple(values)) for name, *values in rows),
-        head=head[0],
+        table_of([(name, values) for name, *values in rows], head[1:], head[0]),
     )
 
 

@@ -2,25 +2,109 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+
+import pandas as pd
+import torch
 
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
-from ..metrics.tally import Tally
+from ..ontology import CLASSES
 from ..provenance import different_file
-from .evidence import Evidence
-from .ladder import ANCHORS, PAPER, Ladder
-from .scored_part import ScoredPart
-from .scored_runs import ScoredRun
-from .scores import Parts
+from ..results.counts import Counts
+from ..results.files import SCORES
+from ..results.runs import ScoredRun
+from ..results.table import Parts, Presented, Resamples, joined
+from ..run_folder import ANCHORS
+from .ladder import PAPER, Ladder
 
 MIXED = "task.mixed=true"
 TOLERANCE = 1e-6
 
+# The paper's long-tail safety structures; the score ``long_tail`` is the mean of their IoU.
+LONG_TAIL = ("thin_structure", "large_vehicle", "car", "vru")
+DERIVED = {
+    "long_tail": lambda of: torch.stack([of[f"iou/{name}"] for name in LONG_TAIL]).nanmean(0),
+    "gap": lambda of: of["miou"] - of["kar_miou"],
+}
+
+# Scores that the paper does not have, their names, and which end of them is the better one.
+BEYOND = {
+    "miou_occupied": ("mIoU occupied", "high"),
+    "geometric_iou": ("Geometric IoU", "high"),
+    "ray_iou": ("RayIoU", "high"),
+    "collision_miss_rate": ("Collision-miss rate", "low"),
+    "false_free_rate": ("False-free rate", "low"),
+}
+
+# Metrics whose many scores have tables of their own, and no place in a report.
+APART = ("breakdown", "calibration", "sensitivity")
+# Metrics of which a report shows the scores above; it shows every score of any other metric.
+KNOWN = ("occupancy", "safety", "rays")
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a group of runs scored on a part of the test split, and how it was resampled.
+
+    ``label`` tells its rows from those of another protocol, where a mixed report has several.
+    """
+
+    name: str
+    dataset: str
+    resamples: Resamples
+    label: str = ""
+    ladder: Ladder = PAPER
+
+    @cached_property
+    def scores(self) -> pd.DataFrame:
+        """The long table: each experiment, and differences from the lowest rung and the one before.
+
+        Differences of a rung from itself are there too, as zeros in the tables.
+        """
+        names = self.ladder.names
+        before = dict(zip(names[1:], names))
+        references = {
+            name: list(dict.fromkeys([names[0], before.get(name, names[0])])) for name in self.rungs
+        }
+        table = self.resamples.table(references)
+        return table[table["score"].isin([*SCORES, *BEYOND, *DERIVED, *self.own_scores])]
+
+    @property
+    def own_scores(self) -> list[str]:
+        """The scores of metrics that are not this project's."""
+        of_metrics = self.resamples.scores_of.items()
+        return [name for metric, names in of_metrics if metric not in KNOWN for name in names]
+
+    @property
+    def rungs(self) -> list[str]:
+        """The experiments of the ladder that are there."""
+        return [name for name in self.ladder.names if self.resamples.seeds(name)]
+
+    @property
+    def others(self) -> list[str]:
+        """The experiments that are no rung, the anchors aside."""
+        known = {*self.ladder.names, *ANCHORS}
+        return sorted(name for name in self.resamples.samples if name not in known)
+
+    @property
+    def anchors(self) -> list[str]:
+        return [name for name in ANCHORS if self.resamples.seeds(name)]
+
+    @property
+    def absent(self) -> list[str]:
+        """The classes without a labelled voxel."""
+        labelled = self.resamples.labelled_clips
+        return [name for name in CLASSES if not labelled[name]]
+
 
 @dataclass(frozen=True)
 class RunGroup:
-    """Runs of one protocol, the ladder's first. ``label`` says, in the rows of a further group of
-    a mixed report, in what it differs from the first one."""
+    """Runs of one protocol, the ladder's first.
+
+    ``label`` says, in the rows of a further group of a mixed report, in what it differs from the
+    first one.
+    """
 
     runs: tuple[ScoredRun, ...]
     label: str = ""
@@ -30,48 +114,55 @@ class RunGroup:
     def rungs(self) -> list[ScoredRun]:
         return [run for run in self.runs if run.experiment in self.ladder]
 
-    def tallies(self) -> dict[str, dict[int, Tally]]:
-        """Those of every experiment by seed, and of each anchor once: it has no seed."""
-        tallies: dict[str, dict[int, Tally]] = {}
+    def counts(self) -> dict[str, dict[int, Counts]]:
+        """Returns those of every experiment by seed, and of each anchor once: it has no seed."""
+        counts: dict[str, dict[int, Counts]] = {}
         for run in self.runs:
-            tallies.setdefault(run.experiment, {})[run.seed] = run.tally
+            counts.setdefault(run.experiment, {})[run.seed] = run.counts
         for anchor in ANCHORS:
-            found = [run.anchors[anchor] for run in self.runs if anchor in run.anchors]
-            tallies |= {anchor: {0: found[0]}} if found else {}
-        return tallies
+            scored = [run.anchors[anchor] for run in self.runs if anchor in run.anchors]
+            counts |= {anchor: {0: scored[0]}} if scored else {}
+        return counts
 
-    def scored_parts(self, parts_of: Callable[[Sequence[str]], Parts]) -> list[ScoredPart]:
-        """The parts of the test split that have a frame, resampled.
+    def parts(self, parts_of: Callable[[Sequence[str]], Parts]) -> list[Part]:
+        """Returns the parts of the test split that have a frame, resampled.
 
         ``parts_of`` gives them for the clips that were never trained on. Raises `UserError` for a
-        run whose tallies give other scores than its ``results.csv``.
+        run whose counts give other scores than its ``results.csv``.
         """
-        first, tallies = self.runs[0], self.tallies()
-        parts = parts_of(first.config["data"]["test_clips"])
-        found = [
-            ScoredPart(
+        first, counts = self.runs[0], self.counts()
+        parts = [
+            Part(
                 name,
-                first.tally.protocol.dataset,
-                Evidence(tallies, chosen),
+                first.counts.protocol.dataset,
+                Resamples(counts, Presented(name, chosen=chosen), APART, DERIVED),
                 self.label,
                 self.ladder,
             )
-            for name, chosen in parts.items()
-            if first.tally.rows(chosen)
+            for name, chosen in parts_of(first.config["data"]["test_clips"]).items()
+            if first.counts.rows(chosen)
         ]
+
         for run in self.runs:
-            written = 100 * run.row["miou"]
-            counted = found[0].evidence.value(run.experiment, run.seed, "miou")
-            if abs(written - counted) > 100 * TOLERANCE:
+            written = float(run.row["miou"])
+            counted = float(parts[0].resamples.samples[run.experiment][run.seed]["miou"][0])
+            if abs(written - counted) > TOLERANCE:
                 raise UserError(
-                    f"{run.path}: results.csv says mIoU {written:.4f} %, and the tallies "
-                    f"{counted:.4f} %; they are of two scorings, so run it again"
+                    f"{run.path}: results.csv says mIoU {100 * written:.4f} %, and the counts "
+                    f"{100 * counted:.4f} %; they are of two scorings, so run it again"
                 )
-        return found
+        return parts
+
+
+def long_table(parts: Sequence[Part]) -> pd.DataFrame:
+    """Returns the long table of all parts; experiments of a further group have its label."""
+    return joined(
+        part.scores.assign(experiment=part.scores["experiment"] + part.label) for part in parts
+    )
 
 
 def groups_of(runs: Sequence[ScoredRun], mixed: bool, ladder: Ladder = PAPER) -> list[RunGroup]:
-    """The runs by what they were scored on, the group with most rungs first.
+    """Returns the runs by what they were scored on, the group with most rungs first.
 
     Unless ``mixed`` there is one. Raises `UserError` for runs of other protocols, clips, labels or
     code then, and always for two runs of one experiment and seed.
@@ -85,6 +176,7 @@ def groups_of(runs: Sequence[ScoredRun], mixed: bool, ladder: Ladder = PAPER) ->
         if group is None:
             groups.append(group := [])
         group.append(run)
+
     groups.sort(key=lambda group: -sum(run.experiment in ladder for run in group))
     if not mixed and len(groups) > 1:
         first, second = groups[0][0], groups[1][0]
@@ -92,14 +184,9 @@ def groups_of(runs: Sequence[ScoredRun], mixed: bool, ladder: Ladder = PAPER) ->
             f"{second.path}: was scored on {_difference(first, second)} than {first.path}; score "
             f"both alike, or set {MIXED}"
         )
-    return [
-        RunGroup(
-            _sorted(group, ladder),
-            f" ({n}: {_difference(groups[0][0], group[0])})" if n > 1 else "",
-            ladder,
-        )
-        for n, group in enumerate(groups, start=1)
-    ]
+    numbered = enumerate((_difference(groups[0][0], group[0]) for group in groups), start=1)
+    labels = [f" ({n}: {difference})" if n > 1 else "" for n, difference in numbered]
+    return [RunGroup(_sorted(g, ladder), label, ladder) for g, label in zip(groups, labels)]
 
 
 def _require_same_code(runs: Sequence[ScoredRun]) -> None:
@@ -115,28 +202,30 @@ def _require_same_code(runs: Sequence[ScoredRun]) -> None:
 
 def _require_same_protocol(runs: Sequence[ScoredRun]) -> None:
     try:
-        require_same_protocol({str(run.path): run.tally.protocol for run in runs})
+        require_same_protocol({str(run.path): run.counts.protocol for run in runs})
     except UserError as error:
         raise UserError(f"{error}, or set {MIXED}") from None
 
 
 def _difference(first: ScoredRun, second: ScoredRun) -> str:
-    """In what two runs were scored unlike; empty where they may stand in one table."""
-    one, other = first.tally, second.tally
-    if found := one.protocol.difference(other.protocol):
-        key, _, value = found
+    """Says in what two runs were scored unlike; empty where they may stand in one table."""
+    if different := first.counts.protocol.difference(second.counts.protocol):
+        key, _, value = different
         return f"{key}={value}"
-    return other.scored_on_other(one)
+    return second.counts.scored_on_other(first.counts)
 
 
 def _sorted(runs: Sequence[ScoredRun], ladder: Ladder) -> tuple[ScoredRun, ...]:
-    """In the order of the tables. Raises `UserError` for two of one experiment and seed."""
-    found: dict[tuple[str, int], ScoredRun] = {}
+    """Returns the runs in the order of the tables.
+
+    Raises `UserError` for two of one experiment and seed.
+    """
+    by_key: dict[tuple[str, int], ScoredRun] = {}
     for run in runs:
-        other = found.setdefault((run.experiment, run.seed), run)
+        other = by_key.setdefault((run.experiment, run.seed), run)
         if other is not run:
             raise UserError(
                 f"{run.path} and {other.path}: both are {run}; name one of them in task.runs"
             )
     order = ladder.in_order(run.experiment for run in runs)
-    return tuple(sorted(found.values(), key=lambda run: (order.index(run.experiment), run.seed)))
+    return tuple(sorted(by_key.values(), key=lambda run: (order.index(run.experiment), run.seed)))

@@ -6,52 +6,55 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from ..atomic import replacing
 from ..errors import UserError
 from ..metrics.functional import Penalty
 from ..metrics.sensitivity import PARAMETERS
-from ..metrics.tally import Tally
+from ..results.counts import Counts
 from .canvas import INK, MUTED
+from .figure_file import write_figure
 
 SYMBOLS = dict(zip(PARAMETERS, ("$v_{min}$ (m/s)", "$T_h$ (s)", r"$\lambda$ (1/s)", r"$\gamma$")))
 CELL_INCHES, DPI = 0.62, 110
 PANELS_A_ROW = 2
+# Scores are ranked to this many digits: those of the same labels differ by some 1e-11 between a
+# run, whose batches hold the velocity in float32, and task=score, which has it in float64.
 DECIMALS = 9
-"""To which scores are ranked: those of the same labels differ by some 1e-11 between a run, whose
-batches hold the velocity in float32, and task=score, which has it in float64."""
 
 
-def sensitivity_table(tallies: Mapping[str, Tally]) -> pd.DataFrame:
-    """A row for each combination of parameters: KAR-mIoU of every run, and its rank among them."""
-    table, columns = pd.DataFrame(), {}
-    for name, tally in tallies.items():
-        if "sensitivity" not in tally.tables:
+def sensitivity_table(runs: Mapping[str, Counts]) -> pd.DataFrame:
+    """Returns a row for each combination of parameters: KAR-mIoU of every run, and its rank."""
+    for name, counts in runs.items():
+        if "sensitivity" not in counts.tables:
             raise UserError(f"{name}: has no counts for other parameters; score it again")
-        metric = tally.suite().metric("sensitivity")
-        summed = {key: rows.sum(0) for key, rows in tally.tables["sensitivity"].items()}
-        columns[name] = [float(value) for value in metric.scores(summed).values()]
-        table = metric.settings
-    scores = pd.DataFrame(columns)
+    table = next(iter(runs.values())).suite().metric("sensitivity").settings
+
+    scores = pd.DataFrame(
+        {
+            name: [float(value) for value in counts.scores("sensitivity").values()]
+            for name, counts in runs.items()
+        }
+    )
     ranks = scores.round(DECIMALS).rank(axis=1, ascending=False, method="min").astype("Int64")
     return pd.concat([table, scores, ranks.add_prefix("rank ")], axis=1)
 
 
 def draw_sensitivity(table: pd.DataFrame, runs: Sequence[str], path: str | Path) -> None:
-    """Write a PNG: a heat map for every run, T_h and lambda down, v_min and gamma across.
+    """Writes a PNG: a heat map for every run, T_h and lambda down, v_min and gamma across.
 
     Figures are KAR-mIoU in percent with the run's rank below; a frame marks the paper's
     parameters. Raises `UserError` for a path that cannot be written.
     """
+    # Two parameters a side make one flat map of the four.
     down, across = ("horizon_s", "decay_per_s"), ("min_speed_mps", "penalty_scale")
     size = [len(table[list(keys)].drop_duplicates()) for keys in (down, across)]
     columns = min(len(runs), PANELS_A_ROW)
     rows = -(-len(runs) // columns)
     width = columns * (size[1] * CELL_INCHES + 0.5) + 1.6
     height = rows * (size[0] * CELL_INCHES + 1.4) + 0.5
+
     figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for unused in panels[len(runs) :]:
@@ -67,13 +70,13 @@ def draw_sensitivity(table: pd.DataFrame, runs: Sequence[str], path: str | Path)
         if n % columns == 0:
             axes.set_ylabel(f"{SYMBOLS[down[0]]}, {SYMBOLS[down[1]]}", color=INK)
         axes.set_title(run, loc="left", fontsize=11, fontweight="bold", color=INK)
+
     figure.suptitle("KAR-mIoU (%) under other parameters; framed: the paper's", fontsize=11)
-    with replacing(path) as temporary:
-        FigureCanvasAgg(figure).print_png(temporary)
+    write_figure(figure, path)
 
 
 def _shades(scores: np.ndarray) -> tuple[float, float]:
-    """The scores of the lightest and of the darkest colour, on which no text could be read."""
+    """Returns the scores of the lightest and of the darkest color; text is unreadable on it."""
     lowest, highest = scores.min(), scores.max()
     return lowest, lowest + 1.5 * (highest - lowest)
 
@@ -81,12 +84,13 @@ def _shades(scores: np.ndarray) -> tuple[float, float]:
 def _draw_panel(
     axes: Axes, cells: pd.DataFrame, ranks: pd.DataFrame | None, shades: tuple[float, float]
 ) -> None:
-    """The scores of one run, with its ranks where there are others."""
+    """Draws the scores of one run, with its ranks where there are others."""
     axes.imshow(cells, cmap="YlGnBu", vmin=shades[0], vmax=shades[1])
     for (row, column), value in np.ndenumerate(cells.to_numpy()):
         rank = "" if ranks is None else f"\n#{ranks.iat[row, column]}"
         label = f"{100 * value:.1f}{rank}"
         axes.text(column, row, label, ha="center", va="center", fontsize=8, color=INK)
+
     axes.set_xticks(range(cells.shape[1]), [f"{a:g}\n{b:g}" for a, b in cells.columns])
     axes.set_yticks(range(cells.shape[0]), [f"{a:g}, {b:g}" for a, b in cells.index])
     axes.tick_params(length=0, labelsize=9, colors=MUTED)

@@ -1,28 +1,38 @@
 """task=attitude: a checkpoint's scores by the UAV's tilt, and under a wrongly measured attitude."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import replace
 
 import pandas as pd
 import torch
 from hydra.utils import instantiate
+from jaxtyping import UInt8
 from omegaconf import DictConfig
+from torch import Tensor
 
 from ..atomic_folder import replacing_folder
+from ..data.batch import Batch
 from ..data.datamodule import SkyShieldData
 from ..data.dataset import history_stride
 from ..data.measured_attitude import MeasuredAttitude
-from ..metrics.tally import Tally
-from ..report.attitude import SCORE, draw_attitude, print_attitude
-from ..report.attitude_evidence import ATTITUDE, TABLE
-from ..report.scores import score_table, write_table
+from ..metrics.by_clip import ByClip
+from ..metrics.protocol import Protocol
+from ..metrics.tables import TableMetric
+from ..results.conditions import ATTITUDE, TABLE, Condition, condition_table, conditions_of
+from ..results.counts import Counts
+from ..results.files import write_table
+from ..results.render import Cell, Table, print_table, table_of
+from ..results.table import run_table
 from ..run_folder import TALLIES
 from ..terminal import say, tracked
-from .condition import Condition, ConditionCount, conditions_of
 from .predictor import Predictor, predictor
 from .scoring import clips_of, protocol_of
 from .session import Session
+
+SCORE = "kar_miou"
+# The scores that are printed, and their names.
+PRINTED = {"miou_occupied": "mIoU occupied", SCORE: "KAR-mIoU", "iou/thin_structure": "thin"}
 
 
 def attitude(
@@ -33,7 +43,7 @@ def attitude(
     seed: int,
     level: bool,
 ) -> None:
-    """Writes ``<run>/attitude/``: ``attitude.csv``, a tally a condition, and a figure.
+    """Writes ``<run>/attitude/``: ``attitude.csv``, the counts of each condition, and a figure.
 
     Raises `UserError` as `Session` and `conditions_of` do.
     """
@@ -41,55 +51,94 @@ def attitude(
     session = Session(cfg)
     trainer, run = session.trainer, session.folder
     checkpoint, data = session.checkpoint("attitude"), session.data
-    counts = _counts(conditions, cfg, data)
-    _count(counts, data, predictor(checkpoint.network(), trainer), seed)
+
+    metric, clips = instantiate(cfg.metric), clips_of(data.split["test"])
+    counters = [ConditionCount(each, metric(data.grid), clips) for each in conditions]
+    _count(counters, data, predictor(checkpoint.network(), trainer), seed)
     protocol = protocol_of(cfg, data, len(data.split["test"]))
-    tallies = [count.tally(protocol) for count in counts]
-    table = _described(tallies, conditions, seed)
-    # As a whole, so that no tally of an earlier call's conditions stays.
+    counts = [counter.counts(protocol) for counter in counters]
+
+    table = _described(counts, conditions, seed)
+    # As a whole, so that no counts of an earlier call's conditions stay.
     with replacing_folder(run.path / ATTITUDE) as folder:
-        for tally in tallies:
-            tally.write(folder / TALLIES / f"{tally.name}.npz")
+        for each in counts:
+            each.write(folder / TALLIES / f"{each.name}.npz")
+        # Scoring needs no drawing code; it is loaded for the figure alone.
+        from ..report.attitude import draw_attitude
+
         draw_attitude({cfg.name: table[table["score"] == SCORE]}, folder / "attitude.png")
         write_table(table, folder / TABLE)
-    print_attitude(table)
+    print_table(_printed(table))
     say(run.path / ATTITUDE)
 
 
-def _counts(
-    conditions: Sequence[Condition], cfg: DictConfig, data: SkyShieldData
-) -> list[ConditionCount]:
-    metric, clips = instantiate(cfg.metric), clips_of(data.split["test"])
-    return [ConditionCount(condition, metric(data.grid), clips) for condition in conditions]
+class ConditionCount:
+    """Counts, clip by clip, the frames of a condition."""
+
+    def __init__(self, condition: Condition, metric: TableMetric, clips: Sequence[str]) -> None:
+        self.condition = condition
+        self.metric = ByClip(metric, clips)
+        self.frames: Counter[str] = Counter()
+
+    def add(self, batch: Batch, labels: UInt8[Tensor, "b X Y Z"]) -> None:
+        """Counts those frames of a batch, with its true attitude, that belong here."""
+        rows = self.condition.holds(batch).nonzero()[:, 0]
+        if not len(rows):
+            return
+        clips = [batch["clip"][row] for row in rows.tolist()]
+        target = (batch[key][rows] for key in ("semantics", "velocity_mps"))
+        self.metric.update(clips, labels[rows], *target)
+        self.frames.update(clips)
+
+    def counts(self, whole: Protocol) -> Counts:
+        """Returns the counts; their protocol is that of the whole split, narrowed to these."""
+        frames = [self.frames[clip] for clip in self.metric.clips]
+        name = self.condition.name
+        protocol = replace(whole, part=f"{whole.part}, {name}", frames=sum(frames))
+        tables = {"occupancy": self.metric.tables()}
+        return Counts(name, protocol, self.metric.clips, frames, tables)
 
 
 def _count(
-    counts: Sequence[ConditionCount], data: SkyShieldData, scores_of: Predictor, seed: int
+    counters: Sequence[ConditionCount], data: SkyShieldData, scores_of: Predictor, seed: int
 ) -> None:
     """Counts the test split under every condition; each wrong attitude is predicted with once."""
     of_fault = defaultdict(list)
-    for count in counts:
-        of_fault[count.condition.fault].append(count)
+    for counter in counters:
+        of_fault[counter.condition.fault].append(counter)
     clips = {clip: data.clips[clip] for clip in clips_of(data.split["test"])}
     capture_hz = next(iter(clips.values())).meta.capture_hz
     step = history_stride(data.history_step_s, capture_hz)
-    told = {
+    attitudes = {
         (noise_deg, delay_s, level): MeasuredAttitude(clips, step, noise_deg, delay_s, seed, level)
         for noise_deg, delay_s, level in of_fault
     }
+
     for batch in tracked(data.in_order("test"), "scoring"):
-        for fault, measured in told.items():
+        for fault, measured in attitudes.items():
             labels = scores_of(measured(batch)).argmax(dim=1).to(torch.uint8).cpu()
-            for count in of_fault[fault]:
-                count.add(batch, labels)
+            for counter in of_fault[fault]:
+                counter.add(batch, labels)
 
 
 def _described(
-    tallies: Sequence[Tally], conditions: Sequence[Condition], noise_seed: int
+    counts: Sequence[Counts], conditions: Sequence[Condition], noise_seed: int
 ) -> pd.DataFrame:
-    """A row for each condition and score, with its interval over clips."""
-    scores = score_table(tallies, {"test": lambda clip: True})
-    scores = scores.drop(columns="split").rename(columns={"experiment": "condition"})
-    facts = pd.DataFrame([{"condition": each.name, **asdict(each)} for each in conditions])
-    facts = facts.rename(columns={"low_deg": "tilt_low_deg", "high_deg": "tilt_high_deg"})
-    return facts.assign(noise_seed=noise_seed).merge(scores, on="condition")
+    """Returns a row for each condition and score, with its interval over clips."""
+    scores = run_table({0: counts}, {"test": lambda clip: True})
+    scores = scores.drop(columns=["seed", "condition", "part", "protocol"])
+    scores = scores.rename(columns={"experiment": "condition"})
+    return condition_table(conditions, noise_seed).merge(scores, on="condition")
+
+
+def _printed(table: pd.DataFrame) -> Table:
+    """Returns the main scores of every condition in percent, with their intervals over clips."""
+    rows = []
+    for condition, of_condition in table.groupby("condition", sort=False):
+        scores = of_condition.set_index("score")[["value", "low", "high"]]
+        cells = [Cell(*(100 * scores.loc[name])) for name in PRINTED]
+        rows.append((str(condition), [str(of_condition["frames"].iloc[0]), *cells]))
+
+    title = "Scores (%) by tilt |roll| + |pitch|, and under a wrongly measured attitude"
+    frame = table_of(rows, ["frames", *PRINTED.values()], "condition")
+    return Table("attitude", title, "", frame)

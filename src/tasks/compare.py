@@ -8,24 +8,25 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pandas as pd
-import torch
 from omegaconf import DictConfig
-from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from ..errors import UserError
-from ..metrics.intervals import resamplings, score_differences, score_intervals
 from ..metrics.protocol import require_same_protocol
 from ..metrics.suite import import_metrics
-from ..metrics.tally import Tally
-from ..report.ladder import ANCHORS
-from ..report.scores import write_table
+from ..report.captions import counted
 from ..report.sensitivity import draw_sensitivity, sensitivity_table
-from ..run_folder import TALLIES
+from ..results.archive import unpacked
+from ..results.bootstrap import difference_of, interval_of
+from ..results.counts import Counts
+from ..results.files import write_table
+from ..results.render import WIDTH, Cell, Table, print_table, table_of
+from ..results.table import Resamples
+from ..run_folder import ANCHORS, TALLIES
 
-SHOWN = ("miou", "miou_occupied", "kar_miou", "collision_miss_rate", "geometric_iou", "ray_iou")
+# Of all scores, which differences.csv has, these are printed.
+PRINTED = ("miou", "miou_occupied", "kar_miou", "collision_miss_rate", "geometric_iou", "ray_iou")
 
 
 def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = ()) -> None:
@@ -38,71 +39,73 @@ def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = (
     other protocols, clips or labels, and for a pattern that no scored clip is like.
     """
     import_metrics(cfg.suite)
-    tallies = _tallies(list(map(str, runs)))
-    _require_comparable(tallies)
+    scored = _read(list(map(str, runs)))
+    _require_comparable(scored)
     if clips:
-        like = _clips_like(list(map(str, clips)), next(iter(tallies.values())))
-        tallies = {name: tally.of_clips(like.__contains__) for name, tally in tallies.items()}
-    scored, table = len(next(iter(tallies.values())).rows()), _differences(tallies)
-    folder, console = Path(out), Console(width=110)
+        chosen = _clips_like(list(map(str, clips)), next(iter(scored.values())))
+        scored = {name: counts.of_clips(chosen.__contains__) for name, counts in scored.items()}
+
+    folder, console, table = Path(out), Console(width=WIDTH), _differences(scored)
     write_table(table, folder / "differences.csv")
-    console.print(_printed(table, list(tallies), scored))
-    console.print(_sensitivity(tallies, folder), soft_wrap=True, highlight=False)
+    print_table(_printed(table, len(next(iter(scored.values())).rows())), console)
+    console.print(_sensitivity(scored, folder), soft_wrap=True, highlight=False)
     console.print(str(folder), highlight=False, soft_wrap=True)
 
 
-def _sensitivity(tallies: Mapping[str, Tally], folder: Path) -> str:
+def _sensitivity(scored: Mapping[str, Counts], folder: Path) -> str:
     """Writes how the ranking depends on the parameters of KAR-mIoU, and says it in a line."""
     table, figure = folder / "sensitivity.csv", folder / "sensitivity.png"
-    without = [name for name, tally in tallies.items() if "sensitivity" not in tally.tables]
+    without = [name for name, counts in scored.items() if "sensitivity" not in counts.tables]
     if without:
         for earlier in (table, figure):
             earlier.unlink(missing_ok=True)
         return f"no ranking under other parameters: {escape(without[0])} has no counts for them"
-    ranked = sensitivity_table(tallies)
+
+    ranked = sensitivity_table(scored)
     write_table(ranked, table)
-    draw_sensitivity(ranked, list(tallies), figure)
-    orders = len(ranked[[f"rank {name}" for name in tallies]].drop_duplicates())
-    plural = "s" * (orders > 1)
-    return f"{len(ranked)} settings of KAR-mIoU rank the runs in {orders} order{plural}"
+    draw_sensitivity(ranked, list(scored), figure)
+    orders = len(ranked[[f"rank {name}" for name in scored]].drop_duplicates())
+    return f"{len(ranked)} settings of KAR-mIoU rank the runs in {counted(orders, 'order')}"
 
 
-def _require_comparable(tallies: Mapping[str, Tally]) -> None:
+def _require_comparable(scored: Mapping[str, Counts]) -> None:
     """Raises `UserError` for runs of other protocols, clips, frames or labels than the first's."""
-    require_same_protocol({name: tally.protocol for name, tally in tallies.items()})
-    (first, reference), *others = tallies.items()
-    for name, tally in others:
-        if other := tally.scored_on_other(reference):
+    require_same_protocol({name: counts.protocol for name, counts in scored.items()})
+    (first, reference), *others = scored.items()
+    for name, counts in others:
+        if other := counts.scored_on_other(reference):
             raise UserError(f"{name}: was scored on {other} than {first}; score both alike")
 
 
-def _tallies(runs: Sequence[str]) -> dict[str, Tally]:
-    """The tallies that run folders, score folders or files hold, by a name of their own."""
+def _read(runs: Sequence[str]) -> dict[str, Counts]:
+    """Reads the counts of run folders, score folders, archives or files, by a name of each."""
     if len(runs) < 2:
         raise UserError("task.runs: name two or more, as task.runs=[A,B]")
-    files = [_tally_file(Path(run)) for run in runs]
-    for n, file in enumerate(files):
-        if file.resolve() in [earlier.resolve() for earlier in files[:n]]:
-            raise UserError(f"task.runs: {runs[n]} is named twice")
-    tallies = [Tally.read(file) for file in files]
-    return dict(zip(_names(tallies, files, runs), tallies))
+    with unpacked([Path(run) for run in runs]) as (places, _):
+        files = [_file_of(place) for place in places]
+        for n, file in enumerate(files):
+            if file.resolve() in [earlier.resolve() for earlier in files[:n]]:
+                raise UserError(f"task.runs: {runs[n]} is named twice")
+
+        scored = [Counts.read(file) for file in files]
+        return dict(zip(_names(scored, files, runs), scored))
 
 
-def _tally_file(path: Path) -> Path:
-    """The one tally of a run or score folder beside the anchors', or the file itself."""
+def _file_of(path: Path) -> Path:
+    """Returns the one file of counts of a run or score folder beside the anchors', or the file."""
     if not path.exists():
         raise UserError(f"task.runs: {path} is neither a folder nor a file")
     files = [path] if path.is_file() else sorted((path / TALLIES).glob("*.npz"))
     own = [file for file in files if len(files) == 1 or file.stem not in ANCHORS]
     if len(own) != 1:
-        raise UserError(f"{path}: holds {len(own)} scored runs; name one of its tally files")
+        raise UserError(f"{path}: holds {len(own)} scored runs; name one of its files of counts")
     return own[0]
 
 
-def _clips_like(patterns: Sequence[str], tally: Tally) -> set[str]:
-    """The scored clips that are like one of the patterns."""
-    scored = [tally.clips[row] for row in tally.rows()]
-    found: set[str] = set()
+def _clips_like(patterns: Sequence[str], counts: Counts) -> set[str]:
+    """Returns the scored clips that are like one of the patterns."""
+    scored = [counts.clips[row] for row in counts.rows()]
+    chosen: set[str] = set()
     for pattern in patterns:
         like = {clip for clip in scored if fnmatchcase(clip, pattern)}
         if not like:
@@ -110,17 +113,19 @@ def _clips_like(patterns: Sequence[str], tally: Tally) -> set[str]:
                 f"task.clips: no scored clip is like {pattern!r}; there are {scored[0]} to "
                 f"{scored[-1]} ({len(scored)} clips)"
             )
-        found |= like
-    return found
+        chosen |= like
+    return chosen
 
 
-def _names(tallies: Sequence[Tally], files: Sequence[Path], given: Sequence[str]) -> list[str]:
-    """Names of runs; those of one name are told apart by what differs in their files' paths, such
-    as the seed, or by what was given where the paths do not align."""
+def _names(scored: Sequence[Counts], files: Sequence[Path], given: Sequence[str]) -> list[str]:
+    """Returns names of runs. Those of one name are told apart by what differs in their files'
+    paths, such as the seed, or by what was given where the paths do not align."""
+    # Seeds of one experiment have one name, and so have two scorings of one run.
     alike = defaultdict(list)
-    for n, tally in enumerate(tallies):
-        alike[tally.name].append(n)
-    names = [tally.name for tally in tallies]
+    for n, counts in enumerate(scored):
+        alike[counts.name].append(n)
+
+    names = [counts.name for counts in scored]
     for name, rows in alike.items():
         if len(rows) > 1:
             parts = _differing([files[row] for row in rows]) or [given[row] for row in rows]
@@ -130,7 +135,7 @@ def _names(tallies: Sequence[Tally], files: Sequence[Path], given: Sequence[str]
 
 
 def _differing(paths: Sequence[Path]) -> list[str]:
-    """The parts in which paths of one depth differ; nothing for paths of several depths."""
+    """Returns the parts in which paths of one depth differ; nothing for paths of several depths."""
     parts = [path.parts for path in paths]
     if len(set(map(len, parts))) > 1:
         return []
@@ -138,56 +143,39 @@ def _differing(paths: Sequence[Path]) -> list[str]:
     return ["/".join(each[n] for n in differing) for each in parts]
 
 
-def _differences(tallies: dict[str, Tally]) -> pd.DataFrame:
-    """Every score of every run with its interval, and its difference from the first run's."""
-    (first, reference), *_ = tallies.items()
-    suite, settings = reference.suite(), reference.protocol.suite
-    rows = reference.rows()
-    generator = torch.Generator().manual_seed(settings["seed"])
-    weights = resamplings(len(rows), settings["resamples"], generator)
+def _differences(scored: Mapping[str, Counts]) -> pd.DataFrame:
+    """Returns every score of every run with its interval, and its difference from the first's."""
+    first = next(iter(scored))
+    # Every run is an experiment of one seed, so that all are scored on the same draws of clips.
+    drawn = Resamples({name: {0: counts} for name, counts in scored.items()})
+    samples = {name: by_seed[0] for name, by_seed in drawn.samples.items()}
+    single = slice(None) if drawn.clips > 1 else slice(1)
+
     lines = []
-    for name, tally in tallies.items():
-        for metric in (each for each in reference.tables if each in tally.tables):
-            if not suite.metric(metric).in_score_table:
-                continue
-            ours, theirs = (
-                {key: table[rows] for key, table in each.tables[metric].items()}
-                for each in (reference, tally)
-            )
-            meaning, level = suite.metric(metric), settings["level"]
-            found = score_intervals(meaning, theirs, weights, level)
-            apart = score_differences(meaning, ours, theirs, weights, level)
-            lines += [(name, score, *found[score], *apart[score]) for score in found]
+    for name, of_run in samples.items():
+        for score in (score for score in of_run if score in samples[first]):
+            change = of_run[score] - samples[first][score]
+            value = interval_of(of_run[score][single], drawn.level)
+            lines.append((name, score, *value, *difference_of(change[single], drawn.level)))
     columns = ["run", "score", "value", "low", "high"]
     columns += [f"minus {first}", "difference_low", "difference_high", "same_sign"]
     return pd.DataFrame(lines, columns=columns)
 
 
-def _printed(table: pd.DataFrame, runs: list[str], clips: int) -> Table:
-    """The main scores in percent, with their intervals."""
-    first = runs[0]
-    printed = Table(box=box.SIMPLE_HEAD, padding=(0, 1), title_justify="left")
-    over = f"{clips} clip{'s' * (clips > 1)}"
-    printed.title = f"Scores (%) with intervals over {over}, and differences from {first}"
-    printed.add_column("score", no_wrap=True)
-    printed.add_column("run", overflow="fold")
-    for name in ("value", "difference", "same sign"):
-        printed.add_column(name, justify="right", no_wrap=True)
-    for score in SHOWN:
-        for n, row in enumerate(table[table["score"] == score].itertuples(index=False)):
-            run, _, value, low, high, minus, minus_low, minus_high, same = row
-            cells = [_with_bounds(value, low, high)]
-            if run != first:
-                sure = "–" if math.isnan(same) else f"{same:.2f}"
-                cells += [_with_bounds(minus, minus_low, minus_high, "+"), sure]
-            printed.add_row("" if n else score, run, *map(escape, cells))
-        printed.add_section()
-    return printed
+def _printed(table: pd.DataFrame, clips: int) -> Table:
+    """Returns the main scores in percent, with their intervals."""
+    first, rows, lines = table["run"].iloc[0], [], []
+    for score in PRINTED:
+        lines.append(len(rows))
+        for run, _, *numbers, same in table[table["score"] == score].itertuples(index=False):
+            value, change = (
+                [100 * number for number in each] for each in (numbers[:3], numbers[3:])
+            )
+            sure = "–" if math.isnan(same) else f"{same:.2f}"
+            beside = [Cell(*change, signed=True), sure] if run != first else []
+            rows.append((f"{score}, {run}", [Cell(*value), *beside]))
 
-
-def _with_bounds(value: float, low: float, high: float, sign: str = "") -> str:
-    """In percent; of one clip there are no bounds, and a score may not exist."""
-    if math.isnan(value):
-        return "–"
-    texts = [format(100 * number, f"{sign}.1f") for number in (value, low, high)]
-    return texts[0] if math.isnan(low) else "{} [{}, {}]".format(*texts)
+    over = counted(clips, "clip")
+    title = f"Scores (%) with intervals over {over}, and differences from {first}"
+    frame = table_of(rows, ["value", "difference", "same sign"], "score, run")
+    return Table("differences", title, "", frame, lines=tuple(lines[1:]))

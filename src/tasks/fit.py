@@ -9,7 +9,7 @@ from ..models.checkpoint import Checkpoint, load_weights
 from ..models.module import OccupancyModule
 from ..ontology import CLASSES
 from ..provenance import different_file
-from ..report.results import print_results, read_results
+from ..results.files import print_results, read_results
 from ..run_folder import require_same_config, shaping
 from ..terminal import say
 from .evaluate import evaluate

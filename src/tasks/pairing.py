@@ -1,4 +1,4 @@
-"""Predictions beside what they are scored against, in our layout or in Occ3D's."""
+"""Predictions beside their ground truth, in our layout or in Occ3D's."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -20,7 +20,7 @@ Sample = tuple[str, int] | tuple[str, str]
 
 
 class Pairing(Interface):
-    """Predictions, and what they are scored against."""
+    """Predictions, and the ground truth that they are scored against."""
 
     dataset: str
     mask: str
@@ -34,12 +34,12 @@ class Pairing(Interface):
     def has(self, sample: Sample) -> bool: ...
 
     def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
-        """Predicted labels, the truth, and logits if there are any, as batches of one."""
+        """Returns predicted labels, their target, and logits if there are any: batches of one."""
         ...
 
 
 class _SkyShield:
-    """Our own layout on both sides."""
+    """Predictions and ground truth in the layout of this project."""
 
     def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
         if cfg.layout.mask not in ("supervised", "visible"):
@@ -50,8 +50,9 @@ class _SkyShield:
         if self.facts.get("dataset", self.dataset) != self.dataset:
             raise UserError(
                 f"{folder}: these are predictions of {self.facts['dataset']}, not of "
-                f"{self.dataset}; name the data set that they were made on, as dataset=DIR"
+                f"{self.dataset}; name the dataset that they were made on, as dataset=DIR"
             )
+
         self._truth = SkyShieldTruth(root, part, _held_out(self.facts, folder))
         self._visible = cfg.layout.mask == "visible"
         self.mask = VISIBLE if self._visible else SUPERVISED
@@ -74,21 +75,21 @@ class _SkyShield:
 
 
 def _held_out(facts: Mapping[str, object], folder: Path) -> dict[str, list[str]] | None:
-    """The clips that the split of the predictions holds out, where they say so."""
-    said = facts.get("held_out")
-    if said is None:
+    """Returns the clips that the split of the predictions holds out, where they say so."""
+    held_out = facts.get("held_out")
+    if held_out is None:
         return None
     try:
-        return {part: [str(clip) for clip in said[part]] for part in ("val", "test")}
+        return {part: [str(clip) for clip in held_out[part]] for part in ("val", "test")}
     except (KeyError, TypeError) as error:
         raise UserError(
-            f"{folder / FACTS}: held_out: {said!r} does not list the clips of val and of test; "
+            f"{folder / FACTS}: held_out: {held_out!r} does not list the clips of val and of test; "
             "correct it, or leave it out"
         ) from error
 
 
 class _Occ3D:
-    """Occ3D's layout on both sides; what its files do not say must be stated."""
+    """Predictions and ground truth in Occ3D's layout; the configuration states the rest."""
 
     unseen: frozenset[str] = frozenset()
 
@@ -99,14 +100,18 @@ class _Occ3D:
                 raise UserError(f"layout.{key}: Occ3D's files do not say it; state the one to take")
         if cfg.dataset is None:
             raise UserError("dataset: name the folder with Occ3D's labels, as dataset=DIR")
+
         masks = (*MASKS, "supervised")
         if layout["mask"] not in masks:
             raise UserError(f"layout.mask: {layout['mask']!r}; there are {', '.join(masks)}")
+
         self.grid = VoxelGrid(**layout["grid"])
         self._truth = Occ3DFolder(Path(cfg.dataset), layout["class_map"], self.grid)
         self._predictions = Occ3DFolder(folder, layout["class_map"], self.grid)
         self._velocity = torch.tensor([layout["velocity_mps"]], dtype=torch.float64)
+
         self._mask = layout["mask"]
+        # None of this is in Occ3D's files, so that scores depend on what was stated.
         stated = {key: layout[key] for key in ("class_map", "velocity_mps")}
         self.mask = f"{self._mask}, {stated}"
         self.dataset, self.samples = self._truth.name, self._truth.samples

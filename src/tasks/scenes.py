@@ -1,6 +1,7 @@
-"""Frames of the data set as scenes: what the camera saw, the labels, what models make of it."""
+"""Frames of the dataset as scenes: the camera's image, the labels, and what models predict."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -9,26 +10,30 @@ from torch import Tensor
 from torch.utils.data import default_collate
 
 from ..data.batch import Batch
+from ..data.datamodule import SkyShieldData
 from ..geometry import VoxelGrid, camera_from_occ
+from ..models.module import OccupancyModule
+from ..report.qualitative import pick_frames, qualitative_sheet
 from ..report.scene import VoxelScene
 from ..report.view import Frustum
 from .predictor import on_device
 
+# A module with a ``device``, which gives the logits of a batch that is there.
 Network = Callable[[Batch], Tensor]
-"""A module with a ``device``, which gives the logits of a batch that is there."""
 Labels = UInt8[np.ndarray, "X Y Z"]
 
 
 def scene_of(
     sample: Batch, grid: VoxelGrid, predictions: Mapping[str, Labels], remark: str = ""
 ) -> VoxelScene:
-    """A sample of an `OccupancyDataset`, with what is predicted there, as by `labels_of`.
+    """Returns a sample of an `OccupancyDataset` with predictions there, as those of `labels_of`.
 
     ``remark`` follows the frame's name in the title.
     """
     roll_deg, pitch_deg = torch.rad2deg(sample["attitude_rad"]).tolist()
     title = f"{sample['clip']} frame {sample['frame']} · roll {roll_deg:+.0f}° "
     title += f"pitch {pitch_deg:+.0f}°{remark and ' · ' + remark}"
+
     return VoxelScene(
         title=title,
         grid=grid,
@@ -40,7 +45,7 @@ def scene_of(
 
 
 def camera_of(sample: Batch, occ_from_body: Tensor) -> Frustum:
-    """The camera of a sample's current frame on a UAV with some attitude."""
+    """Returns the camera of a sample's current frame on a UAV with some attitude."""
     height, width = sample["image"].shape[-2:]
     chain = camera_from_occ(occ_from_body, sample["body_from_camera"])
     return Frustum(chain, sample["pix_from_camera"][-1], (width, height))
@@ -48,6 +53,26 @@ def camera_of(sample: Batch, occ_from_body: Tensor) -> Frustum:
 
 @torch.no_grad()
 def labels_of(network: Network, sample: Batch) -> Labels:
-    """What a network in evaluation mode predicts of a sample."""
+    """Returns what a network in evaluation mode predicts of a sample."""
     logits = network(on_device(default_collate([sample]), network.device))
     return logits.argmax(dim=1)[0].to(torch.uint8).cpu().numpy()
+
+
+def draw_sheet(
+    module: OccupancyModule, data: SkyShieldData, path: Path, heading: str, frames: int
+) -> None:
+    """Draws the qualitative sheet of so many test frames, chosen by `pick_frames`."""
+    dataset = data.dataset("test")
+    tilt_rad = np.array([_tilt_rad(data, *sample) for sample in dataset.samples])
+    module.eval()
+
+    samples = [dataset[index] for index in pick_frames(tilt_rad, frames)]
+    scenes = [
+        scene_of(sample, data.grid, {"Prediction": labels_of(module, sample)}) for sample in samples
+    ]
+    qualitative_sheet(scenes, path, heading)
+
+
+def _tilt_rad(data: SkyShieldData, clip: str, frame: int) -> float:
+    row = data.clips[clip].frames.loc[frame]
+    return abs(row["roll_rad"]) + abs(row["pitch_rad"])

@@ -1,4 +1,4 @@
-"""task=score: scores a folder of predictions, anyone's, against the labels of a data set."""
+"""task=score: scores a folder of predictions, anyone's, against the labels of a dataset."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,62 +9,70 @@ from ..data.predictions import FACTS
 from ..errors import UserError
 from ..metrics.protocol import Protocol
 from ..metrics.suite import ScoreSuite
-from ..metrics.tally import Tally
 from ..provenance import git_commit
-from ..report.protocols import protocol_table
-from ..report.results import print_results, read_results, write_results
-from ..report.scores import Parts, result_rows, write_scores, write_table
-from ..run_folder import version_of
+from ..results import files
+from ..results.counts import Counts
+from ..results.protocols import protocol_table
+from ..results.table import Parts
+from ..run_folder import RESULTS, version_of
 from ..terminal import say, tracked
 from .pairing import LAYOUTS, Pairing, Sample
-from .scoring import clips_of, parts_of, score_settings, tally_of
+from .scoring import clips_of, counts_of, parts_of, score_settings
 
 
 def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> None:
     """Prints and writes all scores of ``predictions`` against ``dataset``.
 
-    Writes ``results.csv``, ``scores.csv``, ``protocols.csv``, ``breakdown.csv`` and the tally to
+    Writes ``results.csv``, ``scores.csv``, ``protocols.csv``, ``breakdown.csv`` and the counts to
     ``out`` (null: ``scores/`` under the predictions). Raises `UserError` where frames are missing,
     corrupt or too many; with ``allow_missing`` the sound ones are scored, and the protocol says how
     many. Calibration needs logits of all of them.
     """
     if cfg.predictions is None:
         raise UserError("predictions: name the folder to score, as predictions=DIR")
+
     folder = Path(cfg.predictions)
     pairing = LAYOUTS[cfg.layout.name](cfg, folder, part)
     facts = _facts(cfg, pairing, folder)
     samples = _sound_samples(pairing, folder, allow_missing)
     metric, suite = score_settings(cfg)
     name = str(pairing.facts.get("name", folder.name))
+
     scored = ScoreSuite(pairing.grid, clips_of(samples), suite)
     with_logits = _count(scored, samples, pairing, name)
+    # Scores of some frames would stand beside scores of all of them.
     if partly := ", ".join(scored.forget_partly_fed()):
         say(f"{folder}: has logits of {with_logits} of {len(samples)} frames, so no {partly}")
+
     protocol = Protocol.of(
         pairing.dataset, part, len(samples), pairing.grid, pairing.mask, metric, suite
     )
-    tally = tally_of(name, protocol, scored, samples)
+    counts = counts_of(name, protocol, scored, samples)
     parts = parts_of(pairing.unseen) if part == "test" else {part: lambda _: True}
-    _write(Path(out) if out else folder / "scores", tally, scored, parts, facts)
+    _write(Path(out) if out else folder / "scores", counts, parts, facts)
 
 
 def _count(scored: ScoreSuite, samples: Sequence[Sample], pairing: Pairing, name: str) -> int:
     """Counts all samples; returns how many have logits."""
     with_logits = 0
     for sample in tracked(samples, f"scoring {name}"):
-        labels, truth, logits = pairing.frame(sample)
-        scored.update(labels, truth, logits)
+        labels, target, logits = pairing.frame(sample)
+        scored.update(labels, target, logits)
         with_logits += logits is not None
     return with_logits
 
 
 def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
-    """What the rows of the results say of the predictions. Raises `UserError` for a number that is
-    none."""
+    """Returns what the rows of the results say of the predictions.
+
+    Raises `UserError` for a number that is none.
+    """
+    # Checked before anything is scored, as that may take an hour.
     for key in ("seed", "parameters"):
         value = pairing.facts.get(key, 0)
         if type(value) is not int:
             raise UserError(f"{folder / FACTS}: {key}: {value!r} is no whole number; correct it")
+
     return {
         "scale": str(pairing.facts.get("scale", "")) or "unknown",
         "seed": pairing.facts.get("seed", 0),
@@ -80,33 +88,36 @@ def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
     }
 
 
-def _write(
-    folder: Path, tally: Tally, scored: ScoreSuite, parts: Parts, facts: Mapping[str, object]
-) -> None:
-    write_scores(folder, [tally], parts)
-    write_table(protocol_table(tally), folder / "protocols.csv")
-    summed = {name: table.sum(0) for name, table in tally.tables["breakdown"].items()}
-    breakdown = scored.metric("breakdown").table(summed)
-    write_table(breakdown, folder / "breakdown.csv")
-    write_results(folder / "results.csv", result_rows(tally, parts, facts))
-    print_results(read_results(folder / "results.csv"))
+def _write(folder: Path, counts: Counts, parts: Parts, facts: Mapping[str, object]) -> None:
+    files.write_scores(folder, {facts["seed"]: [counts]}, parts)
+    files.write_table(protocol_table(counts), folder / "protocols.csv")
+    summed = {name: table.sum(0) for name, table in counts.tables["breakdown"].items()}
+    breakdown = counts.suite().metric("breakdown").table(summed)
+    files.write_table(breakdown, folder / "breakdown.csv")
+
+    files.write_results(folder / RESULTS, files.result_rows(counts, parts, facts))
+    files.print_results(files.read_results(folder / RESULTS))
     say(folder)
 
 
 def _sound_samples(pairing: Pairing, folder: Path, allow_missing: bool) -> list[Sample]:
-    """The frames to score. Raises `UserError` where they are not exactly those asked for."""
-    found = pairing.inventory()
-    if found.sound:
+    """Returns the frames to score.
+
+    Raises `UserError` where the sound ones are not exactly those asked for.
+    """
+    inventory = pairing.inventory()
+    if inventory.sound:
         return list(pairing.samples)
-    if not allow_missing and found.missing and found.extra:
+
+    if not allow_missing and inventory.missing and inventory.extra:
         raise UserError(
-            f"{folder}: {found}; they are of another split, whose val and test clips "
+            f"{folder}: {inventory}; they are of another split, whose val and test clips "
             f"{FACTS} may name as held_out"
         )
     if not allow_missing:
-        raise UserError(f"{folder}: {found}; task.allow_missing=true scores what is sound")
+        raise UserError(f"{folder}: {inventory}; task.allow_missing=true scores what is sound")
     samples = [sample for sample in pairing.samples if pairing.has(sample)]
     if not samples:
-        raise UserError(f"{folder}: {found}; nothing is left to score")
-    say(f"{folder}: {found}; left out")
+        raise UserError(f"{folder}: {inventory}; nothing is left to score")
+    say(f"{folder}: {inventory}; left out")
     return samples

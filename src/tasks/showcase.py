@@ -23,8 +23,8 @@ from ..report.hard_cases import HardCase, hard_cases
 from ..report.ladder import PAPER, Ladder
 from ..report.qualitative import qualitative_sheet
 from ..report.scene import VoxelScene
-from ..report.scored_runs import ScoredRun
 from ..report.tilt_figure import draw_tilt
+from ..results.runs import ScoredRun
 from ..run_folder import BEST, CONFIG
 from ..terminal import tracked
 from .scenes import camera_of, labels_of, scene_of
@@ -61,7 +61,7 @@ def showcase(
     if not count or not ends:
         return Showcase()
 
-    root = Path(cfg.paths.dataset or Path(cfg.paths.data) / ends[0].tally.protocol.dataset)
+    root = Path(cfg.paths.dataset or Path(cfg.paths.data) / ends[0].counts.protocol.dataset)
     try:
         data = [_data_of(run, root) for run in ends]
         viewers = [

@@ -10,8 +10,9 @@ from omegaconf import OmegaConf
 from src.errors import UserError
 from src.metrics import KARMeanIoU, OccupancyScores
 from src.metrics.protocol import SUPERVISED, Protocol
-from src.metrics.suite import ScoreSuite, import_metrics, intervals_of
-from src.metrics.tally import Tally
+from src.metrics.suite import ScoreSuite, import_metrics
+from src.results.counts import Counts
+from src.results.table import Resamples
 from tests.metrics.inputs import CLIPS, METRIC, SUITE, one_hot, scores_of, truth_of, updated
 from tests.synthetic import compose_config
 
@@ -190,10 +191,9 @@ def test_ones_own_metric_is_counted_saved_resampled_and_scored(own, grid, batch,
 
     protocol = Protocol.of("mini-0", "test", 4, grid, SUPERVISED, METRIC, own)
     path = tmp_path / "mine.npz"
-    Tally("mine", protocol, CLIPS, [4, 0, 0], suite.tables()).write(path)
-    again = Tally.read(path)
-    intervals = intervals_of(again.suite(), again.tables, again.rows(), 5, seed=0, level=0.9)
-    assert intervals["free_share"].value == pytest.approx(free)
+    Counts("mine", protocol, CLIPS, [4, 0, 0], suite.tables()).write(path)
+    table = Resamples({"mine": {0: Counts.read(path)}}).table().set_index("score")
+    assert table.loc["free_share", "value"].tolist() == pytest.approx([free, free])
 
 
 def test_one_that_needs_what_the_batch_has_not_is_not_fed(own, grid, batch):

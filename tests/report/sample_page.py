@@ -13,10 +13,9 @@ from PIL import Image
 from src.ontology import BUILDING, CAR, FREE, GROUND, UNKNOWN, VRU
 from src.report.curve_plot import Curve, CurvePlot
 from src.report.page import write_page
-from src.report.page_tables import table_html
 from src.report.picture import Picture
-from src.report.report_table import Cell, Column, ReportTable
 from src.report.scene import VoxelScene
+from src.results.render import Cell, Table, table_html, table_of
 from tests.report.street import GRID, HEIGHT, WIDTH, fill, street, tilted_frustum
 
 READY = "document.documentElement.dataset.ready === 'true'"
@@ -58,7 +57,6 @@ def street_scene():
 
 
 def tables():
-    columns = (Column("a", "score", best="high"), Column("b", "error", best="low"))
     rows = (
         ("b-run", (Cell(9.5, 9.0, 10.0), Cell(30.0))),
         ("a-run", (Cell(10.5, 10.0, 11.0), None)),
@@ -66,11 +64,12 @@ def tables():
         ("d-run", (Cell(-1.0), Cell(100.0))),
         ("gain", (Cell(99.0, signed=True), None)),
     )
-    wide = tuple(Column(f"c{n}", f"a rather long name {n}") for n in range(20))
+    ladder = table_of(rows, ["score", "error"])
+    wide = [f"a rather long name {n}" for n in range(20)]
     filled = ("run", tuple(Cell(float(n), n - 1.0, n + 1.0) for n in range(20)))
     made = [
-        ReportTable("ladder", "Ladder", "In percent.", columns, rows),
-        ReportTable("wide", "Wide", "In percent.", wide, (filled,)),
+        Table("ladder", "Ladder", "In percent.", ladder, {"score": "high", "error": "low"}),
+        Table("wide", "Wide", "In percent.", table_of([filled], wide)),
     ]
     return [Markup(table_html(table)) for table in made]
 

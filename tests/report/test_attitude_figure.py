@@ -37,7 +37,7 @@ def figure():
     levels = {"Baseline": 0.1, "+ Attitude-aware projection": 0.2, "SkyOcc": 0.3}
     tables = {name: table(level) for name, level in levels.items()}
     gains = {name: table(level - 0.1) for name, level in levels.items() if level > 0.1}
-    figure = attitude_figure(tables, gains, "the baseline", gains)
+    figure = attitude_figure(tables, {"gain": gains, "worth": gains})
     FigureCanvasAgg(figure).draw()
     return figure
 
@@ -50,7 +50,7 @@ def test_the_names_of_the_bins_can_be_read(figure):
             assert not one.overlaps(other), axes.get_xlabel()
 
 
-def test_every_run_has_a_line_and_every_gain_the_colour_of_its_run(figure):
+def test_every_run_has_a_line_and_every_gain_the_color_of_its_run(figure):
     scores, gains, worths, *faults = (
         {bars.get_label(): bars.lines[0].get_color() for bars in axes.containers}
         for axes in figure.axes
@@ -63,7 +63,7 @@ def test_every_run_has_a_line_and_every_gain_the_colour_of_its_run(figure):
 
 def test_no_two_of_many_runs_look_alike():
     tables = {f"run{n}": table(0.1 + n / 100) for n in range(len(COLORS) + 3)}
-    axes, *_ = attitude_figure(tables, {}, "the baseline", {}).axes
+    axes, *_ = attitude_figure(tables, {}).axes
     looks = [(bars.lines[0].get_color(), bars.lines[0].get_marker()) for bars in axes.containers]
     assert len(set(looks)) == len(tables)
 
@@ -81,5 +81,5 @@ def test_told_a_level_attitude_each_run_has_a_dashed_line_that_is_named_once(fig
 
 
 def test_of_one_run_there_are_its_scores_alone():
-    figure = attitude_figure({"mine": table(0.3)}, {}, "the baseline", {})
+    figure = attitude_figure({"mine": table(0.3)}, {})
     assert len(figure.axes) == 3

@@ -6,11 +6,11 @@ import pandas as pd
 import pytest
 
 from src.errors import UserError
-from src.report.ladder_tables import main_table
+from src.report.paper_tables import main_table
 from src.report.run_group import groups_of
-from src.report.scored_runs import read_run
+from src.results.runs import read_run
 from src.tasks.scoring import parts_of
-from tests.report.ladder_runs import ladder_of, protocol, write_run
+from tests.results.scored import ladder_of, protocol, write_run
 
 
 def names(group):
@@ -23,19 +23,19 @@ def test_runs_are_sorted_as_the_tables_are(tmp_path):
     (group,) = groups_of(ladder_of(tmp_path), mixed=False)
     assert names(group) == ["baseline seed 0", "baseline seed 1", "skyocc seed 0", "aspp seed 0"]
     assert [str(run) for run in group.rungs] == names(group)[:3]
-    assert list(group.tallies()) == ["baseline", "skyocc", "aspp", "all_free", "voxel_prior"]
-    assert list(group.tallies()["baseline"]) == [0, 1]
+    assert list(group.counts()) == ["baseline", "skyocc", "aspp", "all_free", "voxel_prior"]
+    assert list(group.counts()["baseline"]) == [0, 1]
 
 
 def test_parts_are_those_of_the_split(tmp_path):
     write_run(tmp_path)
     write_run(tmp_path, "none_unseen", data__test_clips=[], of=protocol("tiny-4567"))
     other, group = groups_of(ladder_of(tmp_path)[::-1], mixed=True)[::-1]
-    parts = group.scored_parts(parts_of)
-    assert [(part.name, part.evidence.clips, part.evidence.frames) for part in parts] == [
+    parts = group.parts(parts_of)
+    assert [(part.name, part.resamples.clips, part.resamples.frames) for part in parts] == [
         *(("test", 5, 7), ("test_unseen_clips", 1, 3), ("test_seen_clips", 4, 4)),
     ]
-    assert [part.name for part in other.scored_parts(parts_of)] == ["test", "test_seen_clips"]
+    assert [part.name for part in other.parts(parts_of)] == ["test", "test_seen_clips"]
 
 
 OTHERS = {
@@ -71,8 +71,8 @@ def test_other_labels_are_noticed_where_the_anchors_are_kept_elsewhere(tmp_path)
 
 def test_other_clips_are_refused(tmp_path):
     one, other = (read_run(write_run(tmp_path, name)) for name in ("baseline", "skyocc"))
-    renamed = dataclasses.replace(other.tally, clips=["x/clip00", *other.tally.clips[1:]])
-    other = dataclasses.replace(other, tally=renamed)
+    renamed = dataclasses.replace(other.counts, clips=["x/clip00", *other.counts.clips[1:]])
+    other = dataclasses.replace(other, counts=renamed)
     with pytest.raises(UserError, match="was scored on other clips or frames than"):
         groups_of([one, other], mixed=False)
 
@@ -86,12 +86,13 @@ def test_a_mixed_report_keeps_other_protocols_apart_and_the_ladder_first(tmp_pat
     assert first.label == ""
     assert names(second) == ["attitude seed 0"]
     assert second.label == " (2: dataset=tiny-4567)"
-    parts = [group.scored_parts(parts_of)[0] for group in (first, second)]
+    parts = [group.parts(parts_of)[0] for group in (first, second)]
     table = main_table(parts)
-    assert [name for name, _ in table.rows][
-        -3
-    ] == "+ Attitude-aware projection (2: dataset=tiny-4567)"
-    assert table.best_rows(0) <= {*range(table.ranked)}, "no rival of what others were scored on"
+    label = "+ Attitude-aware projection (2: dataset=tiny-4567)"
+    assert table.frame.index[-3] == label
+    assert table.best_rows("Building") <= {*range(table.ranked)}, (
+        "no rival of what others were scored on"
+    )
     assert table.ranked == len(table.rows) - 3
 
 
@@ -102,11 +103,11 @@ def test_two_runs_of_one_seed_are_refused(tmp_path, mixed):
         groups_of(runs, mixed)
 
 
-def test_tallies_of_another_scoring_than_the_results_are_refused(tmp_path):
+def test_counts_of_another_scoring_than_the_results_are_refused(tmp_path):
     folder = write_run(tmp_path)
     table = pd.read_csv(folder / "results.csv")
     table.loc[table["experiment"] == "skyocc", "miou"] += 0.01
     table.to_csv(folder / "results.csv", index=False)
     (group,) = groups_of([read_run(folder)], mixed=False)
-    with pytest.raises(UserError, match=r"skyocc/seed0: results\.csv says mIoU .* and the tallies"):
-        group.scored_parts(parts_of)
+    with pytest.raises(UserError, match=r"skyocc/seed0: results\.csv says mIoU .* and the counts"):
+        group.parts(parts_of)

@@ -4,7 +4,6 @@ import pytest
 from omegaconf import OmegaConf
 
 from src.report.ladder import FACTORS, PAPER, factors_of, ladder_named
-from src.report.scored_runs import read_run
 from src.report.shared_settings import (
     code_lines,
     differing,
@@ -13,8 +12,11 @@ from src.report.shared_settings import (
     statement,
     surprises,
 )
-from tests.report.ladder_runs import write_run
+from src.results.runs import read_run
+from tests.results.scored import write_run
 from tests.synthetic import compose_config
+
+OLD_KEYS = [keys[-1] for keys in FACTORS.values()]
 
 
 @pytest.fixture
@@ -31,9 +33,22 @@ def test_the_factors_are_read_from_what_an_experiment_composes(experiment):
     assert config["name"] == experiment
 
 
+@pytest.mark.parametrize("weight", [None, 0.0, 1.0])
+def test_the_factors_are_read_from_terms_of_the_loss_too(run, weight):
+    lovasz = {} if weight is None else {"lovasz": {"weight": weight}}
+    terms = {"cross_entropy": {"class_weights": {"max_ratio": 4.0}}, **lovasz}
+    mine = run("skyocc", loss={"terms": terms})
+    assert factors_of(mine.config) == (True, True, bool(weight))
+    wrong = [] if weight else ["skyocc seed 0: loss.terms.lovasz.weight is not what"]
+    assert [line[: len(wrong[0])] for line in surprises([mine])] == wrong
+    other = run("weights", loss={"terms": {"cross_entropy": terms["cross_entropy"]}})
+    if weight:
+        assert surprises([other, mine]) == []
+
+
 def test_a_clean_ladder_shares_all_but_its_factors_and_the_seed(run):
     runs = [run(name, seed) for name in PAPER.names for seed in (0, 1)]
-    assert list(differing(runs)) == [*FACTORS, "seed"]
+    assert list(differing(runs)) == [*OLD_KEYS, "seed"]
     assert surprises(runs) == []
     said = statement(runs)
     assert said.startswith(
@@ -144,7 +159,7 @@ def test_a_rung_that_is_not_what_its_name_says_is_told(run):
     assert surprises(runs) == [
         "skyocc seed 0: model.encoder.projection is not what the rung's name says"
     ]
-    assert marks_of(runs)["skyocc"] == ("✗", "✓", "✓")
+    assert marks_of(runs)["skyocc"] == ["✗", "✓", "✓"]
 
 
 def test_seeds_of_a_rung_that_differ_in_a_factor_are_told(run):
@@ -152,7 +167,7 @@ def test_seeds_of_a_rung_that_differ_in_a_factor_are_told(run):
     (line,) = surprises(runs)
     assert line == "seeds of one rung differ in loss.lovasz_weight: skyocc 1.0 or 0.5"
     runs.append(run("skyocc", 2, loss__lovasz_weight=0.0))
-    assert marks_of(runs)["skyocc"] == ("✓", "✓", "✗/✓")
+    assert marks_of(runs)["skyocc"] == ["✓", "✓", "✗/✓"]
 
 
 def test_another_precision_is_told_though_the_configuration_is_the_same(run):

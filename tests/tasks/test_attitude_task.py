@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 from src.errors import UserError
-from src.metrics.tally import Tally
-from src.report.results import read_results
+from src.results.counts import Counts
+from src.results.files import read_results
 from src.tasks.attitude import attitude
 from src.tasks.fit import fit
 from tests.synthetic import compose_config, mini_overrides, write_dataset
@@ -46,7 +46,7 @@ def test_it_scores_every_condition_and_the_true_one_as_the_run_did(words, capsys
     assert frames["tilt_0_6deg"] + frames["tilt_6_infdeg"] == frames["true"]
     assert frames["level_tilt_6_infdeg"] == frames["tilt_6_infdeg"]
     assert kar.loc["level_tilt_6_infdeg", "value"] != kar.loc["tilt_6_infdeg", "value"]
-    tally = Tally.read(f"{folder}/tallies/noise_20deg.npz")
+    tally = Counts.read(f"{folder}/tallies/noise_20deg.npz")
     assert tally.protocol.part == "test, noise_20deg"
 
 

@@ -2,16 +2,16 @@
 
 import re
 import shutil
+from zipfile import ZipFile
 
 import pandas as pd
 import pytest
 
 from src.errors import UserError
-from src.metrics.tally import Tally
 from src.tasks.report import report
-from tests.report.attitude_runs import write_attitude
-from tests.report.ladder_runs import protocol, write_ladder, write_run
 from tests.report.typesetting import typeset
+from tests.results.presented import write_attitude
+from tests.results.scored import RIGHT, protocol, write_ladder, write_run
 from tests.synthetic import compose_config
 
 KEYS = ("main", "ablation", "long_tail", "incremental", "progression", "beyond")
@@ -38,25 +38,40 @@ def reported(runs, *places, out=None, mixed=False, scenes=0, rungs=(), seeds=(),
     return runs.parent / "tiny/report" if out == cfg.task.out else out
 
 
+def tables(out):
+    return pd.read_csv(out / "tables.csv", float_precision="round_trip")
+
+
 def table(out, key):
-    return pd.read_csv(out / f"tables/{key}.csv", index_col="row", float_precision="round_trip")
+    """Values of a table, its rows and columns in their order."""
+    cells = tables(out).query("table == @key")
+    wide = cells.pivot(index="row", columns="column", values="value")
+    wide = wide.reindex(index=cells["row"].unique(), columns=cells["column"].unique())
+    return wide.apply(pd.to_numeric, errors="coerce")
+
+
+def scores_of(out, part="test"):
+    """The rows of runs in the long table, as they were recorded."""
+    rows = pd.read_csv(out / "scores.csv", float_precision="round_trip", dtype={"seed": str})
+    rows = rows[(rows["seed"] != "mean") & (rows["part"] == part)]
+    return rows[rows["condition"] == "as recorded"]
 
 
 # -------------------------------------------------------------------------------- what it leaves
 
 
-def test_a_ladder_leaves_every_table_in_three_forms(ladder, tmp_path, capsys):
+def test_a_ladder_leaves_every_table_in_every_form(ladder, tmp_path, capsys):
     out = reported(ladder, out=tmp_path / "out")
     expected = [*KEYS]
     for part in ("test_unseen_clips", "test_seen_clips"):
         expected += [f"{key}_{part}" for key in OF_PARTS]
-    names = {path.name for path in (out / "tables").iterdir()}
-    assert names == {f"{key}.{ending}" for key in expected for ending in ("csv", "md", "tex")}
-    pages = {"report.md", "report.html"}
-    assert {path.name for path in out.iterdir()} == {"tables", "seeds.csv", *pages}
-    page = (out / "report.md").read_text()
-    for key in expected:
-        assert (out / f"tables/{key}.md").read_text().strip() in page
+    assert set(tables(out)["table"]) == set(expected)
+    assert {path.name for path in out.iterdir()} == {
+        *("tables.csv", "tables.tex", "scores.csv", "report.md", "report.html")
+    }
+    page, latex = ((out / name).read_text() for name in ("report.md", "tables.tex"))
+    assert page.count("| --: |\n") == len(expected)
+    assert [f"\\label{{tab:{key}}}" in latex for key in expected] == [True] * len(expected)
     assert "## Missing" not in page
     assert "Not a clean comparison" not in page
     assert "All 12 runs of the ladder share every setting but: model.encoder.projection" in (
@@ -73,26 +88,28 @@ def test_a_ladder_leaves_every_table_in_three_forms(ladder, tmp_path, capsys):
 def test_a_paper_takes_its_tables_in(ladder, tmp_path):
     write_attitude(shutil.copytree(ladder, tmp_path / "runs/tiny") / "skyocc/seed0")
     out = reported(tmp_path / "runs/tiny", out=tmp_path / "out")
-    tables = sorted((out / "tables").glob("*.tex"))
-    assert len(tables) == len(KEYS) + 2 * len(OF_PARTS) + 3
-    packages = ("booktabs", "graphicx", "hyperref")
-    said = typeset(tmp_path, "".join(path.read_text() for path in tables), packages)
-    assert "Overfull" not in said
+    latex = (out / "tables.tex").read_text()
+    assert latex.count("\\label{") == len(KEYS) + 2 * len(OF_PARTS) + 3
+    assert "Overfull" not in typeset(tmp_path, latex, ("booktabs", "graphicx", "hyperref"))
 
 
-def test_seeds_are_the_rows_of_the_runs_in_percent(ladder, tmp_path):
+def test_the_long_table_has_the_scores_of_every_run_and_part(ladder, tmp_path):
     out = reported(ladder, out=tmp_path / "out")
-    seeds = pd.read_csv(out / "seeds.csv", float_precision="round_trip")
-    assert len(seeds) == 4 * 3 * 3
-    for row in seeds.itertuples():
-        results = pd.read_csv(ladder / f"{row.experiment}/seed{row.seed}/results.csv")
-        mine = results[(results["experiment"] == row.experiment) & (results["split"] == row.split)]
-        for score in ("miou", "kar_miou"):
-            assert getattr(row, score) == pytest.approx(100 * mine[score].item(), abs=1e-5)
-    means = seeds[seeds["split"] == "test"].groupby("experiment")["kar_miou"].mean()
-    main = table(out, "main")
-    assert main.loc["SkyOcc", "kar_miou"] == pytest.approx(means["skyocc"])
-    assert main.loc["SkyOcc", "kar_miou_low"] < means["skyocc"]
+    for part in ("test", "test_unseen_clips", "test_seen_clips"):
+        rows = scores_of(out, part)
+        rows = rows[rows["score"].isin(["miou", "kar_miou"]) & rows["experiment"].isin(RIGHT)]
+        assert len(rows) == 4 * 3 * 2
+        for row in rows.itertuples():
+            results = pd.read_csv(ladder / f"{row.experiment}/seed{row.seed}/results.csv")
+            mine = results["experiment"] == row.experiment
+            (value,) = results[mine & (results["split"] == part)][row.score]
+            assert row.value == pytest.approx(value, abs=1e-7)
+    means = scores_of(out).query("score == 'kar_miou'").groupby("experiment")["value"].mean()
+    (cell,) = (
+        tables(out).query("table == 'main' & row == 'SkyOcc' & column == 'KAR-mIoU'").itertuples()
+    )
+    assert float(cell.value) == pytest.approx(100 * means["skyocc"])
+    assert float(cell.low) < float(cell.value) < float(cell.high)
 
 
 def test_the_same_runs_give_the_same_bytes(ladder, tmp_path):
@@ -101,33 +118,33 @@ def test_the_same_runs_give_the_same_bytes(ladder, tmp_path):
         assert path.read_bytes() == (second / path.relative_to(first)).read_bytes()
 
 
+def files_of(out):
+    """The bytes of every file of a report but the archive of its runs."""
+    files = {path.relative_to(out): path.read_bytes() for path in out.rglob("*.*")}
+    return {path: content for path, content in files.items() if path.suffix != ".zip"}
+
+
 def test_what_is_published_gives_the_same_report_again(runs, tmp_path):
     write_attitude(runs / "baseline/seed0")
     (runs / "skyocc/seed1/metrics.csv").write_text("step,epoch,val/kar_miou\n1,0,0.2\n2,1,0.25\n")
     (runs / "skyocc/seed1/checkpoints").mkdir()
     (runs / "skyocc/seed1/checkpoints/best.ckpt").write_text("heavy")
     out = reported(runs, out=tmp_path / "out", publish=True)
-    assert not list(out.rglob("*.ckpt"))
-    again = reported(runs, out / "runs", out=tmp_path / "again")
-    ours, theirs = (
-        {path.relative_to(place): path.read_bytes() for path in place.rglob("*.*")
-         if path.is_file() and "runs" not in path.relative_to(place).parts[:1]}
-        for place in (out, again)
-    )  # fmt: skip
-    assert ours.keys() == theirs.keys()
-    assert ours == theirs
+    archive = (out / "runs.zip").read_bytes()
+    assert not [name for name in ZipFile(out / "runs.zip").namelist() if name.endswith(".ckpt")]
+    for place in ("runs", "runs.zip"):
+        again = reported(runs, out / place, out=tmp_path / "again")
+        assert files_of(again) == files_of(out)
     reported(runs, out / "runs", out=out, publish=True)
-    assert (out / "report.md").read_bytes() == (again / "report.md").read_bytes(), "onto itself too"
-    heavy = Tally.read(runs / "skyocc/seed1/tallies/skyocc.npz").tables.keys()
-    light = Tally.read(out / "runs/skyocc/seed1/tallies/skyocc.npz").tables.keys()
-    assert light < heavy
+    assert files_of(again) == files_of(out), "onto itself too"
+    assert (out / "runs.zip").read_bytes() == archive
 
 
 def test_runs_may_be_named_and_nothing_else_is_then_taken(ladder, tmp_path):
     named = (ladder / "baseline", ladder / "skyocc/seed1")
     out = reported(ladder, *named, out=tmp_path / "out")
     assert list(table(out, "ablation").index) == ["Baseline", "SkyOcc"]
-    assert len(pd.read_csv(out / "seeds.csv")) == 4 * 3
+    assert set(scores_of(out)["experiment"]) - {"all_free", "voxel_prior"} == {"baseline", "skyocc"}
 
 
 def test_a_report_in_its_default_place_is_no_run_of_the_next_one(runs):
@@ -153,8 +170,8 @@ def test_scores_by_tilt_are_reported_where_they_are(runs):
     write_attitude(runs / "attitude/seed0", gain=0.4)
     out = reported(runs)
     gains = table(out, "attitude_tilt").loc["+ Attitude-aware projection, over the baseline"]
-    assert gains["tilt_0_5deg"] == 0
-    assert gains["tilt_5_infdeg"] > 5
+    assert gains["0–5° (2 frames)"] == 0
+    assert gains["from 5° (5 frames)"] > 5
     assert (out / "figures/attitude.png").stat().st_size > 1000
     assert "(figures/attitude.png)" in (out / "report.md").read_text()
     assert "data:image/png" in (out / "report.html").read_text()
@@ -173,7 +190,7 @@ def test_scores_by_tilt_of_rungs_without_a_common_seed_have_no_gains(tmp_path):
         write_attitude(write_run(runs, name, seed))
     out = reported(runs)
     assert (out / "figures/attitude.png").is_file()
-    assert table(out, "attitude_tilt")["tilt_0_5deg"].notna().tolist() == [True, True, False]
+    assert table(out, "attitude_tilt")["0–5° (2 frames)"].notna().tolist() == [True, True, False]
 
 
 def test_many_experiments_have_scores_by_tilt(tmp_path):
@@ -189,8 +206,8 @@ def test_an_own_ladder_is_reported_as_the_papers_is(runs):
     out = reported(runs, rungs=["baseline", "skyocc", "mine"])
     ablation, main = table(out, "ablation"), table(out, "main")
     assert ablation.index.tolist() == ["Baseline", "SkyOcc", "mine"]
-    expected = main.loc["mine", "kar_miou"] - main.loc["Baseline", "kar_miou"]
-    assert ablation.loc["mine", "delta_kar_miou"] == pytest.approx(expected)
+    expected = main.loc["mine", "KAR-mIoU"] - main.loc["Baseline", "KAR-mIoU"]
+    assert ablation.loc["mine", "Δ KAR"] == pytest.approx(expected)
     page = (out / "report.md").read_text().replace("\\_", "_")
     assert "mine is skyocc but for optimizer.lr = 0.01 (0.002)" in page
     assert "Not a clean comparison" not in page
@@ -216,10 +233,10 @@ def test_an_interrupted_sweep_says_what_is_missing_and_reports_the_rest(runs, ca
         "difference of the means beside it",
     ]
     assert "weights seed 1: unfinished, 3 of 8 epochs logged" in capsys.readouterr().out
-    both = pd.read_csv(out / "seeds.csv").query("split == 'test' and seed != 1")
-    change = both.pivot(index="seed", columns="experiment", values="miou")
-    expected = (change["weights"] - change["baseline"]).mean()
-    found = table(out, "ablation").loc["+ Safety-prior class weights", "delta_miou"]
+    both = scores_of(out).query("score == 'miou' and seed != '1'")
+    change = both.pivot(index="seed", columns="experiment", values="value")
+    expected = 100 * (change["weights"] - change["baseline"]).mean()
+    found = table(out, "ablation").loc["+ Safety-prior class weights", "Δ mIoU"]
     assert found == pytest.approx(expected)
 
 
@@ -259,24 +276,13 @@ def test_a_missing_rung_leaves_no_row_and_an_empty_step(runs):
     assert all(f"- attitude seed {seed}: no run" in page for seed in (0, 1, 2))
 
 
-def test_tables_of_an_earlier_report_do_not_stay(runs):
-    out = reported(runs)
-    (out / "tables/mine.tex").write_text("")
-    for name in ("attitude", "weights", "skyocc"):
-        shutil.rmtree(runs / name)
-    reported(runs)
-    names = {path.stem for path in (out / "tables").iterdir()}
-    assert "incremental" not in names
-    assert {"main", "ablation", "mine"} <= names
-
-
 def test_without_any_rung_there_is_the_main_table_alone(tmp_path):
     runs = tmp_path / "runs/tiny"
     for seed in (0, 1):
         write_run(runs, "streams", seed)
     out = reported(runs)
     assert list(table(out, "main").index) == ["streams", "All free", "Voxel prior"]
-    assert not (out / "tables/ablation.csv").exists()
+    assert "ablation" not in set(tables(out)["table"])
     page = (out / "report.md").read_text()
     assert "no finished run of the ladder is here" in page
     assert "All 2 runs share every setting but: seed." in page
@@ -355,12 +361,10 @@ def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs, tm
     assert re.search(r"scored unlike the others .*attitude seed 0", warned)
     reported(runs, out=tmp_path / "public", mixed=True, publish=True)
     again = reported(runs, tmp_path / "public/runs", out=tmp_path / "again", mixed=True)
-    above = reported(runs, tmp_path / "public", out=tmp_path / "above", mixed=True)
-    for place in (again, above):
-        assert (place / "report.md").read_bytes() == (out / "report.md").read_bytes()
-    assert set(pd.read_csv(out / "seeds.csv")["experiment"]) == {
-        *("baseline", "weights", "skyocc", "attitude (2: dataset=tiny-4567)")
-    }
+    assert (again / "report.md").read_bytes() == (out / "report.md").read_bytes()
+    other = " (2: dataset=tiny-4567)"
+    assert {f"attitude{other}", f"all_free{other}"} < set(scores_of(out)["experiment"])
+    assert "attitude" not in set(scores_of(out)["experiment"])
 
 
 def test_curves_of_other_protocols_are_no_seeds_of_one(tmp_path):

@@ -13,9 +13,9 @@ import torch
 from src.data.predictions import PredictionWriter
 from src.data.truth import SkyShieldTruth
 from src.errors import UserError
-from src.metrics.tally import Tally
 from src.ontology import BUILDING, CLASSES, FREE, UNKNOWN
-from src.report.results import read_results
+from src.results.counts import Counts
+from src.results.files import read_results
 from src.tasks.compare import compare
 from src.tasks.score import score
 from tests.synthetic import compose_config, mini_overrides, write_dataset
@@ -58,7 +58,7 @@ def test_the_truth_scores_one(dataset, tmp_path):
     rows = read_results(folder / "results.csv")
     assert list(rows["split"]) == ["test", "test_unseen_clips", "test_seen_clips"]
     assert (rows[["miou", "miou_occupied", "kar_miou"]] == 1).all(axis=None)
-    table = pd.read_csv(folder / "scores.csv").set_index(["split", "score"])["value"]
+    table = pd.read_csv(folder / "scores.csv").set_index(["part", "score"])["value"]
     assert table["test", "geometric_iou"] == table["test", "ray_iou"] == 1
     assert table["test", "false_free_rate"] == 0
     protocols = pd.read_csv(folder / "protocols.csv").set_index("protocol")["score"]
@@ -106,7 +106,7 @@ def test_a_damaged_folder_is_scored_only_when_told_so(dataset, tmp_path, damage,
     assert str(error.value).startswith(str(predictions))
     assert not (predictions / "scores").exists()
     folder = scored(dataset, predictions, allow_missing=True)
-    tally = Tally.read(folder / "tallies" / "mine.npz")
+    tally = Counts.read(folder / "tallies" / "mine.npz")
     assert tally.protocol.frames == sum(tally.frames) < len(SkyShieldTruth(dataset).samples)
 
 
@@ -140,12 +140,12 @@ def test_predictions_of_another_split_are_scored_by_it(dataset, tmp_path):
     rows = read_results(folder / "results.csv")
     assert list(rows["split"]) == ["test", "test_unseen_clips", "test_seen_clips"]
     assert (rows["miou"] == 1).all()
-    tally = Tally.read(folder / "tallies/mine.npz")
+    tally = Counts.read(folder / "tallies/mine.npz")
     whole, second = (
         tally.frames[tally.clips.index(c)] for c in ("downtown/clip00", "suburb/clip00")
     )
     assert whole > second, "the held-out flight has all of its frames"
-    table = pd.read_csv(folder / "scores.csv").drop_duplicates("split").set_index("split")
+    table = pd.read_csv(folder / "scores.csv").drop_duplicates("part").set_index("part")
     assert table.loc["test_unseen_clips", "frames"] == whole
 
 
@@ -227,7 +227,7 @@ def test_two_runs_are_compared_by_the_same_draws(dataset, runs, tmp_path):
     assert row["minus blind"] == pytest.approx(
         row["value"] - table.loc["blind", "value"]["kar_miou"]
     )
-    blind, other = (Tally.read(next(Path(run).glob("tallies/*.npz"))) for run in (runs[0], half))
+    blind, other = (Counts.read(next(Path(run).glob("tallies/*.npz"))) for run in (runs[0], half))
     settings = blind.protocol.suite
     generator = torch.Generator().manual_seed(settings["seed"])
     changes = []
@@ -252,7 +252,7 @@ def test_the_better_run_ranks_first_whatever_the_parameters(dataset, runs, tmp_p
 
 
 def without_sensitivity(path):
-    tally = Tally.read(path)
+    tally = Counts.read(path)
     del tally.tables["sensitivity"]
     tally.write(path)
 
@@ -279,7 +279,7 @@ def test_other_protocols_are_not_compared(dataset, runs, tmp_path):
 
 def test_other_frames_of_the_same_clips_are_not_compared(dataset, runs, tmp_path):
     (path,) = Path(runs[1]).glob("tallies/perfect.npz")
-    tally = Tally.read(path)
+    tally = Counts.read(path)
     first, second = tally.frames
     dataclasses.replace(tally, frames=[first - 1, second + 1]).write(path)
     with pytest.raises(
@@ -290,7 +290,7 @@ def test_other_frames_of_the_same_clips_are_not_compared(dataset, runs, tmp_path
 
 def test_other_labels_of_the_same_frames_are_not_compared(dataset, runs, tmp_path):
     (path,) = Path(runs[1]).glob("tallies/perfect.npz")
-    tally = Tally.read(path)
+    tally = Counts.read(path)
     tally.tables["occupancy"]["count"][0] = tally.tables["occupancy"]["count"][0].roll(1, 0)
     tally.write(path)
     with pytest.raises(UserError, match=r"^perfect: was scored on other labels than blind; score"):
@@ -329,7 +329,7 @@ def test_runs_of_one_name_are_told_apart_by_their_folders(dataset, tmp_path):
 
 
 def test_a_comparison_of_some_clips_is_of_these_alone(dataset, runs, tmp_path, capsys):
-    tallies = [Tally.read(next(Path(run).glob("tallies/*.npz"))) for run in runs]
+    tallies = [Counts.read(next(Path(run).glob("tallies/*.npz"))) for run in runs]
     clip = tallies[0].clips[1]
     for name, tally in zip("ab", tallies):
         tally.of_clips(lambda each: each == clip).write(tmp_path / f"{name}.npz")
@@ -351,7 +351,7 @@ def test_a_comparison_of_some_clips_is_of_these_alone(dataset, runs, tmp_path, c
 def test_what_rounding_alone_tells_apart_shares_a_rank(dataset, tmp_path):
     half = write_predictions(dataset, tmp_path / "half", every_other_slice)
     first = scored(dataset, half) / "tallies" / "half.npz"
-    tally = Tally.read(first)
+    tally = Counts.read(first)
     excess = tally.tables["sensitivity"]["excess"]
     excess += excess > 0  # the least step of these fixed-point numbers
     tally.write(tmp_path / "again.npz")

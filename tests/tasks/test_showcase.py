@@ -20,8 +20,8 @@ from src.tasks.fit import fit
 from src.tasks.report import report
 from src.tasks.showcase import _scene, _Viewer, ends_of, facts_of
 from tests.report.browser import opened
-from tests.report.ladder_runs import ladder_of, write_ladder
 from tests.report.sample_page import labels_in, read_scene
+from tests.results.scored import ladder_of, write_ladder
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 RUNGS = ("baseline", "skyocc")

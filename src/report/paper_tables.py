@@ -1,0 +1,279 @@
+"""The paper's tables of the ladder: each is a selection of the long table of results.
+
+Numbers are percentages, differences percentage points. Each function leaves out the rungs that are
+not there; a difference from one of these is an empty cell.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+from ..ontology import CLASSES, NUM_CLASSES
+from ..results.files import SHORT_NAMES
+from ..results.render import Cell, Table, table_of
+from ..results.table import pivoted
+from .captions import counted, resampling
+from .ladder import PAPER
+from .run_group import BEYOND, LONG_TAIL, Part
+
+# Names of the classes in the heads of the paper's tables.
+CLASS_NAMES = {
+    **dict(zip(CLASSES[:3], ("Building", "Ground", "Vegetation"))),
+    **dict(zip(LONG_TAIL, ("Thin Struct.", "Large Veh.", "Car", "VRU"))),
+    **dict(zip(CLASSES[7:], ("General", "Free Space"))),
+}
+PERCENT = "All numbers are percentages."
+
+# A row of a table: its name, and its cells.
+Row = tuple[str, Sequence[Cell | str | None]]
+
+
+class Column(NamedTuple):
+    """A score, or its change from a reference; ``best`` is the end of it that is marked."""
+
+    score: str
+    name: str
+    best: str = "high"
+    short: str = ""
+    is_change: bool = False
+
+
+# The two scores that the paper ranks by; the second is its own.
+MEANS = [Column("miou", "mIoU"), Column("kar_miou", "KAR-mIoU", short="KAR")]
+
+
+def paper_tables(
+    part: Part, of_others: Sequence[Part], marks: Mapping[str, Sequence[str]], frames: set[int]
+) -> list[Table]:
+    """Returns every table of one part, without those that have no row or no column.
+
+    ``of_others`` are the same part of other groups, for the tables of all experiments. ``marks``
+    are the factors of every rung, and ``frames`` the numbers of frames that its predictions see.
+    """
+    parts = [part, *of_others]
+    tables = [main_table(parts), ablation_table(part, marks)]
+    # The paper has these tables of the whole split alone.
+    if part.name == "test" and part.rungs:
+        tables += [long_tail_table(part, frames), incremental_table(part)]
+        tables.append(progression_table(part, frames))
+
+    return [table for table in (*tables, beyond_table(parts)) if table.frame.size]
+
+
+def main_table(parts: Sequence[Part]) -> Table:
+    """The paper's Table 2: IoU of every class, mIoU and KAR-mIoU of every experiment."""
+    columns = [Column(f"iou/{c}", CLASS_NAMES[c], short=SHORT_NAMES[c]) for c in CLASSES]
+    text = (
+        f"{PERCENT} mIoU is averaged over {NUM_CLASSES} classes including free space; KAR-mIoU "
+        "excludes free space and unknown from the mean and penalizes FP/FN in short-TTC regions."
+    )
+    return _of_all(parts, "main", "Main results", text, [*columns, *MEANS])
+
+
+def ablation_table(part: Part, marks: Mapping[str, Sequence[str]]) -> Table:
+    """The paper's Table 3: which of the three factors every rung has, and what it gains."""
+    factors = {"Att. Proj.": "att.", "Class Weight": "wts.", "Lovász": "lov."}
+    changes = {"miou": "mIoU", "kar_miou": "KAR", "iou/thin_structure": "Thin", "iou/vru": "VRU"}
+    columns = [*MEANS, *(_change(*change) for change in changes.items())]
+
+    rows = [
+        (part.ladder.row_name(name), [*marks[name], *cells])
+        for name, cells in _cells(part, part.rungs, columns, part.ladder.first)
+    ]
+    text = f"Gains are measured relative to {part.ladder.reference}. {PERCENT}"
+    return _of_rungs(part, "ablation", "Ablation study", text, columns, rows, factors=factors)
+
+
+def long_tail_table(part: Part, frames: Collection[int]) -> Table:
+    """The paper's table of thin structures, large vehicles, cars and VRUs, and the full model's
+    gain."""
+    columns = [Column(f"iou/{name}", CLASS_NAMES[name]) for name in LONG_TAIL]
+    columns.append(Column("long_tail", "Mean"))
+    rows: list[Row] = [
+        (_added(part, name, frames), cells) for name, cells in _cells(part, part.rungs, columns)
+    ]
+
+    # The last row says what the highest rung gains over the lowest, where both are there.
+    text, lines, first, last = "", (), part.ladder.first, part.ladder.last
+    if {first, last} <= set(part.rungs) and first != last:
+        lines = (len(rows),)
+        changes = [column._replace(is_change=True) for column in columns]
+        ((_, gain),) = _cells(part, [last], changes, first)
+        full = "full model" if last == PAPER.last else part.ladder.row_name(last)
+        rows.append((f"Gain of {full}", gain))
+        text = f"Gains are relative to {part.ladder.reference}. "
+
+    labelled = part.resamples.labelled_clips
+    clips = ", ".join(f"{CLASS_NAMES[name]} {labelled[name]}" for name in LONG_TAIL)
+    text += (
+        f"All numbers are standard IoU percentages. Of the {counted(part.resamples.clips, 'clip')},"
+        f" so many have a labelled voxel of the class: {clips}."
+    )
+    title = "Long-tail safety structures"
+    return _of_rungs(part, "long_tail", title, text, columns, rows, lines=lines)
+
+
+def incremental_table(part: Part) -> Table:
+    """The paper's table of changes, each from the rung just below."""
+    changes = {"miou": "mIoU", "kar_miou": "KAR"}
+    changes |= {f"iou/{name}": CLASS_NAMES[name] for name in LONG_TAIL}
+    columns = [_change(*change, best="") for change in changes.items()]
+
+    # A step whose lower rung is missing has no number: that from another rung would be wrong.
+    rows = [
+        (part.ladder.rungs[name].added or part.ladder.row_name(name), cells)
+        for before, name in pairwise(part.ladder.names)
+        if name in part.rungs
+        for _, cells in _cells(part, [name], columns, before)
+    ]
+    text = (
+        "Values are percentage-point changes from the immediately previous configuration; empty "
+        "where that is missing."
+    )
+    title = "Incremental component effects"
+    return _of_rungs(part, "incremental", title, text, columns, rows, head="Added component")
+
+
+def progression_table(part: Part, frames: Collection[int]) -> Table:
+    """The paper's multi-frame progression, with the gap between its two means."""
+    changes = {"miou": "mIoU", "kar_miou": "KAR"}
+    columns = [*MEANS, *(_change(*change) for change in changes.items())]
+    # No best: the lowest gap is that of a model that finds nothing.
+    columns.append(Column("gap", "Gap", best=""))
+
+    rows = [
+        (_added(part, name, frames), cells)
+        for name, cells in _cells(part, part.rungs, columns, part.ladder.first)
+    ]
+    either, noun = " or ".join(map(str, sorted(frames))), "frames" if max(frames) > 1 else "frame"
+    text = (
+        f"Each prediction sees {either} {noun}. Δ values are relative to {part.ladder.reference}. "
+        f"{PERCENT} The gap is mIoU less KAR-mIoU: what leaving free space out and weighing by "
+        "time to collision take together."
+    )
+    return _of_rungs(part, "progression", f"{_kind(frames)} progression", text, columns, rows)
+
+
+def beyond_table(parts: Sequence[Part]) -> Table:
+    """Scores that the paper does not have, and those of metrics of a user's own.
+
+    A score that no run has, has no column.
+    """
+    scored = {score for part in parts for score in part.scores["score"]}
+    columns = [Column(score, *named) for score, named in BEYOND.items() if score in scored]
+    columns += [Column(score, score) for score in parts[0].own_scores]
+
+    text = (
+        f"{PERCENT} mIoU of the occupied classes alone; IoU of occupied against free; RayIoU of "
+        "what the camera's rays meet first; of what truly is occupied, the share predicted free: "
+        "in the tube that the UAV's body sweeps, and in the bubble within the horizon. The two "
+        "rates are the better the lower, and lowest for what calls everything occupied: read them "
+        "with the IoU."
+    )
+    frames, clips = parts[0].resamples.blocked
+    if frames:
+        text += (
+            f" The collision-miss rate rests on the {counted(frames, 'frame')}, of "
+            f"{counted(clips, 'clip')}, with something in the tube."
+        )
+    return _of_all(parts, "beyond", "Beyond the paper", text, columns)
+
+
+def _of_all(
+    parts: Sequence[Part], key: str, title: str, text: str, columns: Sequence[Column]
+) -> Table:
+    """Returns a table of all experiments: the ladder, the others, the anchors, lines between."""
+    rows: list[Row] = []
+    lines, captions, first = [], [text + _absent(parts[0])], parts[0]
+    for part in parts:
+        for names in (part.rungs, part.others, part.anchors):
+            if names and rows:
+                lines.append(len(rows))
+            for name, cells in _cells(part, names, columns):
+                rows.append((part.ladder.row_name(name) + part.label, cells))
+        drawn = resampling(part.resamples, part.rungs + part.others)
+        captions.append(f"{part.label} {drawn}".strip())
+
+    # Rows of other parts were scored on something else: none of them can be the best.
+    ranked = len(first.rungs + first.others + first.anchors)
+    more = {"lines": tuple(lines), "ranked": ranked}
+    return _table(first, key, title, " ".join(captions), columns, rows, **more)
+
+
+def _of_rungs(
+    part: Part,
+    key: str,
+    title: str,
+    text: str,
+    columns: Sequence[Column],
+    rows: Sequence[Row],
+    **more,
+) -> Table:
+    drawn = resampling(part.resamples, part.rungs, differences=True)
+    more = {"head": "Configuration"} | more
+    return _table(part, key, title, f"{text}{_absent(part)} {drawn}", columns, rows, **more)
+
+
+def _table(
+    part: Part,
+    key: str,
+    title: str,
+    caption: str,
+    columns: Sequence[Column],
+    rows: Sequence[Row],
+    head: str = "Method",
+    **more,
+) -> Table:
+    """Returns the table; ``factors`` among ``more`` are columns of texts before the others."""
+    factors = more.pop("factors", {})
+    suffix = "" if part.name == "test" else f"_{part.name}"
+    names = [*factors, *(column.name for column in columns)]
+
+    return Table(
+        f"{key}{suffix}",
+        f"{title}, {part.name} of {part.dataset}{part.label}",
+        caption,
+        table_of(rows, names, head),
+        {column.name: column.best for column in columns if column.best},
+        factors | {column.name: column.short for column in columns if column.short},
+        **more,
+    )
+
+
+def _cells(
+    part: Part, names: Sequence[str], columns: Sequence[Column], reference: str = ""
+) -> list[Row]:
+    """Returns the cells of experiments: scores, and changes from a reference."""
+    keys = [
+        {"score": column.score, "reference": reference if column.is_change else ""}
+        for column in columns
+    ]
+    rows = [{"experiment": name, "part": part.name} for name in names]
+    return list(zip(names, pivoted(part.scores, rows, keys)))
+
+
+def _change(score: str, name: str, best: str = "high") -> Column:
+    return Column(score, f"Δ {name}", best, is_change=True)
+
+
+def _absent(part: Part) -> str:
+    """Says what a class that is nowhere does to the means, and to their differences."""
+    if not part.absent:
+        return ""
+    return (
+        f" Not one voxel is labelled {', '.join(CLASS_NAMES[name] for name in part.absent)}: the "
+        "class counts in a row's means, with 0, if it was predicted there, and is left out if it "
+        "was not."
+    )
+
+
+def _kind(frames: Collection[int]) -> str:
+    return "Multi-frame" if max(frames) > 1 else "Single-frame"
+
+
+def _added(part: Part, name: str, frames: Collection[int]) -> str:
+    """Returns a rung's name by what it adds, as the paper's appendix does."""
+    if name == part.ladder.first == PAPER.first:
+        return f"{_kind(frames)} baseline"
+    added = part.ladder.rungs[name].added
+    return f"+ {added}" if added else part.ladder.row_name(name)

@@ -1,0 +1,221 @@
+"""Conditions under which task=attitude presents the test split, and what it has counted there."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from itertools import pairwise
+from pathlib import Path
+
+import pandas as pd
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from ..data.batch import Batch
+from ..errors import UserError
+from ..metrics.protocol import require_same_protocol
+from ..run_folder import TALLIES
+from .counts import Counts
+from .runs import ScoredRun
+
+# The folder of task=attitude in a run's folder, and its table.
+ATTITUDE, TABLE = "attitude", "attitude.csv"
+
+# The condition of frames that are presented with their true attitude, and with that of a UAV that
+# flies level.
+TRUE, LEVEL = "true", "level"
+
+# Share of the voxels that another machine, or another batch, may tip. Two seeds of a rung, even
+# where their mIoU is the same, differ in ten times as many and more.
+MOVED = 1e-4
+AGAIN = "score both alike with task=attitude"
+
+# Counts of the experiments by seed, under each condition.
+Conditions = dict["Condition", dict[str, dict[int, Counts]]]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Frames with a tilt from ``tilt_low_deg`` on and below ``tilt_high_deg``, and how they are
+    presented: with an attitude that has noise or a delay, or with that of ``level`` flight.
+
+    The tilt is |roll| + |pitch| of the true attitude. Its fields are columns of ``attitude.csv``.
+    """
+
+    tilt_low_deg: float = 0.0
+    tilt_high_deg: float = math.inf
+    noise_deg: float = 0.0
+    delay_s: float = 0.0
+    level: bool = False
+
+    @property
+    def fault(self) -> tuple[float, float, bool]:
+        """The arguments of the attitude that the model is given."""
+        return self.noise_deg, self.delay_s, self.level
+
+    @property
+    def presented(self) -> str:
+        """The column ``condition`` of the long table: true, noise_3deg, delay_0.2s or level."""
+        parts = [f"noise_{self.noise_deg:g}deg"] if self.noise_deg else []
+        parts += [f"delay_{self.delay_s:g}s"] if self.delay_s else []
+        return "_".join(parts + [LEVEL] * self.level) or TRUE
+
+    @property
+    def part(self) -> str:
+        """The column ``part`` of the long table: the whole test split, or a bin of tilt."""
+        return f"tilt_{self.tilt_low_deg:g}_{self.tilt_high_deg:g}deg" if self.is_bin else "test"
+
+    @property
+    def is_bin(self) -> bool:
+        return self.tilt_low_deg > 0 or self.tilt_high_deg < math.inf
+
+    @property
+    def name(self) -> str:
+        """The name for files: true, tilt_5_10deg, noise_3deg, level or level_tilt_5_10deg."""
+        names = [self.presented] if self.presented != TRUE or not self.is_bin else []
+        return "_".join(names + [self.part] * self.is_bin)
+
+    def holds(self, batch: Batch) -> Bool[Tensor, "b"]:
+        """Says which frames of a batch, with its true attitude, belong here."""
+        tilt_deg = torch.rad2deg(batch["attitude_rad"].abs().sum(dim=-1))
+        return (tilt_deg >= self.tilt_low_deg) & (tilt_deg < self.tilt_high_deg)
+
+
+def conditions_of(
+    tilt_edges_deg: Sequence[float],
+    noise_deg: Sequence[float],
+    delay_s: Sequence[float],
+    level: bool,
+) -> Iterator[Condition]:
+    """Yields all frames; each bin of tilt; all frames under each noise, and under each delay.
+
+    With ``level``, all frames and each bin follow once more, as of a UAV that flies level. Raises
+    `UserError` for edges that do not ascend from above zero, for values that are not above zero,
+    and for two that have one name.
+    """
+    edges = [0.0, *tilt_edges_deg]
+    if any(not high > low for low, high in pairwise(edges)):
+        raise UserError(f"task.tilt_edges_deg: {list(tilt_edges_deg)}; give ascending ones above 0")
+    listed = {"tilt_edges_deg": tilt_edges_deg, "noise_deg": noise_deg, "delay_s": delay_s}
+    for name, values in listed.items():
+        if any(not 0 < value < math.inf for value in values):
+            raise UserError(f"task.{name}: {list(values)}; give values above 0")
+        if len({f"{value:g}" for value in values}) < len(values):
+            raise UserError(f"task.{name}: {list(values)}; give values of which no two are alike")
+
+    bins = [Condition()]
+    if len(edges) > 1:
+        bins += [Condition(*bounds) for bounds in zip(edges, [*edges[1:], math.inf])]
+    yield from bins
+    yield from (Condition(noise_deg=value) for value in noise_deg)
+    yield from (Condition(delay_s=value) for value in delay_s)
+    if level:
+        yield from (replace(condition, level=True) for condition in bins)
+
+
+def condition_table(conditions: Sequence[Condition], noise_seed: int) -> pd.DataFrame:
+    """Returns the columns of ``attitude.csv`` that are no scores, a row a condition."""
+    rows = [{"condition": each.name, **asdict(each)} for each in conditions]
+    return pd.DataFrame(rows).assign(noise_seed=noise_seed)
+
+
+def read_conditions(runs: Sequence[ScoredRun]) -> Conditions:
+    """Reads what task=attitude has counted of the runs that it has scored, in its order.
+
+    Raises `UserError` for counts that cannot be read, or that are not of the same frames under the
+    same conditions.
+    """
+    tables = {
+        run.path / ATTITUDE / TABLE: (run, _table(run.path / ATTITUDE / TABLE))
+        for run in runs
+        if (run.path / ATTITUDE / TABLE).is_file()
+    }
+    facts = _require_alike(tables)
+    for run, _ in tables.values():
+        _require_own(run)
+
+    conditions: Conditions = {}
+    for name, row in facts.items():
+        read: dict[Path, Counts] = {}
+        by_experiment: dict[str, dict[int, Counts]] = {}
+        for run, table in tables.values():
+            if name in table:
+                path = run.path / ATTITUDE / TALLIES / f"{name}.npz"
+                if not path.is_file():
+                    raise UserError(f"{path}: is not there; run task=attitude again")
+                read[path] = Counts.read(path)
+                by_experiment.setdefault(run.experiment, {})[run.seed] = read[path]
+        _require_same_frames(read)
+        conditions[Condition(**{each.name: row[each.name] for each in fields(Condition)})] = (
+            by_experiment
+        )
+    return conditions
+
+
+def _table(path: Path) -> dict[str, dict]:
+    """Reads the facts of each condition of an ``attitude.csv``, by its name."""
+    facts = [*(each.name for each in fields(Condition)), "noise_seed"]
+    try:
+        table = pd.read_csv(path, dtype={"condition": str})
+        rows = table.drop_duplicates("condition").set_index("condition")[facts]
+        return {str(name): row for name, row in zip(rows.index, rows.to_dict("records"))}
+    except (OSError, ValueError, KeyError) as error:
+        reason = " ".join(str(error).split())
+        raise UserError(f"{path}: cannot be read ({reason}); run task=attitude again") from None
+
+
+def _require_alike(tables: Mapping[Path, tuple[ScoredRun, dict]]) -> dict[str, dict]:
+    """Returns the facts of all conditions, by name.
+
+    Raises `UserError` where runs have other bins of tilt, seeds of one experiment other conditions,
+    or conditions of one name other facts: columns of a table would not be of one kind.
+    """
+    facts: dict[str, dict] = {}
+    firsts: dict[str, tuple[Path, dict]] = {}
+
+    for path, (run, table) in tables.items():
+        first, of_first = next((first, each) for first, (_, each) in tables.items())
+        if _bins(table) != _bins(of_first):
+            raise UserError(f"{path}: has other bins of tilt than {first}; {AGAIN}")
+        first, of_first = firsts.setdefault(run.experiment, (path, table))
+        if other := table.keys() ^ of_first.keys():
+            raise UserError(f"{path}: has other conditions than {first} ({min(other)}); {AGAIN}")
+        for name, row in table.items():
+            for key, value in facts.setdefault(name, row).items():
+                if row[key] != value:
+                    raise UserError(
+                        f"{path}: {name} has {key}={row[key]:g}, and elsewhere {value:g}; {AGAIN}"
+                    )
+    return facts
+
+
+def _bins(table: Mapping[str, dict]) -> set[str]:
+    return {name for name in table if name.startswith("tilt")}
+
+
+def _require_own(run: ScoredRun) -> None:
+    """Raises `UserError` where the true attitude was counted unlike the run itself."""
+    path = run.path / ATTITUDE / TALLIES / f"{TRUE}.npz"
+    if not path.is_file():
+        return
+
+    counts = Counts.read(path)
+    # Its part has another name, but all frames are those that the run was scored on.
+    protocol = replace(counts.protocol, part=run.counts.protocol.part)
+    _require_same_frames({path: replace(counts, protocol=protocol), run.path: run.counts})
+
+    table, own = (each.tables["occupancy"]["count"] for each in (counts, run.counts))
+    moved = float((table - own).abs().sum() / 2 / own.sum())
+    if moved > MOVED:
+        raise UserError(
+            f"{path}: counts {100 * moved:.2g} % of the voxels otherwise than the run; run "
+            "task=attitude on the run's best checkpoint again"
+        )
+
+
+def _require_same_frames(counts: Mapping[Path, Counts]) -> None:
+    require_same_protocol({str(path): each.protocol for path, each in counts.items()})
+    (first, reference), *others = counts.items()
+    for path, each in others:
+        if other := each.scored_on_other(reference):
+            raise UserError(f"{path}: was scored on {other} than {first}; {AGAIN}")

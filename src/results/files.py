@@ -1,0 +1,180 @@
+"""What scoring leaves: ``results.csv``, one wide row a part, ``scores.csv``, and the counts."""
+
+import io
+import json
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+from rich.console import Console
+
+from ..atomic import replacing
+from ..errors import UserError
+from ..ontology import CLASSES
+from ..run_folder import SCORES as LONG
+from ..run_folder import TALLIES
+from .counts import Counts
+from .render import Cell, Table, print_table, table_of
+from .table import Parts, run_table
+
+MEANS = ("miou", "miou_occupied", "kar_miou")
+# Scores are shares in [0, 1], NaN where a class never occurs.
+SCORES = (
+    *MEANS,
+    *(f"iou/{name}" for name in CLASSES),
+    *(f"kar_iou/{name}" for name in CLASSES),
+)
+NUMBERS = {"seed": int, "parameters": int, **dict.fromkeys((*SCORES, "seconds"), float)}
+
+# ``protocol`` is compact JSON: what was counted, and how. ``precision`` is what the network really
+# computed with. The anchors are the experiments ``all_free`` and ``voxel_prior``.
+COLUMNS = (
+    *("experiment", "scale", "seed", "split"),
+    *SCORES,
+    *("protocol", "seconds", "parameters", "precision", "code_version", "git_commit", "dataset"),
+)
+TEXTS = tuple(name for name in COLUMNS if name not in NUMBERS)
+
+# What heads the columns of a printed table.
+SHORT_NAMES = dict(
+    zip(CLASSES, ("build.", "ground", "veget.", "thin", "large", "car", "VRU", "general", "free"))
+)
+SHORT_MEANS = dict(zip(MEANS, ("mIoU", "occ.", "KAR")))
+
+
+def result_rows(counts: Counts, parts: Parts, facts: Mapping[str, object]) -> list[dict]:
+    """Returns a row of ``results.csv`` for each part that has a frame.
+
+    ``facts`` are the columns that are no scores.
+    """
+    rows = []
+    for part, chosen in parts.items():
+        if clips := counts.rows(chosen):
+            scores = counts.scores("occupancy", clips)
+            # Through float32, as the metric itself gives them, to the last bit.
+            values = {name: float(scores[name].float()) for name in SCORES}
+            own = {"experiment": counts.name, "split": part, "protocol": counts.protocol.to_json()}
+            rows.append({**facts, **own, **values})
+    return rows
+
+
+def write_scores(folder: Path, runs: Mapping[int, Sequence[Counts]], parts: Parts) -> pd.DataFrame:
+    """Writes ``scores.csv`` and ``tallies/<experiment>.npz`` into a folder; returns the table.
+
+    ``runs`` are the counts by their seed. Each file is replaced as a whole. Raises `UserError`
+    where one cannot be written.
+    """
+    for counts in (each for scored in runs.values() for each in scored):
+        counts.write(folder / TALLIES / f"{counts.name}.npz")
+    table = run_table(runs, parts)
+    write_table(table, folder / LONG)
+    return table
+
+
+def write_table(table: pd.DataFrame, path: Path) -> None:
+    """Writes a CSV; the file is replaced as a whole. Raises `UserError` where it cannot be."""
+    with replacing(path) as temporary:
+        table.to_csv(temporary, index=False, lineterminator="\n")
+
+
+def write_results(path: str | Path, rows: Sequence[Mapping[str, object]]) -> None:
+    """Writes rows that hold exactly `COLUMNS`; ``protocol`` may be a dict.
+
+    The file is replaced as a whole or not at all, and reads back to the same floats. Raises
+    `UserError` where it cannot be written.
+    """
+    for row in rows:
+        if set(row) != set(COLUMNS):
+            raise ValueError(f"a row of results differs in {sorted(set(row) ^ set(COLUMNS))}")
+
+    table = pd.DataFrame([{**row, "protocol": _compact(row["protocol"])} for row in rows])
+    write_table(table.reindex(columns=list(COLUMNS)), Path(path))
+
+
+def _compact(protocol: object) -> str:
+    if isinstance(protocol, str):
+        return protocol
+    return json.dumps(protocol, sort_keys=True, separators=(",", ":"))
+
+
+def read_results(path: str | Path) -> pd.DataFrame:
+    """Reads a ``results.csv``, typed: texts as strings, scores as floats with NaN.
+
+    Raises `UserError` for a file that is missing, cut off, or not a table of results.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        # As text first, because pandas 2 parses floats inexactly.
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # rows that are too long
+            table = pd.read_csv(io.StringIO(text), dtype=str, index_col=False)
+        table = table.astype({name: kind for name, kind in NUMBERS.items() if name in table})
+    except FileNotFoundError as error:
+        raise UserError(f"{path}: no such file; finish the run or run task=test first") from error
+    except (OSError, ValueError, pd.errors.ParserWarning) as error:
+        raise _corrupt(path, str(error).splitlines()[0]) from error
+
+    missing = [name for name in COLUMNS if name not in table]
+    if missing:
+        raise _corrupt(path, f"it has no column {missing[0]}")
+    if not text.endswith("\n"):
+        raise _corrupt(path, "its last line is cut off")
+    table["git_commit"] = table["git_commit"].fillna("")
+    for name in TEXTS:
+        if table[name].isna().any():
+            raise _corrupt(path, f"a row has no {name}")
+    if not table["protocol"].map(_is_json).all():
+        raise _corrupt(path, "a protocol is not JSON")
+    return table[list(COLUMNS)]
+
+
+def _is_json(text: str) -> bool:
+    try:
+        json.loads(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _corrupt(path: str | Path, reason: str) -> UserError:
+    return UserError(f"{path}: not a readable results file ({reason}); delete it and run again")
+
+
+def print_results(rows: pd.DataFrame, console: Console | None = None) -> None:
+    """Prints a table for each split: IoU of every class and the means, and KAR-IoU below them.
+
+    ``rows`` is what `read_results` returns, in the order to print. A dash is a score without any
+    voxel to score (NaN); * marks the best of a split.
+    """
+    columns = {f"iou/{name}": short for name, short in SHORT_NAMES.items()} | SHORT_MEANS
+    for split, of_split in rows.groupby("split", sort=False):
+        lines = [
+            (name, [_percent(row[score]) for score in columns]) for name, row in _named(of_split)
+        ]
+        lines += [
+            (f"{name}: KAR-IoU", [_percent(row[f"kar_{score}"]) for score in list(columns)[:-3]])
+            for name, row in _named(of_split)
+        ]
+
+        print_table(
+            Table(
+                str(split),
+                f"Scores (%), {split}: IoU of every class, mIoU, mIoU occupied and KAR-mIoU",
+                "",
+                table_of(lines, list(columns.values()), "experiment, seed"),
+                best=dict.fromkeys(columns.values(), "high"),
+                lines=(len(of_split),),
+                ranked=len(of_split),
+            ),
+            console,
+        )
+
+
+def _named(rows: pd.DataFrame) -> list[tuple[str, pd.Series]]:
+    return [(f"{row['experiment']} {row['seed']}", row) for _, row in rows.iterrows()]
+
+
+def _percent(share: float) -> Cell:
+    return Cell(100 * share if not math.isnan(share) else math.nan)

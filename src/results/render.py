@@ -1,0 +1,358 @@
+"""A table to be shown, in every form: CSV, Markdown, LaTeX, HTML, and on the terminal."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from rich import box
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table as RichTable
+from rich.text import Text
+
+# A score that does not exist.
+NONE = "–"
+
+# Width of a printed table in columns, and of its names, which are folded.
+WIDTH, NAME_WIDTH = 110, 30
+# Room to measure how wide a table would be.
+UNBOUNDED = 10_000
+
+# More columns than these span both columns of a page in LaTeX.
+WIDE = 7
+LATEX = {
+    **{character: f"\\{character}" for character in "&%$#_{}"},
+    **{"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"},
+    **{"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}", '"': "''"},
+    **{"Δ": r"$\Delta$", "✓": r"$\surd$", "✗": r"$\times$", "–": "--", "á": r"\'a"},
+    # At the beginning of a row they would be arguments of the line break before it.
+    **{"[": "{[}", "*": "{*}"},
+}
+# A plain LaTeX has no letters beyond this one, and stops at them.
+LAST_LATIN = "\u017f"
+# The table is made no wider than the page where the package graphicx can see to it.
+FITTED = (
+    r"\ifdim\wd0>\linewidth\ifcsname resizebox\endcsname\resizebox{\linewidth}{!}{\usebox0}"
+    r"\else\usebox0\fi\else\usebox0\fi"
+)
+
+
+class Cell(NamedTuple):
+    """A number in percent, or a difference in percentage points, and the bounds of its interval.
+
+    NaN stands for a value that does not exist, and for bounds where there is nothing to resample.
+    A cell that is ``signed`` is a difference: it is printed with its sign.
+    """
+
+    value: float
+    low: float = math.nan
+    high: float = math.nan
+    signed: bool = False
+
+    def text(self, decimals: int = 2) -> str:
+        """Returns the value as a table shows it."""
+        return _number(self.value, self.signed, decimals)
+
+    def bounds(self, decimals: int = 2) -> list[str]:
+        """Returns both bounds as a table shows them; nothing where there is no interval."""
+        if math.isnan(self.low) or math.isnan(self.high):
+            return []
+        return [_number(end, self.signed, decimals) for end in (self.low, self.high)]
+
+
+class Shown(NamedTuple):
+    """An entry of a table as it is shown: its text, the bounds below it, and whether it is best."""
+
+    entry: Cell | str | None
+    column: str
+    text: str
+    bounds: list[str]
+    is_best: bool
+
+
+@dataclass(frozen=True)
+class Table:
+    """A small DataFrame to be shown, with its title and caption.
+
+    ``frame`` has a row for each name in its index, whose own name heads them, and in each column a
+    `Cell`, a text, or ``None`` for nothing. ``key`` names the table. ``best`` says of a column
+    whether its "high" or "low" end is the better one, and ``short`` heads it where room is scarce.
+    A line is drawn before the rows ``lines``. Only the first ``ranked`` rows can be the best; those
+    below them were scored on something else.
+    """
+
+    key: str
+    title: str
+    caption: str
+    frame: pd.DataFrame
+    best: Mapping[str, str] = field(default_factory=dict)
+    short: Mapping[str, str] = field(default_factory=dict)
+    lines: tuple[int, ...] = ()
+    ranked: int | None = None
+
+    @property
+    def columns(self) -> list[str]:
+        return list(self.frame.columns)
+
+    @property
+    def heads(self) -> list[str]:
+        """What heads the names, and every column."""
+        return [str(self.frame.index.name), *self.columns]
+
+    @property
+    def rows(self) -> list[tuple[str, list]]:
+        """The name of every row, and its entries."""
+        return list(zip(self.frame.index, self.frame.to_numpy(dtype=object).tolist()))
+
+    def entries(self, column: str) -> list[Cell | str | None]:
+        return self.frame[column].tolist()
+
+    def is_text(self, column: str) -> bool:
+        return any(isinstance(entry, str) for entry in self.entries(column))
+
+    def is_signed(self, column: str) -> bool:
+        """Whether all numbers of a column are differences."""
+        return all(cell.signed for cell in self.entries(column) if isinstance(cell, Cell))
+
+    def best_rows(self, column: str) -> set[int]:
+        """Returns the rows whose number is to be marked; none where there is no choice."""
+        ranked = len(self.frame) if self.ranked is None else self.ranked
+        values = {
+            n: cell.value
+            for n, cell in enumerate(self.entries(column))
+            if isinstance(cell, Cell)
+            and n < ranked
+            and not math.isnan(cell.value)
+            # A difference below scores is no rival of theirs.
+            and cell.signed == self.is_signed(column)
+        }
+        if column not in self.best or len(set(values.values())) < 2:
+            return set()
+
+        best = max(values.values()) if self.best[column] == "high" else min(values.values())
+        return {n for n, value in values.items() if value == best}
+
+    def shown(self, decimals: int = 2) -> Iterator[tuple[str, list[Shown]]]:
+        """Yields the name of every row, and its entries as they are shown."""
+        best = {column: self.best_rows(column) for column in self.columns}
+        for n, (name, entries) in enumerate(self.rows):
+            row = []
+            for column, entry in zip(self.columns, entries):
+                text, bounds = entry or "", []
+                if isinstance(entry, Cell):
+                    text, bounds = entry.text(decimals), entry.bounds(decimals)
+                row.append(Shown(entry, column, text, bounds, n in best[column]))
+            yield name, row
+
+
+def table_of(
+    rows: Sequence[tuple[str, Sequence]], columns: Sequence[str], head: str = "Method"
+) -> pd.DataFrame:
+    """Returns the frame of a `Table`: names and entries of its rows, and names of its columns."""
+    # Filled cell by cell, as pandas would take a named tuple for a row of its own.
+    cells = np.full((len(rows), len(columns)), None, dtype=object)
+    for n, (_, entries) in enumerate(rows):
+        for m, entry in enumerate(entries):
+            cells[n, m] = entry
+    index = pd.Index([name for name, _ in rows], name=head, dtype=object)
+    return pd.DataFrame(cells, index=index, columns=list(columns), dtype=object)
+
+
+def _number(value: float, signed: bool, decimals: int) -> str:
+    if math.isnan(value):
+        return NONE
+    text = f"{value:{'+' if signed else ''}.{decimals}f}"
+    # Nothing is gained or lost by a number that rounds to nothing.
+    return f"{0:.{decimals}f}" if not text.strip("+-0.") else text
+
+
+# ------------------------------------------------------------------------------------------- CSV
+
+
+def csv_of(tables: Iterable[Table]) -> str:
+    """Returns one line for each cell of all tables, with its number as it is, or its text."""
+    lines = [
+        (table.key, name, column, *(entry[:3] if isinstance(entry, Cell) else (entry, None, None)))
+        for table in tables
+        for name, entries in table.rows
+        for column, entry in zip(table.columns, entries)
+    ]
+    columns = ["table", "row", "column", "value", "low", "high"]
+    return pd.DataFrame(lines, columns=columns).to_csv(index=False, lineterminator="\n")
+
+
+# -------------------------------------------------------------------------------------- Markdown
+
+
+def markdown_of(table: Table) -> str:
+    """Returns a table with its title and caption; the best of a column is bold."""
+    lines = [list(map(markdown, table.heads)), [":--", *["--:"] * len(table.columns)]]
+    for name, row in table.shown():
+        cells = [f"**{x.text}**" if x.is_best else markdown(x.text) for x in row]
+        bounds = [f" [{', '.join(x.bounds)}]" if x.bounds else "" for x in row]
+        lines.append([markdown(name), *map("".join, zip(cells, bounds))])
+
+    rows = "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    return f"**{markdown(table.title)}.** {markdown(table.caption)}\n\n{rows}"
+
+
+def markdown(text: str) -> str:
+    """Returns text that Markdown shows as it is written, also in a cell."""
+    return "".join(f"\\{letter}" if letter in "\\|_*`<[" else letter for letter in text)
+
+
+# ----------------------------------------------------------------------------------------- LaTeX
+
+
+def latex_of(table: Table) -> str:
+    """Returns a float with the table, its caption and the label ``tab:<key>``; the best is bold.
+
+    Intervals stand small below their numbers. A document that inputs it needs only ``booktabs``;
+    with ``graphicx`` a table that is too wide is made smaller.
+    """
+    is_wide = len(table.columns) > WIDE
+    kind, size = ("table*", r"\scriptsize") if is_wide else ("table", r"\small")
+    rows = [_latex_row(name, row) for name, row in table.shown()]
+    for n in sorted(table.lines, reverse=True):
+        rows.insert(n, r"\midrule")
+
+    lines = (
+        rf"\begin{{{kind}}}[t]",
+        r"\centering",
+        size,
+        r"\setlength{\tabcolsep}{3pt}",
+        rf"\caption{{\textbf{{{latex(table.title)}.}} {latex(table.caption)}}}",
+        rf"\label{{tab:{table.key}}}",
+        rf"\sbox0{{\begin{{tabular}}{{l{'c' * len(table.columns)}}}",
+        r"\toprule",
+        " & ".join(map(latex, table.heads)) + r" \\",
+        r"\midrule",
+        *rows,
+        r"\bottomrule",
+        r"\end{tabular}}",
+        FITTED,
+        rf"\end{{{kind}}}",
+    )
+    return "\n".join(lines) + "\n"
+
+
+def latex(text: str) -> str:
+    """Returns text that LaTeX sets as it is written, as far as it has the letters."""
+    return "".join(LATEX.get(letter, letter if letter <= LAST_LATIN else "?") for letter in text)
+
+
+def _latex_row(name: str, row: Sequence[Shown]) -> str:
+    """Returns a line of numbers and, where there is any interval, a small one of them below."""
+    # A hyphen would be set shorter than the plus that it stands below.
+    texts = [
+        x.text.replace("-", "$-$")
+        if isinstance(x.entry, Cell) and x.text != NONE
+        else latex(x.text)
+        for x in row
+    ]
+    values = [rf"\textbf{{{t}}}" if x.is_best else t for x, t in zip(row, texts)]
+    below = [", ".join(x.bounds).replace("-", "$-$") for x in row]
+
+    line = " & ".join([latex(name), *values]) + r" \\"
+    if not any(below):
+        return line
+    small = (rf"{{\tiny [{bounds}]}}" if bounds else "" for bounds in below)
+    return f"{line}\n{' & '.join(['', *small])} " + r"\\[2pt]"
+
+
+# ------------------------------------------------------------------------------------------ HTML
+
+
+def table_html(table: Table) -> str:
+    """Returns a section with the table in a box of its own, in which a wide one scrolls.
+
+    A column's head is a button that sorts by it, the best end first.
+    """
+    key, title = escape(table.key), escape(table.title)
+    heads = "".join(_html_head(table, column) for column in (None, *table.columns))
+    rows = ""
+    for n, (name, row) in enumerate(table.shown()):
+        kind = ' class="line"' if n in table.lines else ""
+        cells = "".join(_html_cell(table, x) for x in row)
+        rows += f'<tr{kind}><th scope="row">{escape(name)}</th>{cells}</tr>'
+
+    return (
+        f'<section class="table" id="table-{key}"><h3 id="title-{key}">{title}</h3>'
+        f'<div class="scroll" role="region" tabindex="0" aria-labelledby="title-{key}">'
+        f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+        f'</div><p class="caption">{escape(table.caption)}</p></section>'
+    )
+
+
+def _html_head(table: Table, column: str | None) -> str:
+    """Returns the head of a column, or without one that of the names."""
+    is_text = column is None or table.is_text(column)
+    text, kind = escape(column or table.heads[0]), ' class="text"' if is_text else ""
+    if column in table.short:
+        short = escape(table.short[column])
+        text = f'<span class="long">{text}</span><span class="short">{short}</span>'
+    first = "ascending" if is_text or table.best.get(column) == "low" else "descending"
+    return (
+        f'<th scope="col"{kind} aria-sort="none"><button type="button" data-first="{first}">'
+        f"{text}</button></th>"
+    )
+
+
+def _html_cell(table: Table, cell: Shown) -> str:
+    """Returns a data cell; one with a number keeps the whole of it to sort by."""
+    if isinstance(cell.entry, str):
+        return f'<td class="text">{escape(cell.text)}</td>'
+    if cell.entry is None or math.isnan(cell.entry.value):
+        kind = "text empty" if table.is_text(cell.column) else "empty"
+        return f'<td class="{kind}"><span aria-label="none">{NONE}</span></td>'
+
+    content = f'<b>{cell.text}</b><span class="hidden"> best</span>' if cell.is_best else cell.text
+    content += f" <small>[{', '.join(cell.bounds)}]</small>" if cell.bounds else ""
+    kind = ' class="best"' if cell.is_best else ""
+    # A difference below scores is not sorted among them.
+    apart = " data-apart" if cell.entry.signed and not table.is_signed(cell.column) else ""
+    # The minus of typesetters is as wide as a plus.
+    text = content.replace("-", "−")
+    return f'<td{kind} data-value="{float(cell.entry.value)!r}"{apart}>{text}</td>'
+
+
+# ---------------------------------------------------------------------------------- the terminal
+
+
+def print_table(table: Table, console: Console | None = None) -> None:
+    """Prints a table with the interval of every number below it; * marks the best of a column.
+
+    Where an interval is too wide, its two bounds stand below each other.
+    """
+    console = console or Console(width=WIDTH)
+    drawn, room = _drawn(table, stacked=False), console.options.update_width(UNBOUNDED)
+    if Measurement.get(console, room, drawn).maximum > console.width:
+        drawn = _drawn(table, stacked=True)
+    drawn.title = Text(table.title, style="bold")
+    console.print(drawn)
+
+
+def _drawn(table: Table, stacked: bool) -> RichTable:
+    drawn = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), title_justify="left")
+    drawn.add_column(table.heads[0], overflow="fold", max_width=NAME_WIDTH)
+    for column in table.columns:
+        drawn.add_column(table.short.get(column, column), justify="right", no_wrap=True)
+
+    for n, (name, row) in enumerate(table.shown(decimals=1)):
+        if n in table.lines:
+            drawn.add_section()
+        drawn.add_row(Text(name), *(_printed(cell, stacked) for cell in row))
+    return drawn
+
+
+def _printed(cell: Shown, stacked: bool) -> Text:
+    if not isinstance(cell.entry, Cell):
+        return Text(cell.text)
+    # A blank where others have a star keeps the points in line.
+    value = (f"{cell.text}*", "bold") if cell.is_best else (f"{cell.text} ", "")
+    below = cell.bounds if stacked or not cell.bounds else [f"[{', '.join(cell.bounds)}]"]
+    return Text.assemble(value, *((f"\n{end} ", "dim") for end in below))

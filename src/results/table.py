@@ -1,0 +1,284 @@
+"""The one long table of results: a row for each experiment, seed, condition, part and score."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import pandas as pd
+import torch
+from jaxtyping import Bool, Float
+from torch import Generator, Tensor
+
+from ..metrics.safety import BLOCKED
+from ..ontology import CLASSES
+from ..provenance import digest_of
+from .bootstrap import (
+    Interval,
+    interval_of,
+    resamplings,
+    score_samples,
+    seed_resamplings,
+    seed_sample,
+)
+from .counts import Counts
+from .render import Cell
+
+# The last two are empty for a score. Of a difference they say from what: from another experiment,
+# or from the same one under another condition.
+KEYS = (
+    *("experiment", "seed", "condition", "part", "score"),
+    *("reference", "reference_condition"),
+)
+COLUMNS = (*KEYS, "value", "low", "high", "clips", "frames", "protocol")
+# Columns of a run's own table, which holds no difference.
+OF_A_RUN = tuple(name for name in COLUMNS if not name.startswith("reference"))
+
+# In the column ``seed``: the mean over all seeds of an experiment.
+MEAN = "mean"
+# The condition of a split that was presented as it was recorded.
+AS_RECORDED = "as recorded"
+
+# Metrics whose scores are no columns of one run: a KAR-mIoU for each combination of parameters.
+GRIDS = ("sensitivity",)
+
+Samples = dict[str, Float[Tensor, "1+r"]]
+Parts = Mapping[str, Callable[[str], bool]]
+# Scores that are made of others, as a mean of some classes.
+Derived = Mapping[str, Callable[[Samples], Tensor]]
+
+
+@dataclass(frozen=True)
+class Presented:
+    """The part of the test split that was scored, and the condition under which it was presented.
+
+    ``chosen`` says which clips belong to the part.
+    """
+
+    part: str = "test"
+    condition: str = AS_RECORDED
+    chosen: Callable[[str], bool] = lambda clip: True
+
+
+class Resamples:
+    """Scores of experiments, each with one or several seeds, on the same resamples of some clips.
+
+    Each resample draws clips with replacement, the same for every experiment, and, for experiments
+    with several seeds, seeds with replacement, the same wherever there are as many. So what
+    experiments share cancels in their differences.
+
+    Args:
+        counts: of every experiment by its seeds; of one protocol and the same clips.
+        presented: which of the clips count. At least one with a frame must.
+        without: metrics whose scores are left out.
+        derived: further scores, computed from the samples of the others.
+
+    ``scores_of`` has the names of each metric's scores.
+    """
+
+    def __init__(
+        self,
+        counts: Mapping[str, Mapping[int, Counts]],
+        presented: Presented = Presented(),
+        without: Collection[str] = (),
+        derived: Derived | None = None,
+    ) -> None:
+        self.first = next(iter(next(iter(counts.values())).values()))
+        self.presented, self.rows = presented, self.first.rows(presented.chosen)
+        self.frames = sum(self.first.frames[row] for row in self.rows)
+        settings = self.first.protocol.suite
+        self.resamples, self.level = settings["resamples"], settings["level"]
+
+        # One stream of random numbers a level: clips and seeds are drawn independently.
+        of_clips, of_seeds = (settings["seed"] + level for level in (0, 1))
+        clips = Generator().manual_seed(of_clips)
+        self.weights = resamplings(len(self.rows), self.resamples, clips)
+        self.seed_weights = cache(
+            lambda n: seed_resamplings(n, self.resamples, Generator().manual_seed(of_seeds))
+        )
+
+        self.suite, self.without, self.derived = self.first.suite(), without, derived or {}
+        self.scores_of: dict[str, list[str]] = {}
+        self.samples = {
+            name: {seed: self._samples(each) for seed, each in sorted(by_seed.items())}
+            for name, by_seed in counts.items()
+        }
+        self.protocols = {
+            name: _hash_of(next(iter(by_seed.values()))) for name, by_seed in counts.items()
+        }
+
+    @property
+    def clips(self) -> int:
+        return len(self.rows)
+
+    @cached_property
+    def labelled_clips(self) -> dict[str, int]:
+        """The number of clips with a labelled voxel of each class."""
+        return dict(zip(CLASSES, self._labelled.sum(0).tolist()))
+
+    @cached_property
+    def lost(self) -> float:
+        """The share of the resamples that draw no voxel of a class which is there."""
+        drawn = self.weights @ self._labelled.to(self.weights) > 0
+        return float((self._labelled.any(0) & ~drawn).any(1).double().mean())
+
+    @cached_property
+    def blocked(self) -> tuple[int, int]:
+        """The number of frames with something in the tube that the body sweeps, and of their clips.
+
+        Both are 0 where that was not scored.
+        """
+        if "safety" not in self.first.tables:
+            return 0, 0
+        frames = self.first.tables["safety"]["frames"][self.rows][:, BLOCKED]
+        return int(frames.sum()), int((frames > 0).sum())
+
+    @property
+    def _labelled(self) -> Bool[Tensor, "n 9"]:
+        # Labels are what remains of the counts when the predictions are summed away.
+        return self.first.tables["occupancy"]["count"][self.rows].sum(-1) > 0
+
+    def seeds(self, experiment: str) -> list[int]:
+        """Returns the seeds of an experiment; none of one that is not there."""
+        return list(self.samples.get(experiment, {}))
+
+    def mean(self, experiment: str, score: str) -> Float[Tensor, "1+r"] | None:
+        """Returns the mean over an experiment's seeds; ``None`` where it has no such score."""
+        by_seed = self.samples.get(experiment, {})
+        return self._mean([samples[score] for samples in by_seed.values() if score in samples])
+
+    def change(
+        self, experiment: str, reference: str, score: str, other: "Resamples | None" = None
+    ) -> Float[Tensor, "1+r"] | None:
+        """Returns the mean change from a reference over the seeds that both have.
+
+        With ``other`` the reference's scores are those of the same frames under another condition.
+        The result is ``None`` where there is no pair. An experiment differs from itself by 0, and
+        no resample says otherwise. Raises `ValueError` where the other clips are not the same.
+        """
+        of_reference = other or self
+        if of_reference.rows != self.rows:
+            raise ValueError(f"clips {self.rows} and {of_reference.rows} cannot be paired")
+
+        by_seed = self.samples.get(experiment, {})
+        references = of_reference.samples.get(reference, {})
+        pairs = [(by_seed[seed], references[seed]) for seed in by_seed if seed in references]
+        if experiment == reference and of_reference is self:
+            return torch.zeros(1, dtype=torch.float64) if pairs else None
+        return self._mean([a[score] - b[score] for a, b in pairs if score in a and score in b])
+
+    def table(self, references: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
+        """Returns the rows of every seed, of the means, and of the differences from references."""
+        rows = []
+        for experiment, by_seed in self.samples.items():
+            for seed, samples in by_seed.items():
+                for score, sample in samples.items():
+                    rows.append(self._row(experiment, seed, score, self._mean([sample])))
+            for score in _scores(by_seed):
+                rows.append(self._row(experiment, MEAN, score, self.mean(experiment, score)))
+        for experiment, names in (references or {}).items():
+            for reference in names:
+                rows += self._changes(experiment, reference)
+
+        return pd.DataFrame(rows, columns=list(COLUMNS))
+
+    def table_of_changes(self, other: "Resamples") -> pd.DataFrame:
+        """Returns each experiment's differences from itself under the condition of ``other``."""
+        rows = [row for name in self.samples for row in self._changes(name, name, other)]
+        return pd.DataFrame(rows, columns=list(COLUMNS))
+
+    def _changes(self, experiment: str, reference: str, other: "Resamples | None" = None) -> list:
+        rows = []
+        for score in _scores(self.samples.get(experiment, {})):
+            sample = self.change(experiment, reference, score, other)
+            if sample is not None:
+                condition = other.presented.condition if other else ""
+                rows.append(self._row(experiment, MEAN, score, sample, reference, condition))
+        return rows
+
+    def _row(
+        self,
+        experiment: str,
+        seed: int | str,
+        score: str,
+        sample: Tensor,
+        reference: str = "",
+        reference_condition: str = "",
+    ) -> tuple:
+        condition, part = self.presented.condition, self.presented.part
+        interval: Interval = interval_of(sample, self.level)
+        protocol = self.protocols[experiment]
+
+        key = (experiment, str(seed), condition, part, score, reference, reference_condition)
+        return (*key, *interval, self.clips, self.frames, protocol)
+
+    def _mean(self, samples: Sequence[Tensor]) -> Tensor | None:
+        if not samples:
+            return None
+        sample = seed_sample(torch.stack(list(samples)), self.seed_weights(len(samples)))
+        # One seed on one clip leaves nothing to draw: the score stands alone, without bounds.
+        return sample if len(samples) > 1 or self.clips > 1 else sample[:1]
+
+    def _samples(self, counts: Counts) -> Samples:
+        """Returns every score of a run, of all clips and of each resample."""
+        samples: Samples = {}
+        for name, tables in counts.tables.items():
+            is_in_table = getattr(self.suite.metric(name), "in_score_table", name not in GRIDS)
+            if is_in_table and name not in self.without:
+                chosen = {key: table[self.rows].cpu() for key, table in tables.items()}
+                scored = score_samples(self.suite.metric(name), chosen, self.weights)
+                self.scores_of.setdefault(name, list(scored))
+                samples |= scored
+        return samples | {name: score(samples) for name, score in self.derived.items()}
+
+
+def run_table(runs: Mapping[int, Sequence[Counts]], parts: Parts) -> pd.DataFrame:
+    """Returns the long table of what one command has scored: its counts by seed, on each part."""
+    tables = []
+    for seed, scored in runs.items():
+        for counts in scored:
+            for part, chosen in parts.items():
+                if counts.rows(chosen):
+                    presented = Presented(part, chosen=chosen)
+                    table = Resamples({counts.name: {seed: counts}}, presented).table()
+                    tables.append(table[table["seed"] != MEAN])
+    return joined(tables)[list(OF_A_RUN)]
+
+
+def joined(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
+    """Returns the rows of all tables, which may be none, in their order."""
+    filled = [table for table in tables if len(table)]
+    return pd.concat(filled, ignore_index=True) if filled else pd.DataFrame(columns=list(COLUMNS))
+
+
+def pivoted(
+    table: pd.DataFrame, rows: Sequence[Mapping[str, str]], columns: Sequence[Mapping[str, str]]
+) -> list[list[Cell | None]]:
+    """Returns means over seeds of a long table as the cells of a small one, in percent.
+
+    Each row and each column says which values of `KEYS` it shows; where both do, the row counts.
+    What they leave out is that of a score of the whole split as it was recorded. A cell without a
+    row in the long table is ``None``.
+    """
+    numbers = table[table["seed"] == MEAN].set_index(list(KEYS))[["value", "low", "high"]]
+    cells = dict(zip(numbers.index, numbers.itertuples(index=False)))
+    default = {"seed": MEAN, "condition": AS_RECORDED, "part": "test"}
+    default |= {"reference": "", "reference_condition": ""}
+
+    def cell(row: Mapping[str, str], column: Mapping[str, str]) -> Cell | None:
+        key = {**default, **column, **row}
+        interval = cells.get(tuple(key[name] for name in KEYS))
+        if interval is None:
+            return None
+        return Cell(*(100 * number for number in interval), signed=key["reference"] != "")
+
+    return [[cell(row, column) for column in columns] for row in rows]
+
+
+def _scores(by_seed: Mapping[int, Samples]) -> list[str]:
+    """Returns the names of the scores that any seed has, in their order."""
+    return list(dict.fromkeys(score for samples in by_seed.values() for score in samples))
+
+
+def _hash_of(counts: Counts) -> str:
+    """Returns a digest of how a run was scored, which is one for all parts of its split."""
+    return digest_of(counts.protocol.to_json())

@@ -1,0 +1,315 @@
+"""The paper's tables: their rows, their columns, and what a missing rung leaves of them."""
+
+import dataclasses
+import math
+from itertools import pairwise
+
+import pytest
+
+from src.errors import UserError
+from src.metrics.safety import BLOCKED
+from src.ontology import CLASSES
+from src.report.ladder import PAPER, ladder_named
+from src.report.paper_tables import (
+    CLASS_NAMES,
+    ablation_table,
+    beyond_table,
+    incremental_table,
+    long_tail_table,
+    main_table,
+    progression_table,
+)
+from src.report.run_group import APART, DERIVED, Part, long_table
+from src.results.render import Cell
+from src.results.table import Presented, Resamples
+from tests.results.scored import CLIPS, RIGHT, counts, predicted
+
+MARKS = {
+    **{"baseline": ("✗", "✗", "✗"), "attitude": ("✓", "✗", "✗")},
+    **{"weights": ("✓", "✓", "✗"), "skyocc": ("✓", "✓", "✓")},
+}
+SEEDS = (0, 1)
+
+
+@pytest.fixture(scope="module")
+def scored():
+    made = {
+        name: {
+            seed: counts(name, lambda target, n, k=seed, r=right: predicted(target, r, 50 * k + n))
+            for seed in SEEDS
+        }
+        for name, right in (*RIGHT.items(), ("lss", 0.2), ("bilinear", 0.25))
+    }
+    return made | {"voxel_prior": {0: counts("voxel_prior", lambda t, n: predicted(t, 0.1, n))}}
+
+
+def resampled(scored, name="test", chosen=lambda clip: True):
+    return Resamples(scored, Presented(name, chosen=chosen), APART, DERIVED)
+
+
+def part_of(scored, *without, name="test", **other_seeds):
+    kept = {key: runs for key, runs in scored.items() if key not in without}
+    for key, seeds in other_seeds.items():
+        kept[key] = {seed: scored[key][seed] for seed in seeds}
+    return Part(name, "tiny-0123", resampled(kept, name))
+
+
+@pytest.fixture(scope="module")
+def part(scored):
+    return part_of(scored)
+
+
+def column(table, name):
+    """Entries of a column by the row's name."""
+    return dict(zip(table.frame.index, table.entries(name)))
+
+
+def numbers(table, name):
+    return {row: cell.value for row, cell in column(table, name).items()}
+
+
+def names(table):
+    return list(table.frame.index)
+
+
+def change(part, *key):
+    """A change from a reference, in percentage points."""
+    return 100 * float(part.resamples.change(*key)[0])
+
+
+def test_the_main_table_has_the_ladder_then_the_others_by_name_then_the_anchors(part):
+    table = main_table([part])
+    assert names(table) == [
+        *("Baseline", "+ Attitude-aware projection", "+ Safety-prior class weights", "SkyOcc"),
+        *("bilinear", "lss", "Voxel prior"),
+    ]
+    assert table.lines == (4, 6)
+    assert table.columns == [*(CLASS_NAMES[name] for name in CLASSES), "mIoU", "KAR-mIoU"]
+    assert all(isinstance(cell, Cell) and cell.bounds() for _, row in table.rows for cell in row)
+
+
+def test_a_score_is_the_mean_of_the_seeds_in_percent(part, scored):
+    means = numbers(main_table([part]), "mIoU")
+    for name, row in (("baseline", "Baseline"), ("skyocc", "SkyOcc"), ("lss", "lss")):
+        scores = [float(run.scores("occupancy")["miou"]) for run in scored[name].values()]
+        assert means[row] == pytest.approx(100 * sum(scores) / 2)
+
+
+def test_differences_are_those_of_the_scores_beside_them(part):
+    """With the same seeds everywhere every table tells the same story."""
+    ablation = ablation_table(part, MARKS)
+    for score, delta in (("mIoU", "Δ mIoU"), ("KAR-mIoU", "Δ KAR")):
+        scores, changes = numbers(ablation, score), numbers(ablation, delta)
+        for name, value in scores.items():
+            assert changes[name] == pytest.approx(value - scores["Baseline"])
+    thin, changes = numbers(main_table([part]), "Thin Struct."), numbers(ablation, "Δ Thin")
+    assert changes["SkyOcc"] == pytest.approx(thin["SkyOcc"] - thin["Baseline"])
+    steps, miou = numbers(incremental_table(part), "Δ mIoU"), numbers(ablation, "mIoU")
+    expected = [above - below for below, above in pairwise(miou.values())]
+    assert list(steps.values()) == pytest.approx(expected)
+
+
+def test_the_ablation_has_the_factors_and_what_they_gain(part):
+    table = ablation_table(part, MARKS)
+    assert table.rows[2][1][:3] == ["✓", "✓", "✗"]
+    assert table.columns == [
+        *("Att. Proj.", "Class Weight", "Lovász", "mIoU", "KAR-mIoU"),
+        *("Δ mIoU", "Δ KAR", "Δ Thin", "Δ VRU"),
+    ]
+    assert all(cell.value == 0 and not cell.bounds() for cell in table.rows[0][1][5:])
+    assert not {"lss", "Voxel prior"} & {*names(table)}
+
+
+def test_the_long_tail_ends_with_the_gain_of_the_full_model(part):
+    table = long_tail_table(part, frames={4})
+    *rungs, (name, gain) = table.rows
+    assert name == "Gain of full model"
+    assert [row for row, _ in rungs] == [
+        *("Multi-frame baseline", "+ Attitude-aware projection"),
+        *("+ Safety-prior class weights", "+ Lovász-Softmax"),
+    ]
+    for n, cell in enumerate(gain):
+        assert cell.signed
+        assert cell.value == pytest.approx(rungs[3][1][n].value - rungs[0][1][n].value)
+    means = [sum(cell.value for cell in row[:4]) / 4 for _, row in rungs]
+    assert [row[4].value for _, row in rungs] == pytest.approx(means, abs=0.2)
+    assert table.lines == (4,)
+    assert 4 not in table.best_rows("Car")
+
+
+def test_the_progression_has_the_gap(part):
+    table = progression_table(part, frames={4})
+    miou, kar, gap = (numbers(table, name) for name in ("mIoU", "KAR-mIoU", "Gap"))
+    assert gap == pytest.approx({name: miou[name] - kar[name] for name in miou})
+    assert not table.best_rows("Gap"), "the lowest is that of what finds nothing"
+    alone = progression_table(part, frames={1})
+    assert names(alone)[0] == "Single-frame baseline"
+    assert "sees 1 frame." in alone.caption
+
+
+def test_scores_beyond_the_paper_say_which_end_is_better(part):
+    table = beyond_table([part])
+    assert table.best == {
+        **dict.fromkeys(("mIoU occupied", "Geometric IoU", "RayIoU"), "high"),
+        **dict.fromkeys(("Collision-miss rate", "False-free rate"), "low"),
+    }
+    assert names(table)[-1] == "Voxel prior"
+    rates = numbers(table, "False-free rate")
+    (marked,) = table.best_rows("False-free rate")
+    assert rates[names(table)[marked]] == min(rates.values())
+
+
+def test_a_metric_of_ones_own_has_its_scores_beyond_the_papers(scored):
+    part = part_of({"skyocc": scored["skyocc"]})
+    part.resamples.scores_of["mine"] = ["collision_miss_frames"]
+    assert beyond_table([part]).columns[-1] == "collision_miss_frames"
+    assert "collision_miss_frames" in set(long_table([part])["score"])
+
+
+def test_the_caption_says_how_many_frames_have_something_in_the_way(part, scored):
+    frames = scored["skyocc"][0].tables["safety"]["frames"][:, BLOCKED]
+    of_clips = int((frames > 0).sum())
+    assert f"{int(frames.sum())} frames, of {of_clips} clips" in beyond_table([part]).caption
+    assert of_clips
+    other = part_of(scored)
+    other.resamples.blocked = (1, 1)
+    assert "1 frame, of 1 clip," in beyond_table([other]).caption
+
+
+def test_the_long_table_has_every_run_its_means_and_its_steps(part):
+    table = long_table([dataclasses.replace(part, label=" (2: x)")])
+    rows = table[table["score"] == "miou"].set_index(["experiment", "seed", "reference"])["value"]
+    of_skyocc = rows.loc["skyocc (2: x)"]
+    references = [("0", ""), ("1", ""), *(("mean", x) for x in ("", "baseline", "weights"))]
+    assert list(of_skyocc.index) == references
+    assert of_skyocc["mean", ""] == pytest.approx(of_skyocc[["0", "1"]].mean())
+    assert 100 * of_skyocc["mean", "weights"] == pytest.approx(
+        change(part, "skyocc", "weights", "miou")
+    )
+
+
+# ----------------------------------------------------------------------------------- an own ladder
+
+
+def test_an_own_ladder_has_its_own_rungs_and_reference(scored):
+    ladder = ladder_named(["weights", "skyocc", "lss"])
+    part = dataclasses.replace(part_of(scored), ladder=ladder)
+    table = ablation_table(part, MARKS | {"lss": ("✓", "✓", "✓")})
+    assert names(table) == ["weights", "SkyOcc", "lss"]
+    assert "relative to weights." in table.caption
+    changes = numbers(table, "Δ KAR")
+    assert changes["lss"] == pytest.approx(change(part, "lss", "weights", "kar_miou"))
+    assert changes["weights"] == 0
+    steps = incremental_table(part)
+    assert names(steps) == ["Lovász-Softmax", "lss"]
+    expected = change(part, "lss", "skyocc", "miou")
+    assert numbers(steps, "Δ mIoU")["lss"] == pytest.approx(expected)
+    assert names(progression_table(part, {4})) == ["weights", "+ Lovász-Softmax", "lss"]
+    assert names(long_tail_table(part, {4}))[-1] == "Gain of lss"
+    assert part.others == ["attitude", "baseline", "bilinear"]
+
+
+def test_a_step_that_the_paper_does_not_take_has_not_its_name(scored):
+    part = dataclasses.replace(part_of(scored), ladder=ladder_named(["baseline", "skyocc"]))
+    assert names(incremental_table(part)) == ["SkyOcc"]
+    assert names(progression_table(part, {4}))[0] == "Multi-frame baseline"
+    part = dataclasses.replace(part, ladder=ladder_named(["baseline", "weights"]))
+    for table in (incremental_table(part), main_table([part]), progression_table(part, {4})):
+        assert "weights" in names(table)
+        assert not any("Safety-prior" in name for name in names(table))
+
+
+@pytest.mark.parametrize("experiments", [["skyocc", "skyocc"], ["skyocc", "all_free"]])
+def test_a_rung_twice_or_an_anchor_is_refused(experiments):
+    with pytest.raises(UserError, match=r"^task\.rungs: "):
+        ladder_named(experiments)
+
+
+def test_without_names_it_is_the_papers():
+    assert ladder_named([]) == PAPER == ladder_named(list(PAPER.names))
+
+
+def test_scores_that_no_run_has_are_no_columns():
+    blind = counts("skyocc", lambda target, n: target.clamp(max=8), cameras=False)
+    assert "RayIoU" not in beyond_table([part_of({"skyocc": {0: blind}})]).columns
+
+
+# ------------------------------------------------------------------------------- what is missing
+
+
+def test_a_missing_rung_leaves_its_row_out_and_no_wrong_change_behind(scored):
+    part = part_of(scored, "attitude")
+    rungs = ["Baseline", "+ Safety-prior class weights", "SkyOcc"]
+    assert names(ablation_table(part, MARKS)) == rungs
+    steps = incremental_table(part)
+    assert names(steps) == ["Safety-prior class weights", "Lovász-Softmax"]
+    weights, lovasz = (entries for _, entries in steps.rows)
+    assert set(weights) == {None}  # not the change from the baseline
+    assert None not in lovasz
+
+
+def test_without_a_baseline_there_is_no_gain(scored):
+    part = part_of(scored, "baseline")
+    table = ablation_table(part, MARKS)
+    assert all(entries[5:] == [None] * 4 for _, entries in table.rows)
+    assert all(not math.isnan(entries[3].value) for _, entries in table.rows)
+    assert names(long_tail_table(part, {4}))[-1] == "+ Lovász-Softmax", "nor a row for it"
+
+
+def test_without_the_full_model_its_gain_is_no_row(scored):
+    table = long_tail_table(part_of(scored, "skyocc"), {4})
+    assert names(table)[-1] == "+ Safety-prior class weights"
+    assert table.lines == ()
+
+
+def test_a_single_rung_has_no_step(scored):
+    only = part_of({"baseline": scored["baseline"]})
+    assert names(incremental_table(only)) == []
+    assert len(main_table([only]).rows) == 1
+
+
+def test_a_part_has_tables_of_its_own_name(scored):
+    table = main_table([part_of(scored, name="test_unseen_clips")])
+    assert table.key == "main_test_unseen_clips"
+    assert table.title == "Main results, test_unseen_clips of tiny-0123"
+
+
+# ------------------------------------------------------------------------------------- captions
+
+
+def test_a_caption_counts_seeds_and_clips(part):
+    caption = ablation_table(part, MARKS).caption
+    assert "90 % percentile intervals over 60 resamples of 2 seeds and, independently, " in caption
+    assert "5 clips (7 frames), the same for every row; from so few they are coarse" in caption
+    assert caption.endswith("Seeds: 0, 1.")
+
+
+def test_one_seed_or_one_clip_says_what_is_drawn(scored):
+    one = {name: {0: runs[0]} for name, runs in scored.items()}
+    caption = main_table([part_of(one)]).caption
+    assert "resamples of 5 clips (7 frames)" in caption
+    assert "With one seed only clips are drawn" in caption
+    assert caption.endswith("Seed: 0.")
+    for runs, sentence in ((scored, "so only seeds are drawn."), (one, "No intervals: ")):
+        alone = resampled(runs, chosen=lambda clip: clip == CLIPS[0])
+        assert sentence in main_table([Part("test", "d", alone)]).caption
+
+
+def test_uneven_seeds_are_listed_and_explained_where_there_are_differences(scored):
+    part = part_of(scored, "lss", "bilinear", weights=[0])
+    caption = ablation_table(part, MARKS).caption
+    assert "Seeds: baseline 0, 1; attitude 0, 1; weights 0; skyocc 0, 1." in caption
+    assert caption.endswith("Differences are over the seeds that both rungs have.")
+    assert "Differences" not in main_table([part]).caption
+
+
+def test_a_class_that_resamples_miss_or_that_no_voxel_has_is_told(scored):
+    part = part_of(scored)
+    assert part.resamples.lost == 0
+    before = main_table([part]).caption
+    part.resamples.lost = 0.125
+    part.resamples.labelled_clips = part.resamples.labelled_clips | {"vru": 0}
+    for table in (main_table([part]), beyond_table([part]), ablation_table(part, MARKS)):
+        for sentence in ("In 12 % of the resamples no voxel", "Not one voxel is labelled VRU:"):
+            assert sentence in table.caption
+            assert sentence not in before

@@ -1,0 +1,115 @@
+"""A study as one file: read back as it was, nothing written outside, anything else refused."""
+
+import shutil
+import stat
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from src.errors import UserError
+from src.results.archive import publish_runs, unpacked
+from src.results.counts import Counts
+from src.results.runs import read_run, run_folders
+from tests.results.presented import write_attitude
+from tests.results.scored import write_run
+
+WITHOUT = ("sensitivity", "breakdown", "calibration")
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    write_attitude(write_run(folder, "baseline"))
+    (write_run(folder, "skyocc") / "metrics.csv").write_text("step,epoch\n1,0\n")
+    return folder
+
+
+@pytest.fixture
+def archive(runs, tmp_path):
+    path = tmp_path / "study/runs.zip"
+    publish_runs([[read_run(each) for each in run_folders([runs], runs / "out")]], path, WITHOUT)
+    return path
+
+
+def with_member(path, name, content="x", link=False):
+    member = zipfile.ZipInfo(name)
+    if link:
+        member.external_attr = (stat.S_IFLNK | 0o777) << 16
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr(member, content)
+
+
+@pytest.mark.parametrize("name", ["runs.zip", "runs", "runs.zip/", "./runs"])
+def test_an_archive_is_read_by_its_name_with_or_without_its_ending(archive, runs, name):
+    with unpacked([archive.parent / name]) as ((folder,), _):
+        for path in run_folders([folder], folder / "out"):
+            own, there = read_run(path), read_run(runs / path.relative_to(folder))
+            assert own.config == there.config
+            assert own.code == there.code
+            assert own.row.equals(there.row)
+            assert set(own.counts.tables) == set(there.counts.tables) - set(WITHOUT)
+            assert own.counts.scored_on_other(there.counts) == ""
+        assert (folder / "skyocc/seed0/metrics.csv").is_file()
+        assert Counts.read(folder / "baseline/seed0/attitude/tallies/level.npz").name == "level"
+        assert sorted(path.name for path in folder.rglob("all_free.npz")) == ["all_free.npz"]
+    assert not folder.exists()
+
+
+def test_a_place_in_an_archive_is_found_and_a_folder_of_the_name_comes_first(archive, runs):
+    with unpacked([archive.parent / "runs/skyocc/seed0"]) as ((folder,), named):
+        assert read_run(folder).experiment == "skyocc"
+        assert named(f"{folder}: wrong") == f"{archive}/skyocc/seed0: wrong"
+    shutil.copytree(runs, archive.parent / "runs")
+    with unpacked([archive.parent / "runs"]) as (places, _):
+        assert places == [archive.parent / "runs"]
+
+
+def test_errors_name_the_archive_and_not_where_it_was_unpacked(archive):
+    def fail():
+        with unpacked([archive]) as ((folder,), _):
+            raise UserError(f"{folder}/skyocc/seed0: is broken")
+
+    with pytest.raises(UserError, match=r"study/runs\.zip/skyocc/seed0: is broken$"):
+        fail()
+
+
+def test_the_same_runs_give_the_same_bytes(archive, runs, tmp_path):
+    with unpacked([archive]) as ((folder,), _):
+        again = [read_run(each) for each in run_folders([folder], folder / "out")]
+        publish_runs([again], tmp_path / "again.zip", WITHOUT)
+        publish_runs([again], archive, WITHOUT)
+    assert archive.read_bytes() == (tmp_path / "again.zip").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda path: path.write_bytes(b"no archive"),
+        lambda path: path.write_bytes(path.read_bytes()[:5000]),
+        lambda path: path.write_bytes(path.read_bytes().replace(b"XZ", b"ZZ")[:-1]),
+        lambda path: with_member(path, "../outside.txt"),
+        lambda path: with_member(path, "a/../../outside.txt"),
+        lambda path: with_member(path, "/outside.txt"),
+        lambda path: with_member(path, "..\\outside.txt"),
+        lambda path: with_member(path, "skyocc/link", "/etc", link=True),
+    ],
+)
+def test_what_is_no_archive_of_runs_or_leaves_it_is_refused_in_one_line(archive, tmp_path, damage):
+    damage(archive)
+    before = sorted(Path(tmp_path).rglob("*"))
+    refused = pytest.raises(UserError, match=r"runs\.zip: is no archive of runs \(.*task\.publish")
+    with refused as error, unpacked([archive]):
+        pass
+    assert "\n" not in str(error.value)
+    assert sorted(Path(tmp_path).rglob("*")) == before
+
+
+def test_an_archive_of_something_else_or_of_too_much_is_refused(archive, tmp_path, monkeypatch):
+    other = tmp_path / "other.zip"
+    with_member(other, "readme.txt")
+    with pytest.raises(UserError, match=r"other\.zip: is no archive of runs"), unpacked([other]):
+        pass
+    monkeypatch.setattr("src.results.archive.LARGEST", 1000)
+    with pytest.raises(UserError, match=r"more than 1,000 bytes"), unpacked([archive]):
+        pass

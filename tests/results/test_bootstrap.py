@@ -1,0 +1,329 @@
+"""Intervals by resampling clips and seeds: exact cases, their coverage, and paired differences."""
+
+import math
+
+import pytest
+import torch
+
+from src.errors import UserError
+from src.metrics import KARMeanIoU, SafetyScores
+from src.metrics.tables import TableMetric
+from src.ontology import CAR, FREE, THIN_STRUCTURE
+from src.results.bootstrap import (
+    difference_of,
+    interval_of,
+    resamplings,
+    score_samples,
+    seed_resamplings,
+    seed_sample,
+)
+from tests.results.scored import GRID, predicted, truth
+
+
+class HitRate(TableMetric):
+    """Hits over voxels."""
+
+    def __init__(self):
+        super().__init__({"hits": (1,), "voxels": (1,)})
+
+    def frame_tables(self, hits, voxels):
+        return {"hits": hits[:, None], "voxels": voxels[:, None]}
+
+    def scores(self, tables):
+        hits, voxels = (tables[name][..., 0].double() for name in ("hits", "voxels"))
+        return {"rate": hits / voxels, "error": 1 - hits / voxels}
+
+
+def rng(seed):
+    return torch.Generator().manual_seed(seed)
+
+
+def clips_of(hits, voxels):
+    return HitRate().frame_tables(torch.as_tensor(hits), torch.as_tensor(voxels))
+
+
+def drawn_clips(clips, generator):
+    """Clips of 50 to 150 voxels, of which a share drawn anew for each is hit: 0.6 on average."""
+    voxels = torch.randint(50, 151, (clips,), generator=generator)
+    share = 0.3 + 0.6 * torch.rand(clips, generator=generator)
+    return clips_of(torch.round(share * voxels).long(), voxels)
+
+
+def drawn(times):
+    """The number of every clip or seed as often as it was drawn."""
+    return [n for n, often in enumerate(times.long().tolist()) for _ in range(often)]
+
+
+def rate_of_drawn(tables, clips):
+    hits, voxels = (sum(int(tables[name][n]) for n in clips) for name in ("hits", "voxels"))
+    return hits / voxels
+
+
+def score_intervals(metric, tables, weights, level=0.95):
+    samples = score_samples(metric, tables, weights)
+    return {name: interval_of(sample, level) for name, sample in samples.items()}
+
+
+def score_differences(metric, first, second, weights):
+    samples, others = (score_samples(metric, tables, weights) for tables in (first, second))
+    return {name: difference_of(others[name] - samples[name]) for name in samples}
+
+
+def rate(tables, seed=0, resamples=500, **arguments):
+    weights = resamplings(len(tables["hits"]), resamples, rng(seed))
+    return score_intervals(HitRate(), tables, weights, **arguments)["rate"]
+
+
+# ---------------------------------------------------------------------------------- resampling
+
+
+def test_every_resample_draws_as_many_clips_as_there_are():
+    weights = resamplings(7, 400, rng(0))
+    assert weights.shape == (400, 7)
+    assert weights.dtype == torch.float64
+    assert torch.equal(weights.sum(1), torch.full((400,), 7.0, dtype=torch.float64))
+    assert torch.equal(weights, weights.round())
+    assert weights.min() == 0
+
+
+def test_every_clip_is_drawn_once_on_average_with_the_variance_of_a_binomial():
+    weights = resamplings(10, 20000, rng(0))
+    torch.testing.assert_close(weights.mean(0), torch.ones(10).double(), atol=0.04, rtol=0)
+    torch.testing.assert_close(weights.var(0), torch.full((10,), 0.9).double(), atol=0.06, rtol=0)
+
+
+def test_the_same_seed_draws_the_same_clips():
+    assert torch.equal(resamplings(5, 50, rng(3)), resamplings(5, 50, rng(3)))
+    assert not torch.equal(resamplings(5, 50, rng(3)), resamplings(5, 50, rng(4)))
+
+
+@pytest.mark.parametrize(("clips", "resamples"), [(0, 10), (5, 0), (-1, 10)])
+def test_nothing_to_draw_is_refused(clips, resamples):
+    with pytest.raises(UserError, match=r"^resamples:"):
+        resamplings(clips, resamples, rng(0))
+
+
+# ----------------------------------------------------------------------------------- intervals
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_value_is_that_of_all_clips_and_lies_inside(seed):
+    tables = drawn_clips(12, rng(seed))
+    interval = rate(tables, seed)
+    assert interval.value == pytest.approx(float(tables["hits"].sum() / tables["voxels"].sum()))
+    assert interval.low < interval.value < interval.high
+
+
+@pytest.mark.parametrize("level", [0.5, 0.9])
+def test_the_bounds_are_the_quantiles_of_the_scores_of_the_drawn_clips(level):
+    tables = drawn_clips(6, rng(1))
+    weights = resamplings(6, 101, rng(2))
+    rates = sorted(rate_of_drawn(tables, drawn(row)) for row in weights)
+    interval = score_intervals(HitRate(), tables, weights, level)["rate"]
+    cut = round(100 * (1 - level) / 2)
+    assert (interval.low, interval.high) == pytest.approx((rates[cut], rates[100 - cut]))
+
+
+def test_a_score_and_its_complement_have_mirrored_bounds():
+    tables = drawn_clips(9, rng(0))
+    both = score_intervals(HitRate(), tables, resamplings(9, 300, rng(0)))
+    assert both["error"] == pytest.approx(
+        (1 - both["rate"].value, 1 - both["rate"].high, 1 - both["rate"].low)
+    )
+
+
+def test_identical_clips_give_intervals_without_width():
+    value, low, high = rate(clips_of([30] * 8, [40] * 8))
+    assert value == low == high == 0.75
+
+
+@pytest.mark.parametrize(("level", "least", "most"), [(0.95, 0.88, 0.99), (0.5, 0.38, 0.62)])
+def test_the_interval_covers_the_true_value_about_as_often_as_it_says(level, least, most):
+    generator = rng(0)
+    covered = 0
+    for seed in range(200):
+        interval = rate(drawn_clips(25, generator), seed, resamples=300, level=level)
+        covered += interval.low <= 0.6 <= interval.high
+    assert least <= covered / 200 <= most
+
+
+def test_resamples_without_a_score_are_left_out():
+    tables = clips_of([3, 0, 0, 0], [4, 0, 0, 0])
+    weights = resamplings(4, 200, rng(0))
+    assert (weights[:, 0] == 0).any()
+    assert score_intervals(HitRate(), tables, weights)["rate"] == (0.75, 0.75, 0.75)
+
+
+def test_a_score_that_never_is_has_no_bounds():
+    value, low, high = rate(clips_of([0, 0, 0], [0, 0, 0]))
+    assert all(math.isnan(number) for number in (value, low, high))
+
+
+# --------------------------------------------------------------------------- paired differences
+
+
+def shifted(tables, hits):
+    return clips_of(tables["hits"][:, 0] + hits, tables["voxels"][:, 0])
+
+
+def equal_clips(clips, generator):
+    voxels = torch.full((clips,), 100)
+    return clips_of(torch.randint(30, 90, (clips,), generator=generator), voxels)
+
+
+def rate_difference(first, second, seed=0):
+    weights = resamplings(len(first["hits"]), 500, rng(seed))
+    return score_differences(HitRate(), first, second, weights)["rate"]
+
+
+def test_a_constant_shift_in_every_clip_is_certain():
+    first = equal_clips(20, rng(0))
+    difference = rate_difference(first, shifted(first, 5))
+    assert difference == pytest.approx((0.05, 0.05, 0.05, 1.0))
+
+
+def test_a_paired_difference_is_far_narrower_than_an_unpaired_one():
+    first = drawn_clips(20, rng(0))
+    paired = rate_difference(first, shifted(first, 5))
+    unpaired = rate_difference(first, shifted(equal_clips(20, rng(1)), 5))
+    assert paired.high - paired.low < 0.2 * (unpaired.high - unpaired.low)
+    assert paired.low < paired.value < paired.high
+    assert paired.same_sign == 1.0
+
+
+def test_the_difference_is_the_second_minus_the_first():
+    first = drawn_clips(10, rng(0))
+    second = shifted(first, -4)
+    forth, back = rate_difference(first, second), rate_difference(second, first)
+    assert forth.value < 0 < back.value
+    assert back == pytest.approx((-forth.value, -forth.high, -forth.low, forth.same_sign))
+
+
+def test_same_sign_is_the_share_of_resamples_with_the_sign_of_the_difference():
+    first, second = drawn_clips(8, rng(0)), drawn_clips(8, rng(1))
+    weights = resamplings(8, 200, rng(2))
+    difference = score_differences(HitRate(), first, second, weights)["rate"]
+    agree = 0
+    for row in weights:
+        apart = rate_of_drawn(second, drawn(row)) - rate_of_drawn(first, drawn(row))
+        agree += apart * difference.value > 0
+    assert difference.same_sign == pytest.approx(agree / 200)
+    assert 0 < difference.same_sign < 1
+
+
+def test_a_run_against_itself_differs_by_nothing():
+    first = drawn_clips(10, rng(0))
+    assert rate_difference(first, first)[:3] == (0.0, 0.0, 0.0)
+
+
+def test_resamples_without_a_difference_are_left_out():
+    first, second = clips_of([3, 0, 0], [4, 0, 0]), clips_of([1, 0, 0], [4, 0, 0])
+    assert rate_difference(first, second) == (-0.5, -0.5, -0.5, 1.0)
+
+
+# ------------------------------------------------------------------------------- real metrics
+
+
+def test_the_resamples_of_a_metric_score_as_its_repeated_frames():
+    target = truth(5, seed=0)
+    batch = (predicted(target, 0.5, 0), target, 6 * torch.randn(5, 3, generator=rng(0)))
+    metric = KARMeanIoU(GRID)
+    weights = resamplings(5, 1, rng(0))
+    interval = score_intervals(metric, metric.frame_tables(*batch), weights)["kar_miou"]
+    metric.update(*(tensor[drawn(weights[0])] for tensor in batch))
+    assert interval.low == interval.high == pytest.approx(float(metric.compute()), abs=1e-7)
+    assert interval.value != interval.low
+
+
+def test_thin_structures_of_a_single_clip_have_the_recall_of_that_clip():
+    target = torch.full((6, *GRID.shape), FREE)
+    target[:, 3], target[2, 1, :, 0] = CAR, THIN_STRUCTURE
+    preds = torch.where(target == THIN_STRUCTURE, FREE, target)
+    preds[2, 1, :2, 0] = THIN_STRUCTURE
+    metric = SafetyScores(GRID)
+    tables = metric.frame_tables(preds, target, torch.ones(6, 3))
+    found = score_intervals(metric, tables, resamplings(6, 100, rng(0)))
+    assert found["thin_recall"] == pytest.approx((0.4, 0.4, 0.4))
+    assert found["geometric_iou"].low < found["geometric_iou"].high
+
+
+# ------------------------------------------------------------------------------ seeds and clips
+
+
+def test_every_way_to_draw_three_seeds_comes_equally_often_in_random_order():
+    weights = seed_resamplings(3, 1000, rng(0))
+    rows, times = weights.unique(dim=0, return_counts=True)
+    due = dict(zip(map(tuple, rows.tolist()), times.tolist()))
+    assert len(due) == 10
+    for thrice in ((3, 0, 0), (0, 3, 0), (0, 0, 3)):
+        assert due[thrice] in (37, 38)  # one of 27 ways
+    assert 6 * 37 <= due[1, 1, 1] <= 6 * 37 + 1  # six of 27
+    assert not torch.equal(weights, weights.sort(dim=0).values)
+    assert not torch.equal(weights[:27].sum(0), weights[27:54].sum(0)), "no turns"
+    assert torch.equal(weights, seed_resamplings(3, 1000, rng(0)))
+    assert not torch.equal(weights, seed_resamplings(3, 1000, rng(1)))
+
+
+@pytest.mark.parametrize("seeds", [1, 2, 3, 4, 5, 12])
+def test_seeds_are_drawn_as_clips_are(seeds):
+    weights = seed_resamplings(seeds, 1000, rng(0))
+    assert (weights.shape, weights.dtype) == ((1000, seeds), torch.float64)
+    assert (weights.sum(1) == seeds).all()
+    if seeds > 1:
+        assert weights.var(0).mean() == pytest.approx(1 - 1 / seeds, abs=0.1)
+
+
+def rates_of(samples):
+    return torch.stack([sample["rate"] for sample in samples])
+
+
+def two_levels(runs, seed=0, resamples=101):
+    """Samples of every run on the same draws of clips, and draws of the runs."""
+    clips = resamplings(len(runs[0]["hits"]), resamples, rng(seed))
+    seeds = seed_resamplings(len(runs), resamples, rng(seed + 1))
+    samples = [score_samples(HitRate(), tables, clips) for tables in runs]
+    return clips, seeds, rates_of(samples)
+
+
+def test_a_resample_of_two_levels_is_the_mean_over_drawn_seeds_on_the_drawn_clips():
+    """Written out: seeds one by one, their clips one by one, then sorted bounds."""
+    runs = [drawn_clips(7, rng(seed)) for seed in range(3)]
+    clips, seeds, samples = two_levels(runs)
+    means = []
+    for clip_times, seed_times in zip(clips, seeds):
+        assert (len(drawn(clip_times)), len(drawn(seed_times))) == (7, 3)
+        rates = [rate_of_drawn(runs[n], drawn(clip_times)) for n in drawn(seed_times)]
+        means.append(sum(rates) / 3)
+    sample = seed_sample(samples, seeds)
+    torch.testing.assert_close(sample[1:], torch.tensor(means, dtype=torch.float64))
+    whole = [float(run["hits"].sum() / run["voxels"].sum()) for run in runs]
+    means.sort()
+    assert interval_of(sample, 0.9) == pytest.approx((sum(whole) / 3, means[5], means[95]))
+
+
+def test_a_single_seed_adds_nothing_to_the_clips():
+    tables = drawn_clips(9, rng(0))
+    clips, seeds, samples = two_levels([tables])
+    assert (
+        interval_of(seed_sample(samples, seeds), 0.9)
+        == (score_intervals(HitRate(), tables, clips, 0.9)["rate"])
+    )
+
+
+def test_seeds_that_differ_widen_the_interval_and_equal_ones_do_not():
+    """On equal clips nothing but the seeds can move a score."""
+    apart = [clips_of([hits] * 8, [100] * 8) for hits in (40, 50, 60)]
+    _, seeds, samples = two_levels(apart, resamples=2000)
+    assert interval_of(seed_sample(samples, seeds)) == pytest.approx((0.5, 0.4, 0.6))
+    _, seeds, samples = two_levels(apart[:1] * 3)
+    assert interval_of(seed_sample(samples, seeds)) == pytest.approx((0.4, 0.4, 0.4))
+
+
+def test_a_seed_without_a_score_is_left_out_of_the_mean():
+    runs = [clips_of([0, 0], [0, 0]), clips_of([3, 3], [4, 4]), clips_of([1, 1], [4, 4])]
+    _, seeds, samples = two_levels(runs)
+    sample = seed_sample(samples, seeds)
+    assert sample[0] == 0.5
+    only_the_first = seeds[:, 1:].sum(1) == 0
+    assert only_the_first.any()
+    assert torch.equal(sample[1:].isnan(), only_the_first)

@@ -1,0 +1,65 @@
+"""The counts of a run on disk: read back as they were, or refused in one line."""
+
+import numpy as np
+import pytest
+import torch
+
+from src.errors import UserError
+from src.results.counts import Counts
+from src.results.table import run_table
+from tests.results.scored import counts, predicted
+
+
+@pytest.fixture(scope="module", name="mine")
+def _mine():
+    return counts("mine", lambda target, n: predicted(target, 0.5, n))
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_counts_read_back_and_score_the_same(mine, tmp_path, compressed):
+    mine.write(tmp_path / "tallies/mine.npz", compressed)
+    again = Counts.read(tmp_path / "tallies/mine.npz")
+    assert (again.name, again.clips, again.frames) == (mine.name, mine.clips, mine.frames)
+    assert again.protocol.difference(mine.protocol) is None
+    for metric, tables in mine.tables.items():
+        for name, table in tables.items():
+            assert torch.equal(again.tables[metric][name], table)
+    first, second = (run_table({0: [each]}, {"test": lambda clip: True}) for each in (mine, again))
+    assert first.equals(second)
+    scored = first.set_index("score")
+    for name, value in mine.scores("occupancy").items():
+        assert scored.loc[name, "value"] == pytest.approx(float(value), nan_ok=True)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all"])
+def test_a_broken_file_is_one_clear_error(tmp_path, content):
+    path = tmp_path / "mine.npz"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match=r"mine\.npz: cannot be read"):
+        Counts.read(path)
+
+
+def test_a_missing_file_and_one_of_something_else_are_refused(tmp_path):
+    with pytest.raises(UserError, match=r"mine\.npz: no such file"):
+        Counts.read(tmp_path / "mine.npz")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(UserError, match=r"other\.npz: cannot be read"):
+        Counts.read(tmp_path / "other.npz")
+
+
+def test_a_damaged_file_is_named_in_one_line_whatever_is_broken(mine, tmp_path):
+    path = tmp_path / "mine.npz"
+    mine.write(path)
+    whole = path.read_bytes()
+    rng, lines = np.random.default_rng(0), []
+    for _ in range(60):
+        damaged = bytearray(whole)
+        damaged[rng.integers(len(whole))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(damaged)
+        try:
+            Counts.read(path)
+        except UserError as error:
+            lines.append(str(error))
+    assert len(lines) > 40
+    assert all(line.startswith(f"{path}: cannot be read") for line in lines)
+    assert not any("\n" in line for line in lines)

@@ -1,0 +1,183 @@
+"""results.csv to disk and back, broken files, and the printed tables."""
+
+import io
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from src.errors import UserError
+from src.ontology import CLASSES
+from src.results.files import (
+    COLUMNS,
+    MEANS,
+    SCORES,
+    print_results,
+    read_results,
+    write_results,
+)
+
+
+def row(experiment="skyocc", split="test", seed=0, **scores):
+    rng = np.random.default_rng(len(experiment) + 100 * seed)
+    return {
+        "experiment": experiment,
+        "scale": "small",
+        "seed": seed,
+        "split": split,
+        **{name: float(rng.random()) for name in SCORES},
+        "protocol": {"mask": "supervised", "horizon_s": 5.0},
+        "seconds": 0.1 + 0.2,
+        "parameters": 1_234_567,
+        "precision": "32-true",
+        "code_version": "0012345678",
+        "git_commit": "12e4567",
+        "dataset": "small-00ab",
+        **scores,
+    }
+
+
+def printed(rows, tmp_path):
+    write_results(tmp_path / "results.csv", rows)
+    console = Console(file=io.StringIO(), width=110)
+    print_results(read_results(tmp_path / "results.csv"), console)
+    return console.file.getvalue()
+
+
+def line_of(text, name):
+    return next(line for line in text.splitlines() if name in line)
+
+
+def test_rows_read_back_as_they_were_written(tmp_path):
+    rows = [row(), row("all_free", seed=7, **{"iou/vru": math.nan, "kar_iou/vru": math.nan})]
+    path = tmp_path / "runs" / "results.csv"
+    write_results(path, rows)
+    table = read_results(path)
+    assert tuple(table.columns) == COLUMNS
+    for read, written in zip(table.to_dict("records"), rows):
+        assert json.loads(read.pop("protocol")) == written.pop("protocol")
+        for name, value in written.items():
+            both_nan = value != value and read[name] != read[name]
+            assert read[name] == value or both_nan, name
+    assert [entry.name for entry in path.parent.iterdir()] == ["results.csv"]
+
+
+def test_an_empty_commit_stays_empty(tmp_path):
+    write_results(tmp_path / "results.csv", [row(git_commit="")])
+    assert read_results(tmp_path / "results.csv")["git_commit"].tolist() == [""]
+
+
+def test_a_row_with_other_columns_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="extra"):
+        write_results(tmp_path / "results.csv", [row(extra=1)])
+    incomplete = row()
+    del incomplete["kar_miou"]
+    with pytest.raises(ValueError, match="kar_miou"):
+        write_results(tmp_path / "results.csv", [incomplete])
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "results.csv"
+    write_results(path, [row()])
+    before = path.read_bytes()
+
+    def full_disk(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full_disk)
+    with pytest.raises(UserError, match=r"results\.csv: cannot be written \(No space left"):
+        write_results(path, [row(), row()])
+    assert path.read_bytes() == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["results.csv"]
+
+
+def test_a_missing_file_says_what_to_do(tmp_path):
+    with pytest.raises(UserError, match=r"results\.csv: no such file; finish the run"):
+        read_results(tmp_path / "results.csv")
+
+
+@pytest.mark.parametrize(
+    "corrupt",
+    [
+        lambda text: "",
+        lambda text: "hello\nworld\n",
+        lambda text: text[: len(text) // 2],
+        lambda text: text[:-1],
+        lambda text: text[:-12] + "\n",
+        lambda text: text.replace(",skyocc", ",").replace("supervised", 'super"vised'),
+        lambda text: text.replace("kar_miou", "karmiou"),
+        lambda text: text.replace("0.", "O.", 1),
+        lambda text: "\x00\ufffd" + text[40:],
+    ],
+    ids=[
+        "empty",
+        "prose",
+        "half",
+        "newline",
+        "tail",
+        "protocol",
+        "column",
+        "number",
+        "binary",
+    ],
+)
+def test_a_corrupt_file_is_named_in_one_line(tmp_path, corrupt):
+    path = tmp_path / "results.csv"
+    write_results(path, [row(), row()])
+    path.write_text(corrupt(path.read_text()))
+    with pytest.raises(UserError, match=r"results\.csv: not a readable results file") as caught:
+        read_results(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_class_and_the_means_stand_side_by_side_as_percentages(tmp_path):
+    scores = dict(zip(MEANS, (0.2891, 0.2024, 0.191))) | {"iou/car": 0.5, "kar_iou/car": 0.25}
+    rows = [row(**scores), row("voxel_prior", **dict.fromkeys(SCORES, 0.01))]
+    text = printed(rows, tmp_path)
+    car = 2 + CLASSES.index("car")
+    mine = line_of(text, "skyocc 0").split()
+    assert (mine[:2], mine[car], mine[-3:]) == (
+        *(["skyocc", "0"], "50.0*", ["28.9*", "20.2*", "19.1*"]),
+    )
+    assert line_of(text, "voxel_prior").split()[2:] == ["1.0"] * 12
+    assert line_of(text, "skyocc 0: KAR-IoU").split()[1 + car] == "25.0"
+
+
+def test_the_best_is_marked_within_each_split(tmp_path):
+    values = {("one", "test"): 0.5, ("two", "test"): 0.4}
+    values |= {("three", "test_seen"): 0.2, ("four", "test_seen"): 0.3}
+    text = printed([row(*names, miou=value) for names, value in values.items()], tmp_path)
+    starred = [name for name, _ in values if "*" in line_of(text, f"{name} 0").split()[-3]]
+    assert starred == ["one", "four"]
+
+
+def test_an_absent_class_is_a_dash_and_never_best(tmp_path):
+    absent = {name: math.nan for name in SCORES}
+    text = printed([row(**absent), row("all_free", **absent)], tmp_path)
+    assert "nan" not in text
+    assert line_of(text, "skyocc").split() == ["skyocc", "0", *["–"] * 12]
+
+
+def test_the_tables_fit_110_columns_without_wrapping(tmp_path):
+    rows = [
+        row(name, split, seed, **dict.fromkeys(SCORES, 0.5))
+        for name in ("voxel_prior", "longer_experiment")
+        for split in ("test", "test_unseen_clips")
+        for seed in (0, 12345)
+    ]
+    text = printed(rows, tmp_path)
+    assert max(map(len, text.splitlines())) <= 110
+    assert text.count("longer_experiment") == 2 * 4
+    assert "…" not in text
+
+
+def test_training_and_scoring_import_nothing_of_the_report():
+    modules = "src.tasks.fit, src.tasks.test, src.tasks.score, src.tasks.attitude"
+    listed = f"import sys, {modules}; print([m for m in sys.modules if 'src.report' in m])"
+    done = subprocess.run([sys.executable, "-c", listed], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr

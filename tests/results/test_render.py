@@ -1,0 +1,257 @@
+"""A table in every form: whole, with the best marked, and nothing that a form would swallow."""
+
+import io
+import math
+import re
+
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from src.results.render import (
+    Cell,
+    Table,
+    csv_of,
+    latex,
+    latex_of,
+    markdown_of,
+    print_table,
+    table_html,
+    table_of,
+)
+from tests.report.typesetting import typeset
+
+NASTY = 'a|b_c & 100 % of #1 {x} ~^ \\n $2 <"é"> *[z], Δ'
+TABLE = Table(
+    "some_table",
+    "Title of 100 %, test_part",
+    f"Caption with {NASTY}.",
+    table_of(
+        [
+            (
+                "Baseline",
+                ["✗", Cell(1 / 3, 0.1, 0.7), Cell(0.0, signed=True), Cell(80.0, 70, 95.5)],
+            ),
+            (NASTY, ["✓", Cell(25.085, 20, 30), Cell(-1.5, -3.0, 0.001, True), Cell(7.0, 1, 9)]),
+            ("+ other", ["✓", Cell(math.nan), None, Cell(10.0)]),
+            ("Gain", ["", Cell(99.0, 98.0, 99.5, signed=True), None, None]),
+        ],
+        ["Att. Proj.", "mIoU", "Δ mIoU", "Rate"],
+    ),
+    best={"mIoU": "high", "Δ mIoU": "high", "Rate": "low"},
+    short={"Rate": "r."},
+    lines=(3,),
+)
+
+
+def wide(columns, rows, best="high", short=None):
+    """A table of the same numbers in every column."""
+    names = [f"KAR-mIoU {n}" for n in range(columns)]
+    cells = [(row, [Cell(88.8 + n / 100, 77.7, 99.9) for n in range(columns)]) for row in rows]
+    shorts = {name: short for name in names} if short else {}
+    return Table("wide", "Wide", "All.", table_of(cells, names), dict.fromkeys(names, best), shorts)
+
+
+# ------------------------------------------------------------------------------------ the numbers
+
+
+def test_what_rounds_to_nothing_has_no_sign():
+    assert Cell(-0.004, signed=True).text() == Cell(-0.0049).text() == "0.00"
+    assert Cell(0.006, signed=True).text() == "+0.01"
+    assert Cell(math.nan).text() == "–"
+    assert Cell(0.0, -0.001, 0.5, signed=True).bounds(1) == ["0.0", "+0.5"]
+    assert Cell(1.0).bounds() == []
+
+
+@pytest.mark.parametrize(
+    ("cells", "end", "best"),
+    [
+        ([Cell(1.0), Cell(3.0), Cell(2.0)], "high", {1}),
+        ([Cell(1.0), Cell(3.0), Cell(2.0)], "low", {0}),
+        ([Cell(1.0), Cell(3.0), Cell(3.0)], "high", {1, 2}),
+        ([Cell(1.0), Cell(math.nan), Cell(9.0, signed=True), None], "high", set()),
+        ([Cell(0.0), Cell(0.0)], "high", set()),
+        ([Cell(1.0), Cell(2.0)], None, set()),
+        ([Cell(1.0, signed=True), Cell(2.0, signed=True)], "high", {1}),
+    ],
+)
+def test_the_best_is_of_scores_and_only_where_there_is_a_choice(cells, end, best):
+    frame = table_of([(str(n), [cell]) for n, cell in enumerate(cells)], ["a"])
+    assert Table("k", "t", "c", frame, {"a": end} if end else {}).best_rows("a") == best
+
+
+def test_the_best_row_is_one_of_those_that_were_scored_alike():
+    frame = table_of([("a", [Cell(1.0)]), ("b", [Cell(2.0)]), ("elsewhere", [Cell(3.0)])], ["a"])
+    assert Table("k", "t", "c", frame, {"a": "high"}, ranked=2).best_rows("a") == {1}
+
+
+# ------------------------------------------------------------------------------------------- CSV
+
+
+def test_a_csv_has_every_cell_and_reads_back_equal():
+    table = pd.read_csv(io.StringIO(csv_of([TABLE])), float_precision="round_trip")
+    assert set(table["table"]) == {"some_table"}
+    assert len(table) == 4 * 4
+    for name, entries in TABLE.rows:
+        for column, entry in zip(TABLE.columns, entries):
+            (line,) = table[(table["row"] == name) & (table["column"] == column)].itertuples()
+            if isinstance(entry, Cell):
+                read = [float(number) for number in (line.value, line.low, line.high)]
+                assert read == pytest.approx(list(entry[:3]), abs=0, nan_ok=True)
+            else:
+                assert (line.value if isinstance(line.value, str) else "") == (entry or "")
+
+
+# -------------------------------------------------------------------------------------- Markdown
+
+
+def cells(line):
+    """Of a row of Markdown: bars that are escaped end none."""
+    return [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+
+
+def test_markdown_has_every_column_shows_the_interval_and_marks_the_best():
+    lines = [line for line in markdown_of(TABLE).splitlines() if line.startswith("|")]
+    assert len(lines) == 2 + len(TABLE.rows)
+    assert {len(cells(line)) for line in lines} == {1 + len(TABLE.columns)}
+    baseline, nasty, other, gain = map(cells, lines[-4:])
+    assert baseline == ["Baseline", "✗", "0.33 [0.10, 0.70]", "**0.00**", "80.00 [70.00, 95.50]"]
+    assert nasty[2:] == ["**25.09** [20.00, 30.00]", "-1.50 [-3.00, 0.00]", "**7.00** [1.00, 9.00]"]
+    assert other[2:] == ["–", "", "10.00"]
+    assert gain[2] == "+99.00 [+98.00, +99.50]"
+
+
+# ----------------------------------------------------------------------------------------- LaTeX
+
+
+def body(text):
+    """The lines between the rules."""
+    assert text.count("\\toprule") == text.count("\\bottomrule") == 1
+    return text.split("\\toprule\n")[1].split("\\bottomrule")[0].splitlines()
+
+
+def test_environments_and_braces_are_balanced():
+    text = latex_of(TABLE)
+    begun = re.findall(r"\\begin\{([a-z*]+)\}", text)
+    assert re.findall(r"\\end\{([a-z*]+)\}", text) == begun[::-1]
+    assert begun == ["table", "tabular"]
+    depth = 0
+    for brace in re.findall(r"(?<!\\)[{}]", text):
+        depth += 1 if brace == "{" else -1
+        assert depth >= 0
+    assert depth == 0
+
+
+def test_every_line_has_every_column_and_ends():
+    text = latex_of(TABLE)
+    lines = [line for line in body(text) if line != "\\midrule"]
+    assert {len(re.findall(r"(?<!\\)&", line)) for line in lines} == {len(TABLE.columns)}
+    assert all(re.search(r"\\\\(\[2pt\])?$", line) for line in lines)
+    assert re.search(r"\\begin\{tabular\}\{lcccc\}", text)
+
+
+def test_specials_are_escaped():
+    assert latex("a_b & 5 % #1 {x}") == r"a\_b \& 5 \% \#1 \{x\}"
+    assert latex("~^\\") == r"\textasciitilde{}\textasciicircum{}\textbackslash{}"
+    assert latex("Δ ✓✗ Lovász –") == r"$\Delta$ $\surd$$\times$ Lov\'asz --"
+    assert latex("[*] 日") == "{[}{*}] ?"
+    # Nothing of them is left bare, where it would comment out or open something.
+    assert not re.search(r"(?<!\\)[%#]", latex_of(TABLE))
+
+
+def test_latex_marks_the_best_and_sets_signs_and_intervals():
+    lines = body(latex_of(TABLE))
+    nasty = next(n for n, line in enumerate(lines) if line.startswith("a\\textbar"))
+    assert r"\textbf{25.09}" in lines[nasty]
+    assert "$-$1.50" in lines[nasty]
+    assert r"{\tiny [20.00, 30.00]} & {\tiny [$-$3.00, 0.00]}" in lines[nasty + 1]
+    gain = next(n for n, line in enumerate(lines) if line.startswith("Gain"))
+    assert lines[gain - 1] == "\\midrule"
+    assert "+99.00" in lines[gain]
+    assert r"\textbf{+99.00}" not in lines[gain]
+
+
+def test_a_wide_table_spans_the_page():
+    assert latex_of(wide(9, ["a"])).startswith("\\begin{table*}[t]")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("packages", [("booktabs",), ("booktabs", "graphicx")])
+def test_it_compiles_and_fits_the_page_where_graphicx_is_there(tmp_path, packages):
+    both = f"{latex_of(TABLE)}\n{latex_of(wide(11, ['Row 0', 'Row 1']))}"
+    assert ("Overfull" in typeset(tmp_path, both, packages)) == ("graphicx" not in packages)
+
+
+# ------------------------------------------------------------------------------------------ HTML
+
+
+def html_cells(html):
+    """The attributes and the text of every data cell."""
+    return [
+        (attributes.strip(), re.sub("<[^>]*>", "", content))
+        for attributes, content in re.findall(r"<td([^>]*)>(.*?)</td>", html)
+    ]
+
+
+def test_a_cell_of_a_page_has_its_number_whole_and_says_what_is_best_empty_or_apart():
+    assert html_cells(table_html(TABLE)) == [
+        ('class="text"', "✗"),
+        (f'data-value="{1 / 3!r}"', "0.33 [0.10, 0.70]"),
+        ('class="best" data-value="0.0"', "0.00 best"),
+        ('data-value="80.0"', "80.00 [70.00, 95.50]"),
+        ('class="text"', "✓"),
+        ('class="best" data-value="25.085"', "25.09 best [20.00, 30.00]"),
+        ('data-value="-1.5"', "−1.50 [−3.00, 0.00]"),
+        ('class="best" data-value="7.0"', "7.00 best [1.00, 9.00]"),
+        ('class="text"', "✓"),
+        ('class="empty"', "–"),
+        ('class="empty"', "–"),
+        ('data-value="10.0"', "10.00"),
+        ('class="text"', ""),
+        ('data-value="99.0" data-apart', "+99.00 [+98.00, +99.50]"),
+        ('class="empty"', "–"),
+        ('class="empty"', "–"),
+    ]
+
+
+def test_heads_of_a_page_are_buttons_that_begin_with_the_best_and_lines_are_before_rows():
+    html = table_html(TABLE)
+    firsts = ["ascending", "ascending", "descending", "descending", "ascending"]
+    assert re.findall(r'data-first="(\w+)"', html) == firsts
+    assert html.count('aria-sort="none"') == 5
+    assert re.findall(r'<tr class="line"><th scope="row">(\w+)', html) == ["Gain"]
+
+
+def test_names_of_a_page_are_escaped_everywhere():
+    wicked = "<script>\"'&"
+    html = table_html(Table("k", wicked, wicked, table_of([(wicked, [wicked])], [wicked], wicked)))
+    assert "<script>" not in html
+    assert html.count("&lt;script&gt;") == 6
+
+
+# ---------------------------------------------------------------------------------- the terminal
+
+
+def printed(table):
+    console = Console(file=io.StringIO(), width=110)
+    print_table(table, console)
+    return console.file.getvalue()
+
+
+def test_a_printed_table_shows_intervals_below_and_a_star_for_the_best():
+    lines = printed(TABLE).splitlines()
+    row = next(n for n, line in enumerate(lines) if "a|b_c" in line)
+    assert re.search(r"✓\s+25\.1\*\s+-1\.5\s+7\.0\*", lines[row])
+    assert re.search(r"\[20\.0, 30\.0\]\s+\[-3\.0, 0\.0\]\s+\[1\.0, 9\.0\]", lines[row + 1])
+    assert "r." in printed(TABLE)
+
+
+@pytest.mark.parametrize("columns", [5, 11])
+def test_a_printed_table_keeps_to_110_columns_and_cuts_nothing(columns):
+    names = ("+ Attitude-aware projection", "an_experiment_of_a_long_name_that_has_to_be_folded")
+    text = printed(wide(columns, names, short="free"))
+    assert max(map(len, text.splitlines())) <= 110
+    assert "…" not in text
+    assert ("[77.7, 99.9]" in text) == (columns == 5)
+    assert (["77.7"] * 11 in [line.split() for line in text.splitlines()]) == (columns == 11)
+    assert text.count("99.9") == 2 * columns
