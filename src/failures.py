@@ -1,4 +1,4 @@
-"""Which failures are the user's to mend, and the one line that says how."""
+"""Failures that the user can mend, each told in one line that says how."""
 
 import difflib
 import errno

@@ -1,4 +1,4 @@
-"""Which keys a configuration may have, and of which types their values may be."""
+"""The keys that a configuration may have, and the types of their values."""
 
 import inspect
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""Where a number comes from: digests of code and configuration, commit, machine.
+"""The origin of a number: digests of code and configuration, commit, machine.
 
 ``python -m src.provenance`` prints what stands for the code of data and of trainings. It needs the
 standard library alone, and prints the same under every supported Python.

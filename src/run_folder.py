@@ -75,7 +75,7 @@ class RunFolder:
         return {"best": self.best_checkpoint, "last": self.last_checkpoint}.get(name, Path(name))
 
     def is_finished(self) -> bool:
-        """Whether the results of this very configuration and code are there, all of them."""
+        """Tells whether all results of this very configuration and code are there."""
         counted = (self.config["name"], *ANCHORS)
         files = (RESULTS, SCORES, *(f"{TALLIES}/{name}.npz" for name in counted))
         return all((self.path / name).is_file() for name in files) and self._is_same()

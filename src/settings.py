@@ -1,4 +1,4 @@
-"""What a composed configuration must satisfy before any work starts."""
+"""Checks of a composed configuration, before any work starts."""
 
 from collections.abc import Sequence
 from functools import cache

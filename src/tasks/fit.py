@@ -46,7 +46,7 @@ def fit(cfg: DictConfig) -> str:
 
 
 def _shown_again(session: Session) -> bool:
-    """Whether there is nothing to do; prints what was done before."""
+    """Prints the results and returns true, where the run is finished and shall not be repeated."""
     cfg, folder = session.cfg, session.folder
     if not folder.is_finished() or cfg.overwrite or cfg.ckpt_path is not None:
         return False
@@ -120,9 +120,9 @@ def _announce(session: Session, module: OccupancyModule, done: str) -> None:
     cfg, data, trainer = session.cfg, session.data, session.trainer
     parameters = sum(p.numel() for p in module.network.parameters())
     frames = " / ".join(str(len(samples)) for samples in data.split.values())
-    how = f"goes on after {done}" if done else f"{cfg.trainer.max_epochs} epochs"
+    schedule = f"goes on after {done}" if done else f"{cfg.trainer.max_epochs} epochs"
     say(
         f"{cfg.name}, scale {cfg.scale_name}, seed {cfg.seed}: {parameters / 1e6:.2f} M parameters "
-        f"on {trainer.strategy.root_device} in {trainer.precision}, {how}"
+        f"on {trainer.strategy.root_device} in {trainer.precision}, {schedule}"
     )
     say(f"{data.root}: {frames} frames to train / validate / test")

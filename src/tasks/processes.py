@@ -5,7 +5,7 @@ from lightning.pytorch.utilities import rank_zero_only
 
 
 def is_first_process() -> bool:
-    """Whether this process prints and writes files; the others only compute.
+    """Tells whether this process prints and writes files; the others only compute.
 
     Known before a trainer exists: whoever starts the processes numbers them in the environment.
     """

@@ -1,4 +1,4 @@
-"""What a task works with: the run's folder, the data, the trainer and the checkpoint."""
+"""The session of a task: the run's folder, the data, the trainer and the checkpoint."""
 
 from collections.abc import Sequence
 from functools import cached_property
