@@ -19,7 +19,9 @@ def names_of(path: Path) -> set[str]:
 
 def test_the_table_covers_the_equations():
     ideas = " ".join(row[0] + row[1] for row in ROWS)
-    numbers = {int(n) for text in re.findall(r"Eq\. ([\d and]+)", ideas) for n in re.findall(r"\d+", text)}
+    numbers = {
+        int(n) for text in re.findall(r"Eq\. ([\d and]+)", ideas) for n in re.findall(r"\d+", text)
+    }
 
     assert numbers == set(range(1, 11))
 
