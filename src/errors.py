@@ -1,4 +1,7 @@
-"""The one exception that users see as a single line instead of a traceback."""
+"""The one exception that users see as a single line, and how it names what they may have meant."""
+
+import difflib
+from collections.abc import Iterable
 
 
 class UserError(ValueError):
@@ -7,3 +10,9 @@ class UserError(ValueError):
     The message is one line: it names the file or key and says what to do. ``run.py`` prints it
     without a traceback and exits with status 2.
     """
+
+
+def closest(name: str, known: Iterable[str]) -> str:
+    """Returns ``"; did you mean 'x'?"`` where a known name is near, or ``";"``."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ";"

@@ -1,6 +1,5 @@
 """Failures that the user can mend, each told in one line that says how."""
 
-import difflib
 import errno
 import logging
 import sys
@@ -19,7 +18,7 @@ from hydra.errors import (
 from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from .errors import UserError
+from .errors import UserError, closest
 
 ELSEWHERE = "set paths.data, paths.runs and paths.encoders to folders that can be written to"
 DISK = {
@@ -161,12 +160,6 @@ def _no_such_key(error: ConfigAttributeError | ConfigKeyError) -> str:
     siblings = list(map(str, parent)) if isinstance(parent, DictConfig) else []
     known = ", ".join(siblings)
     return f"{error.full_key}: no such key{closest(name, siblings)} there are {known}"
-
-
-def closest(name: str, known: Iterable[str]) -> str:
-    """Returns ``"; did you mean 'x'?"`` where a known name is near, or ``";"``."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else ";"
 
 
 def quiet_libraries() -> None:

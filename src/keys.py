@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping
 from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 
-from .errors import UserError
-from .failures import closest
+from .errors import UserError, closest
 
 TARGET = "_target_"
 # Endings of quantities: any number will do, even where the configuration has a round one.

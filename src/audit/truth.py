@@ -69,7 +69,7 @@ class SurfaceTruth:
     @classmethod
     def of(cls, scene: Scene, step: int, camera: Camera, grid: VoxelGrid) -> "SurfaceTruth":
         """Looks at the scene as it is at a step of the simulation."""
-        occ_from_world = inverse(world_from_occ(camera.world_from_body))
+        occ_from_world = inverse(world_from_occ(camera.world_from_body)).numpy()
         triangles_m, class_id = triangles_of(scene, step)
         triangles_occ = transform(occ_from_world, triangles_m)
 
@@ -97,7 +97,11 @@ def triangles_of(
 
 
 def seen_surfaces(
-    scene: Scene, step: int, camera: Camera, grid: VoxelGrid, occ_from_world: torch.Tensor
+    scene: Scene,
+    step: int,
+    camera: Camera,
+    grid: VoxelGrid,
+    occ_from_world: Float[np.ndarray, "4 4"],
 ) -> OfClasses:
     """Returns the classes in every voxel that some of the camera's rays meet first."""
     directions = rays_of(camera)

@@ -16,8 +16,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
-from ..errors import UserError
-from ..failures import closest
+from ..errors import UserError, closest
 from ..ontology import CAR, LARGE_VEHICLE, NUM_CLASSES, THIN_STRUCTURE, UNKNOWN, VRU
 from .tensors import Labels, Logits, Scalar, VoxelLabels, VoxelScores
 

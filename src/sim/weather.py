@@ -9,8 +9,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..errors import UserError
-from ..failures import closest
+from ..errors import UserError, closest
 
 # sRGB, each share from 0 to 1.
 Color = tuple[float, float, float]

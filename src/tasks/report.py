@@ -9,8 +9,7 @@ from omegaconf import DictConfig
 from rich.console import Console
 
 from ..atomic import replacing
-from ..errors import UserError
-from ..failures import closest
+from ..errors import UserError, closest
 from ..metrics.suite import import_metrics
 from ..report.attitude import draw_report_attitude
 from ..report.attitude_tables import AttitudeScores
