@@ -1,4 +1,4 @@
-"""A very small data set from the real generator, made once for all tests that need one."""
+"""A very small dataset from the real generator, made once for all tests that need one."""
 
 import copy
 import os
@@ -44,7 +44,7 @@ MINI_SIM = {
 
 @pytest.fixture
 def mini_sim():
-    """The composed ``sim`` configuration of the smallest data set; yours to change."""
+    """The composed ``sim`` configuration of the smallest dataset; yours to change."""
     return copy.deepcopy(MINI_SIM)
 
 

@@ -33,7 +33,7 @@ from src.tasks.dataset import root_of, spec_of
 from src.tasks.model import module_of, network_of, origin_of
 
 CONF = Path(__file__).parent.parent / "conf"
-BOXES = (  # lower and upper corner in the world (m), class, colour
+BOXES = (  # lower and upper corner in the world (m), class, color
     ((12.0, 4.0, 0.0), (24.0, 14.0, 9.0), "building", (200, 60, 40)),
     ((30.0, -12.0, 0.0), (38.0, -5.0, 5.0), "vegetation", (30, 160, 50)),
 )
@@ -58,7 +58,7 @@ def mini_overrides(folder, *more):
 
 
 def config_of(root, folder):
-    """The configuration with which the small generated data set was made, for another folder."""
+    """The configuration with which the small generated dataset was made, for another folder."""
     words = ["scale=tiny", "scale_name=mini", f"paths.data={folder}", "sim.workers=1"]
     for key, value in read_manifest(root)["sim"].items():
         values = value if isinstance(value, dict) and value else {"": value}
@@ -76,7 +76,7 @@ def untrained(cfg, data):
 
 
 def write_dataset(cfg):
-    """A finished data set where the configuration expects one, made of synthetic clips."""
+    """A finished dataset where the configuration expects one, made of synthetic clips."""
     root, sim = root_of(cfg), cfg.sim
     clip_ids = [f"{town}/clip{i:02d}" for town in sim.towns for i in range(sim.clips_per_town)]
     grid = VoxelGrid(**OmegaConf.to_container(cfg.grid))
@@ -143,16 +143,16 @@ def class_at(points_world):
 
 
 def labels_of(world_from_body, meta):
-    """Labels of the voxels whose centre is in the image; the rest is unknown."""
-    centres = meta.grid.centers(torch.float64).flatten(0, 2)
-    semantics = class_at(transform(world_from_occ(world_from_body), centres))
+    """Labels of the voxels whose center is in the image; the rest is unknown."""
+    centers = meta.grid.centers(torch.float64).flatten(0, 2)
+    semantics = class_at(transform(world_from_occ(world_from_body), centers))
     chain = camera_from_occ(world_from_body, meta.body_from_camera)
-    seen = in_image(*project(centres, chain, meta.pix_from_camera), meta.width, meta.height)
+    seen = in_image(*project(centers, chain, meta.pix_from_camera), meta.width, meta.height)
     return semantics.masked_fill(~seen, UNKNOWN).view(meta.grid.shape)
 
 
 def render(world_from_body, meta):
-    """The image: every pixel's nearest surface in its colour."""
+    """The image: every pixel's nearest surface in its color."""
     pix = pixel_centers(meta.width, meta.height).flatten(0, 1)
     ones = torch.ones(len(pix), dtype=torch.float64)
     world_from_camera = world_from_body @ meta.body_from_camera
@@ -162,11 +162,11 @@ def render(world_from_body, meta):
     nearest[nearest < 0] = torch.inf
     image = torch.tensor(SKY_RGB, dtype=torch.uint8).repeat(len(pix), 1)
     image[nearest.isfinite()] = torch.tensor(GROUND_RGB, dtype=torch.uint8)
-    for lower, upper, _, colour in BOXES:
+    for lower, upper, _, color in BOXES:
         corners = torch.tensor([lower, upper], dtype=torch.float64)
         crossings = (corners[:, None] - origin) / direction
         enter, leave = crossings.amin(0).amax(-1), crossings.amax(0).amin(-1)
         hit = (enter < leave) & (enter > 0) & (enter < nearest)
-        image[hit] = torch.tensor(colour, dtype=torch.uint8)
+        image[hit] = torch.tensor(color, dtype=torch.uint8)
         nearest = torch.where(hit, enter, nearest)
     return image.view(meta.height, meta.width, 3).numpy()

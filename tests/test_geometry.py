@@ -389,7 +389,7 @@ def test_the_default_grid_is_the_papers() -> None:
 
 
 @pytest.mark.parametrize("shape", [(100, 100, 60), (50, 50, 30), (25, 25, 15)])
-def test_index_of_a_centre_is_its_own(shape: tuple[int, int, int]) -> None:
+def test_index_of_a_center_is_its_own(shape: tuple[int, int, int]) -> None:
     grid = g.VoxelGrid(shape=shape)
     index, inside = grid.index_of(grid.centers())
     expected = torch.stack(torch.meshgrid(*map(torch.arange, shape), indexing="ij"), dim=-1)

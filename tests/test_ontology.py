@@ -47,7 +47,7 @@ def test_every_actor_is_of_a_moving_class() -> None:
     assert set(ontology.ACTOR_TYPES.values()) == moving
 
 
-def test_every_class_has_a_colour_of_its_own() -> None:
+def test_every_class_has_a_color_of_its_own() -> None:
     assert list(ontology.COLORS) == [*ontology.CLASSES, "unknown"]
     assert len(set(ontology.COLORS.values())) == len(ontology.COLORS)
     assert all(0 <= channel <= 255 for rgb in ontology.COLORS.values() for channel in rgb)

@@ -135,7 +135,7 @@ class Frustum:
         inside, seen_free = np.zeros((2, *grid.shape), dtype=bool)
         pix_from_occ = (view.pix_from_camera @ view.camera_from_occ[:3]).numpy()
         clearance_m = grid.voxel_m * 3**0.5 / 2
-        kernels.see_centres(
+        kernels.see_centers(
             inside, seen_free, *_place(grid), pix_from_occ, view.depth_m, clearance_m
         )
         return cls(inside, seen_free)

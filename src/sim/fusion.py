@@ -84,7 +84,7 @@ class StaticMap:
     def free_in(
         self, grid: VoxelGrid, world_from_occ: Float[np.ndarray, "4 4"]
     ) -> Bool[np.ndarray, "X Y Z"]:
-        """Voxels through the cell of whose centre some ray passed, and in which none ended."""
+        """Voxels through the cell of whose center some ray passed, and in which none ended."""
         found = np.zeros(grid.shape, dtype=bool)
         place = np.array(grid.lower_m), grid.voxel_m, world_from_occ
         look_up(found, *place, self.free, self.lower_m, self.cell_m)

@@ -96,7 +96,7 @@ def count_pixel_votes(
 ) -> None:
     """Adds one vote per pixel that shows something, and marks the voxels that have one as seen.
 
-    ``occ_from_pix`` takes (u d, v d, d, 1) of pixel centres with depth d to the occ frame.
+    ``occ_from_pix`` takes (u d, v d, d, 1) of pixel centers with depth d to the occ frame.
     """
     point = np.empty(3)
     for row in range(depth_m.shape[0]):
@@ -115,7 +115,7 @@ def count_pixel_votes(
 
 
 @njit
-def see_centres(
+def see_centers(
     inside: Bool[np.ndarray, "X Y Z"],
     before: Bool[np.ndarray, "X Y Z"],
     lower_m: Float[np.ndarray, "3"],
@@ -124,7 +124,7 @@ def see_centres(
     depth_m: Float[np.ndarray, "h w"],
     clearance_m: float,
 ) -> None:
-    """Marks voxels whose centre lies in the image, and of these the ones that lie before the
+    """Marks voxels whose center lies in the image, and of these the ones that lie before the
     depth of their pixel by more than a clearance. The formulas are `project`'s and `in_image`'s."""
     height, width = depth_m.shape
     of_x, of_y, of_z, offset = pix_from_occ.T
@@ -158,7 +158,7 @@ def look_up(
     cells_lower_m: Float[np.ndarray, "3"],
     cell_m: float,
 ) -> None:
-    """Marks the voxels whose centre lies in a set cell of a map of the world.
+    """Marks the voxels whose center lies in a set cell of a map of the world.
 
     The occ frame is upright, so that a column of voxels stands in one column of the map.
     """
@@ -186,7 +186,7 @@ def mark_box(
     occ_from_box: Float[np.ndarray, "4 4"],
     half_m: Float[np.ndarray, "3"],
 ) -> None:
-    """Marks the voxels whose centre lies in an upright box around the origin of its own frame."""
+    """Marks the voxels whose center lies in an upright box around the origin of its own frame."""
     reach_m = np.hypot(half_m[0], half_m[1])
     middle = occ_from_box[:3, 3]
     offset = np.empty(3)

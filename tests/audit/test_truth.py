@@ -66,7 +66,7 @@ def test_seen_is_a_part_of_what_is_there_and_nothing_hidden(truth):
     assert truth.seen[..., BUILDING].sum() > 50
     hidden = truth.holds[..., BUILDING] & ~truth.seen[..., BUILDING]
     assert hidden.sum() > 100, "the back of the wall, and what the screen hides"
-    # Along a line of sight to a voxel's centre nothing is met, so its own centre is in the open.
+    # Along a line of sight to a voxel's center nothing is met, so its own center is in the open.
     assert truth.center_seen.sum() > 5000
     assert (truth.center_seen & ~truth.inside).sum() == 0
 

@@ -34,7 +34,7 @@ def copy(mini_dataset, tmp_path):
     return shutil.copytree(mini_dataset, tmp_path / "data")
 
 
-def centres_in_image(clip, frame):
+def centers_in_image(clip, frame):
     """The projection chain itself, point by point."""
     meta = clip.meta
     centers = meta.grid.centers(torch.float64).flatten(0, 2)
@@ -51,7 +51,7 @@ def test_voxels_are_counted_by_class_and_by_denominator(mini_dataset, statistics
             for class_id, name in enumerate(CLASSES):
                 assert row[f"voxels/{name}"] == (labels == class_id).sum()
             assert row["voxels/labelled"] == (labels != UNKNOWN).sum()
-            assert row["voxels/in image"] == centres_in_image(clip, frame)
+            assert row["voxels/in image"] == centers_in_image(clip, frame)
             assert row["voxels/all"] == labels.size == 25 * 25 * 15
 
 
@@ -64,7 +64,7 @@ def test_voxels_in_the_image_are_those_of_the_projection_chain(tmp_path, grid):
     write_clip(tmp_path / "town/clip00", grid=grid)
     clip = Clip(tmp_path / "town/clip00")
     counted = voxels_in_image(clip)
-    assert counted.tolist() == [centres_in_image(clip, frame) for frame in range(len(clip))]
+    assert counted.tolist() == [centers_in_image(clip, frame) for frame in range(len(clip))]
     assert len(set(counted.tolist())) > 5
 
 

@@ -19,8 +19,8 @@ def counted_voxels(grid, batch, visible=None, parameters=PAPER):
         if true == 255:
             continue
 
-        centre_m = [low + (i + 0.5) * grid.voxel_m for low, i in zip(grid.lower_m, (x, y, z))]
-        distance_m = math.sqrt(sum(c * c for c in centre_m))
+        center_m = [low + (i + 0.5) * grid.voxel_m for low, i in zip(grid.lower_m, (x, y, z))]
+        distance_m = math.sqrt(sum(c * c for c in center_m))
         speed_mps = math.sqrt(sum(v * v for v in velocity[b].tolist()))
         ttc_s = distance_m / max(speed_mps, parameters["min_speed_mps"])
 

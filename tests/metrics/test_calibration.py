@@ -30,11 +30,11 @@ def ece_by_loops(voxels, bins):
 
 
 def expected_scores(grid, logits, target, velocity, bins=15, horizon_s=5.0, min_speed_mps=5.0):
-    centre_m = grid.centers(torch.float64).tolist()
+    center_m = grid.centers(torch.float64).tolist()
     voxels = []
     for b, x, y, z in torch.nonzero(target != 255).tolist():
         radius_m = horizon_s * max(math.hypot(*velocity[b].tolist()), min_speed_mps)
-        if math.hypot(*centre_m[x][y][z]) > radius_m:
+        if math.hypot(*center_m[x][y][z]) > radius_m:
             continue
 
         row = logits[b, :, x, y, z].tolist()

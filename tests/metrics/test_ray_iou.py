@@ -251,7 +251,7 @@ def test_rays_project_back_to_the_middles_of_their_parts_of_the_image(cameras, d
     assert (z_m > 0).all()
 
 
-def test_as_many_rays_as_pixels_go_through_their_centres(cameras):
+def test_as_many_rays_as_pixels_go_through_their_centers(cameras):
     origin_m, directions = F.camera_rays(*cameras, (WIDTH, HEIGHT), rays=(WIDTH, HEIGHT))
     pix, _ = project(origin_m[:, None] + directions, *cameras)
     torch.testing.assert_close(pix[1, 0], torch.tensor([0.5, 0.5], dtype=torch.float64))

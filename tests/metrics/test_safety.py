@@ -53,12 +53,12 @@ def expected_scores(
 
         in_tube = []
         for x, y, z in places:
-            centre = [low + (i + 0.5) * grid.voxel_m for low, i in zip(grid.lower_m, (x, y, z))]
+            center = [low + (i + 0.5) * grid.voxel_m for low, i in zip(grid.lower_m, (x, y, z))]
             voxel = (true[x][y][z] != FREE, guess[x][y][z] != FREE)
             every.append(voxel)
-            if norm(*centre) <= horizon_s * max(norm(*v), min_speed_mps):
+            if norm(*center) <= horizon_s * max(norm(*v), min_speed_mps):
                 bubble.append(voxel)
-            if distance_to_path_m(centre, [tube_s * part for part in v]) <= tube_radius_m:
+            if distance_to_path_m(center, [tube_s * part for part in v]) <= tube_radius_m:
                 in_tube.append(voxel)
             if true[x][y][z] == THIN_STRUCTURE:
                 off = [max(abs(x - i), abs(y - j), abs(z - k)) for i, j, k in wires]

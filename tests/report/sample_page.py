@@ -92,7 +92,7 @@ def write_sample(path):
         write_page(
             path,
             "A report with a heading",
-            [("data set", "small-" + "f" * 60)],
+            [("dataset", "small-" + "f" * 60)],
             tables=tables(),
             curves=[CurvePlot("Loss", "", curves), CurvePlot("KAR-mIoU", "%", curves)],
             sheets=[sheet()],

@@ -40,7 +40,7 @@ def test_parts_are_those_of_the_split(tmp_path):
 
 OTHERS = {
     "protocol": ({"of": protocol(horizon_s=4.0)}, r"metric\.horizon_s=4\.0, and .* with 5\.0"),
-    "data set": ({"of": protocol("tiny-4567")}, r"dataset=tiny-4567, and .* with tiny-0123"),
+    "dataset": ({"of": protocol("tiny-4567")}, r"dataset=tiny-4567, and .* with tiny-0123"),
     "code": ({"code": "0ther"}, r"was trained by code 0ther, and .* by code c0de; train both"),
     "unknown code": ({"code": None}, r"was trained by unknown code, and .* by code c0de"),
     "labels": ({"labels": 1}, r"was scored on other labels than .*baseline/seed0; score both"),

@@ -11,9 +11,9 @@ FILLED = {"box": 1.0, "cylinder": np.pi / 4, "cone": np.pi / 12, "ellipsoid": np
 
 @pytest.mark.parametrize(("shape", "share"), FILLED.items())
 def test_the_share_of_random_points_inside_is_the_volume(shape, share):
-    size_m, centre_m = np.array([3.0, 2.0, 5.0]), np.array([4.0, -1.0, 2.0])
-    it = solid(0, size_m, centre_m, shape, yaw_rad=0.6)
-    around_m = centre_m + np.random.default_rng(0).uniform(-4, 4, (200_000, 3))
+    size_m, center_m = np.array([3.0, 2.0, 5.0]), np.array([4.0, -1.0, 2.0])
+    it = solid(0, size_m, center_m, shape, yaw_rad=0.6)
+    around_m = center_m + np.random.default_rng(0).uniform(-4, 4, (200_000, 3))
     assert it.contains(around_m).mean() * 8**3 == pytest.approx(share * size_m.prod(), rel=0.05)
 
 

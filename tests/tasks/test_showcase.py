@@ -101,7 +101,7 @@ def test_each_network_sees_the_history_that_its_run_saw(cfg):
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    """The words of two rungs, trained on the synthetic data set."""
+    """The words of two rungs, trained on the synthetic dataset."""
     folder = tmp_path_factory.mktemp("showcase")
     common = mini_overrides(folder, "trainer.accelerator=cpu", "trainer.max_epochs=1")
     words = {rung: [*common, f"+experiment={rung}"] for rung in RUNGS}
