@@ -43,11 +43,13 @@ def test_a_sheet_places_its_pictures_and_keeps_to_its_bytes(tmp_path):
 @pytest.mark.slow
 def test_a_town_is_seen_whole_and_from_the_street(mini_sim):
     aerial, street = aerial_shot(mini_sim, "suburb"), street_shot(mini_sim, "suburb")
-    from_above = photograph(aerial, ["clear"], 0)["clear"]
-    pictures = photograph(street, ["clear", "night"], 0)
+    from_above = photograph(aerial, ["clear"], mini_sim)["clear"]
+    pictures = photograph(street, ["clear", "night"], mini_sim)
     assert from_above.shape == pictures["clear"].shape == (544, 960, 3)
     assert pictures["night"].mean() < 0.5 * pictures["clear"].mean()
-    np.testing.assert_array_equal(photograph(street, ["night"], 0)["night"], pictures["night"])
+    np.testing.assert_array_equal(
+        photograph(street, ["night"], mini_sim)["night"], pictures["night"]
+    )
 
 
 @pytest.mark.slow

@@ -145,7 +145,7 @@ def test_without_checkpoints_or_data_the_tables_are_still_written(trained, tmp_p
     cfg = compose_config(*trained["baseline"], "paths.data=nowhere")
     report(cfg, [], str(tmp_path / "out"), mixed=False, scenes=1)
     assert "no pictures and no scenes: nowhere" in capsys.readouterr().out
-    assert (tmp_path / "out/tables/main.csv").is_file()
+    assert (tmp_path / "out/tables.csv").is_file()
     assert not list(tmp_path.rglob("*.png"))
 
 
