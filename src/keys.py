@@ -23,7 +23,7 @@ def require_set_soundly(before: DictConfig, cfg: DictConfig, files: str) -> None
     for key, is_new in _changed(*trees):
         try:
             if is_new:
-                require_known(key, before, OmegaConf.select(cfg, key))
+                require_known(key, before, cfg)
             else:
                 require_type(key, before, cfg)
         except UserError as error:
@@ -44,28 +44,48 @@ def _changed(before: Mapping, after: Mapping, prefix: str = "") -> Iterator[tupl
             yield key, False
 
 
-def require_known(key: str, before: DictConfig, value: object = None) -> None:
-    """Raises `UserError` for a new key, unless a class takes it as an argument.
+def require_known(key: str, before: DictConfig, cfg: DictConfig) -> None:
+    """Raises `UserError` for a key of ``cfg`` that ``before`` lacks, unless something reads it.
 
-    A group that holds only classes, such as ``callbacks``, takes another class.
+    A class reads its arguments, and a loss the weight of each term. A group that holds only
+    classes, such as ``callbacks``, ``loss.terms`` or ``suite.metrics``, takes another class.
     """
-    parent, _, name = key.rpartition(".")
+    new = _first_new(key, before)
+    if new is None:
+        return
+
+    parent, _, name = new.rpartition(".")
     node = OmegaConf.select(before, parent) if parent else before
     known = list(map(str, node)) if isinstance(node, DictConfig) else []
 
-    if known and TARGET in node:
+    if _is_class(node):
         arguments = _arguments(node[TARGET])
-        if arguments is None or name in arguments:
+        # The loss itself takes the weight of a term, before it calls the term's function.
+        is_weight = name == "weight" and parent.startswith("loss.terms.")
+        if arguments is None or name in arguments or is_weight:
             return
         known += [argument for argument in arguments if argument not in known]
     elif isinstance(node, DictConfig):
         holds_classes = parent and all(_is_class(node[sibling]) for sibling in node)
-        if not node or (holds_classes and _is_class(value)):
+        if not node or (holds_classes and _is_class(OmegaConf.select(cfg, new))):
             return
 
     raise UserError(
-        f"{key}: nothing reads this key{closest(name, known)} there are {', '.join(known)}"
+        f"{new}: nothing reads this key{closest(name, known)} there are {', '.join(known)}"
     )
+
+
+def _first_new(key: str, before: DictConfig) -> str | None:
+    """Returns the shortest beginning of a dotted key that a configuration lacks, if it lacks any.
+
+    It is ``loss.terms.mine`` for ``loss.terms.mine.weight`` where no term has that name yet.
+    """
+    node, names = before, key.split(".")
+    for depth, name in enumerate(names, start=1):
+        if not isinstance(node, DictConfig) or name not in node:
+            return ".".join(names[:depth])
+        node = node[name]
+    return None
 
 
 def _is_class(node: object) -> bool:

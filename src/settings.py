@@ -44,8 +44,8 @@ def require_sound(
     for override in parsed:
         if override not in groups and not override.is_delete():
             key = override.key_or_group
-            if override.is_add() and OmegaConf.select(before, key) is None:
-                require_known(key, before)
+            if override.is_add() or override.is_force_add():
+                require_known(key, before, cfg)
             require_type(key, before, cfg)
 
     _require_training(cfg)

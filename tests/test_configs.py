@@ -275,6 +275,48 @@ def test_an_experiment_of_ones_own_may_set_what_there_is(experiment, text):
     assert experiment(WHOLE + text).name == "mine"
 
 
+MINE = "{_target_: src.models.losses.lovasz, _partial_: true}"
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        (f"+loss.terms.mine={MINE}",),
+        (f"+loss.terms.mine={MINE}", "+loss.terms.mine.weight=1"),
+        ("+loss.terms.mine._target_=src.models.losses.lovasz", "+loss.terms.mine.weight=1"),
+        ("+suite.metrics.mine={_target_: src.metrics.RayIoU}",),
+        ("+suite.metrics.mine={_target_: src.metrics.RayIoU}", "+suite.metrics.mine.rays=[9,5]"),
+        ("+callbacks.mine={_target_: lightning.pytorch.callbacks.Timer}",),
+        ("++threads=1",),  # there already, and null
+    ],
+)
+def test_a_loss_term_a_metric_and_a_callback_may_be_added_on_the_command_line(overrides):
+    assert sound_config("scale=tiny", *overrides)
+
+
+def test_a_term_of_an_experiment_of_ones_own_may_be_given_its_weight(experiment):
+    text = WHOLE + f"loss: {{ terms: {{ mine: {MINE} }} }}\n"
+    assert experiment(text, "+loss.terms.mine.weight=1").loss.terms.mine.weight == 1
+    with pytest.raises(UserError, match=r"^loss\.terms\.mine\.wight: nothing"):
+        experiment(text, "+loss.terms.mine.wight=1")
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("+loss.terms.mine=3", r"loss\.terms\.mine: nothing .* there are cross_entropy, lovasz"),
+        ("+loss.terms.mine.weight=1", r"loss\.terms\.mine: nothing .* cross_entropy, lovasz"),
+        ("+loss.terms.lovasz.wait=1", r"loss\.terms\.lovasz\.wait: nothing .* weight"),
+        ("+loss.term.mine.weight=1", r"loss\.term: nothing .*'terms'"),
+        ("+suite.metric.mine.rays=1", r"suite\.metric: nothing .*'metrics'"),
+        ("++trainer.max_epoch=3", r"trainer\.max_epoch: .*'max_epochs'"),
+    ],
+)
+def test_nothing_else_may_be_added_there(override, message):
+    with pytest.raises(UserError, match=f"^{message}"):
+        sound_config("scale=tiny", override)
+
+
 @pytest.mark.parametrize("scale", SCALES)
 def test_a_scale_and_a_debug_run_set_what_there_is(experiment, scale):
     cfg = experiment(WHOLE, f"scale={scale}", "+debug=fast", "+split=towns")
