@@ -1,7 +1,7 @@
 """Checkpoint files: written whole or not at all, and each enough to run its network."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from pickle import UnpicklingError
 from typing import Any
@@ -79,6 +79,12 @@ class Checkpoint:
             raise UserError(
                 f"ckpt_path: {path} is of format {written}, and this code reads format {FORMAT}, "
                 "with the configuration in it; train again, or use the code that wrote it"
+            )
+        # The backbone's arguments are the one fact that a file need not have.
+        if wrong := {each.name for each in fields(Origin)} ^ {"backbone", *facts}:
+            raise UserError(
+                f"ckpt_path: {path} does not hold what format {FORMAT} has, but lacks or adds "
+                f"{', '.join(sorted(wrong))}; use the code that wrote it, or train again"
             )
         return cls(Path(path), content["state_dict"], Origin(**facts), content["epoch"] + 1)
 

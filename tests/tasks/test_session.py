@@ -182,6 +182,19 @@ def test_a_checkpoint_of_another_format_says_which(spoilt):
             Checkpoint.read(spoilt(change))
 
 
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        (lambda facts: facts.pop("dataset"), "dataset"),
+        (lambda facts: facts.update(moons=2), "moons"),
+    ],
+)
+def test_a_checkpoint_with_other_facts_than_its_format_has_names_them(spoilt, change, name):
+    path = spoilt(lambda content: change(content["skyshield"]))
+    with pytest.raises(UserError, match=rf"^ckpt_path: .*some\.ckpt .* {name}; use the code"):
+        Checkpoint.read(path)
+
+
 @pytest.mark.parametrize("target", ["src.models.gone.Gone", "src.models.backbone.Gone"])
 def test_a_class_that_is_gone_is_named(spoilt, target):
     def change(content):
