@@ -12,6 +12,7 @@ import platform
 import subprocess
 from collections.abc import Iterable, Mapping
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 SOURCE = Path(__file__).parent
@@ -41,6 +42,27 @@ def code_of(parts: Iterable[str]) -> dict[str, str]:
         file.relative_to(SOURCE).as_posix(): _file_digest(file.read_text(encoding="utf-8"))
         for file in sorted(files)
     }
+
+
+def code_of_modules(names: Iterable[str]) -> dict[str, str]:
+    """Returns a digest of what the file of each module does, by the module's dotted name.
+
+    What cannot be found, or is one of the files that shape every dataset, is left out. A package is
+    imported to find a module in it; the module itself is not.
+    """
+    digests = {}
+    for name in names:
+        try:
+            spec = find_spec(name)
+        except (ImportError, ValueError):
+            continue
+        if spec is None or not str(spec.origin).endswith(".py"):
+            continue
+
+        file = Path(spec.origin)
+        if not any(file.is_relative_to(SOURCE / part) for part in DATA_CODE):
+            digests[name] = _file_digest(file.read_text(encoding="utf-8"))
+    return digests
 
 
 def different_file(before: Mapping[str, str], now: Mapping[str, str]) -> str:

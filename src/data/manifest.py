@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..atomic import replacing
 from ..errors import UserError
-from ..provenance import DATA_CODE, code_of, digest_of
+from ..provenance import DATA_CODE, code_of, code_of_modules, digest_of
 from .clip import SUMS, recorded_sums, sha256_of
 from .split import Split, held_out_clips
 
@@ -40,7 +40,9 @@ class DatasetSpec:
             # The values of a weather that no clip has shape nothing.
             values = shaping["weather"].items()
             shaping["weather"] = {name: each for name, each in values if name in sim["weathers"]}
-        return cls(scale, shaping, digest_of(code_of(DATA_CODE)))
+        # Towns of the user's own are code that lies elsewhere.
+        towns = code_of_modules(str(town) for town in sim["towns"] if "." in str(town))
+        return cls(scale, shaping, digest_of(code_of(DATA_CODE) | towns))
 
     @property
     def digest(self) -> str:

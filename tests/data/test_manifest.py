@@ -69,6 +69,26 @@ def test_code_changes_the_folder_and_comments_do_not(mini_sim, code):
     assert DatasetSpec.of("mini", mini_sim).digest == before
 
 
+def test_a_town_of_ones_own_counts_where_it_is_used(mini_sim, tmp_path, monkeypatch):
+    """Its comments do not, and neither does the dotted name of a town whose code counts anyway."""
+    monkeypatch.syspath_prepend(tmp_path)
+    town = tmp_path / "mytowns/harbour.py"
+    town.parent.mkdir()
+    (town.parent / "__init__.py").write_text("")
+
+    def spec_with(text, *towns):
+        town.write_text(text)
+        return DatasetSpec.of("mini", mini_sim | {"towns": ["suburb", *towns]})
+
+    one, other = "LAMPS = 3\n", "LAMPS = 4\n"
+    assert spec_with(one).generator == spec_with(other).generator
+    before = spec_with(one, "mytowns.harbour")
+    assert spec_with(f"# Lit.\n{one}", "mytowns.harbour").digest == before.digest
+    assert spec_with(other, "mytowns.harbour").digest != before.digest
+    for name in ("src.sim.towns.suburb", "mytowns.gone", "gone.harbour"):
+        assert spec_with(one, name).generator == spec_with(one).generator
+
+
 @pytest.mark.parametrize("part", DATA_CODE)
 def test_every_part_of_the_generator_counts(mini_sim, code, part):
     before = DatasetSpec.of("mini", mini_sim).digest
