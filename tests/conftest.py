@@ -1,16 +1,21 @@
 """A very small dataset from the real generator, made once for all tests that need one."""
 
 import copy
+import logging
 import os
+import runpy
+import sys
 
 import pytest
 import torch
+from hydra.core.global_hydra import GlobalHydra
 
 from src.data.manifest import DatasetSpec, write_manifest
 from src.data.rates import frames_per_clip
 from src.data.split import make_split
 from src.sim.generate import generate
 from src.sim.plan import plan_clips
+from tests.sessions import ROOT
 from tests.sim.weathers import VALUES
 
 if "OMP_NUM_THREADS" not in os.environ:
@@ -59,3 +64,25 @@ def mini_dataset(tmp_path_factory):
     split = make_split(clip_ids, frames, capture_hz, [], clip_ids[-1:])
     write_manifest(root, spec, clip_ids, split)
     return root
+
+
+@pytest.fixture
+def run_py(monkeypatch, capsys):
+    """Runs ``run.py`` in this process; returns its status, its lines and those of its errors."""
+
+    def called(*overrides):
+        GlobalHydra.instance().clear()
+        monkeypatch.setattr(sys, "argv", ["run.py", *overrides])
+        status = 0
+        try:
+            runpy.run_path(str(ROOT / "run.py"), run_name="__main__")
+        except SystemExit as stop:
+            status = stop.code
+
+        output = capsys.readouterr()
+        return status, output.out.splitlines(), output.err.splitlines()
+
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    yield called
+    GlobalHydra.instance().clear()
+    logging.disable(logging.NOTSET)

@@ -1,10 +1,39 @@
-"""What the processes of a session do, for tests that start some and end them."""
+"""Programs as processes of their own: started, watched, and ended with all that they started."""
 
 import os
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+ROOT = Path(__file__).parent.parent
+ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
 TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
+
+
+def python(*words: str) -> subprocess.CompletedProcess:
+    """A program that has ended well, with what it has printed into a pipe."""
+    command = [sys.executable, *words]
+    done = subprocess.run(
+        command, cwd=ROOT, env=ONE_THREAD, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done
+
+
+def start(*words: str) -> subprocess.Popen:
+    """A program as the leader of a session, where Ctrl-C means what it means in a terminal."""
+    return subprocess.Popen(
+        [sys.executable, *words],
+        cwd=ROOT,
+        env=ONE_THREAD,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
 
 
 def running_in(session: int) -> list[str]:

@@ -3,10 +3,7 @@
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,10 +12,9 @@ import pytest
 from src.results.files import read_results
 from src.tasks.fit import SKIPPED
 from src.tasks.report import report
-from tests.sessions import spent_s
+from tests import sessions
 from tests.synthetic import MINI, compose_config
 
-ROOT = Path(__file__).parent.parent
 RUNGS = ("baseline", "skyocc")
 # ``run.py`` with a smaller figure.
 PROGRAM = """
@@ -31,18 +27,10 @@ if __name__ == "__main__":
 
 
 def start(folder, *overrides):
-    """The sweep in a process group of its own; it makes its own data."""
+    """The sweep as a program of its own, which makes its own data."""
     places = f"paths.data={folder}/data", f"paths.runs={folder}/runs"
     sweep = "-m", f"+experiment={','.join(RUNGS)}", "trainer.accelerator=cpu"
-    return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *sweep, *MINI, *places, *overrides],
-        cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    )
+    return sessions.start("-c", PROGRAM, *sweep, *MINI, *places, *overrides)
 
 
 def output_of(process):
@@ -59,10 +47,10 @@ def output_of(process):
 def kill_in(stage, delay_s, process):
     """Kills a sweep and all its processes, so many processor seconds after a stage has begun."""
     begun_s = None
-    while begun_s is None or spent_s(process.pid) - begun_s < delay_s:
+    while begun_s is None or sessions.spent_s(process.pid) - begun_s < delay_s:
         assert process.poll() is None, process.communicate()[0]
         if begun_s is None and stage():
-            begun_s = spent_s(process.pid)
+            begun_s = sessions.spent_s(process.pid)
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()

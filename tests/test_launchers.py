@@ -1,16 +1,11 @@
 """Hydra's launchers: the cluster's configuration composes, and each job is a process of its own."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 from hydra import compose, initialize_config_dir
 
 from src.data.manifest import MANIFEST
+from tests.sessions import python
 from tests.synthetic import CONF
-
-ROOT = Path(__file__).parent.parent
 
 
 def test_the_slurm_configuration_composes():
@@ -30,9 +25,7 @@ def test_shards_spread_by_a_launcher_make_one_dataset(launcher, tmp_path):
         *("sim.shard=0,1", "sim.clips_per_town=1", "sim.capture_hz=2.5", "data.history_step_s=0.4"),
         *("data.test_clips=[]", f"paths.data={tmp_path}/data", f"paths.runs={tmp_path}/runs"),
     ]
-    command = [sys.executable, "run.py", *overrides]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    python("run.py", *overrides)
     (root,) = (tmp_path / "data").glob("tiny-*")
     assert (root / MANIFEST).is_file()
     assert len(list(root.glob("*/clip00"))) == 2

@@ -1,33 +1,15 @@
 """Two processes that share a training: same gradients and same scores as one."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import pandas as pd
 import pytest
 import torch
 
 from src.results.files import read_results
+from tests.sessions import python
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
-ROOT = Path(__file__).parent.parent
 TWO = ("trainer.devices=2", "trainer.accelerator=cpu")
 ONE = ("trainer.devices=1", "trainer.accelerator=cpu")
-
-
-def python(*overrides):
-    done = subprocess.run(
-        [sys.executable, *overrides],
-        cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +49,7 @@ def test_two_processes_have_the_gradients_of_one_that_accumulates(folder, order)
 @pytest.mark.slow
 def test_a_training_of_two_processes_is_scored_as_one_would_score_it(folder):
     overrides = ("+experiment=skyocc", *mini_overrides(folder), "data.batch_size=4")
-    output = python("run.py", *overrides, *TWO)
+    output = python("run.py", *overrides, *TWO).stdout
     assert output.count("frames to train") == 1, "one of them speaks"
     run = folder / "runs/tiny/skyocc/seed0"
     trained = read_results(run / "results.csv")
@@ -83,6 +65,6 @@ def test_a_training_of_two_processes_is_scored_as_one_would_score_it(folder):
 def test_a_sweep_of_such_trainings_does_one_after_the_other(folder):
     """Each starts a second process for its own overrides, not for those of the whole sweep."""
     overrides = ("-m", "+experiment=baseline", "seed=0,1", *mini_overrides(folder), *TWO)
-    output = python("run.py", *overrides, "data.batch_size=4", "trainer.max_epochs=1")
+    output = python("run.py", *overrides, "data.batch_size=4", "trainer.max_epochs=1").stdout
     assert output.splitlines()[-2:] == ["seed=0: finished", "seed=1: finished"]
     assert output.count("frames to train") == 2

@@ -1,10 +1,6 @@
 """The program as its user meets it: commands, what they leave behind, and what they refuse."""
 
-import logging
-import os
 import re
-import runpy
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -13,7 +9,6 @@ import pandas as pd
 import pytest
 import torch
 import yaml
-from hydra.core.global_hydra import GlobalHydra
 from lightning.pytorch.loggers.csv_logs import ExperimentWriter
 
 from src.data.clip import Clip
@@ -33,43 +28,23 @@ from src.tasks.fit import fit
 from src.tasks.predict import predict
 from src.tasks.score import score as score_predictions
 from src.tasks.test import test as score
+from tests.sessions import python
 from tests.synthetic import compose_config, mini_overrides, untrained, write_dataset
 
-ROOT = Path(__file__).parent.parent
 FIT = ("+experiment=skyocc", "trainer.accelerator=cpu")
 
 
-def command(*overrides, start=("run.py",)):
-    """``python run.py <overrides>``, with the output of a pipe."""
-    return subprocess.run(
-        [sys.executable, *start, *overrides],
-        cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-
-
 @pytest.fixture
-def refusal(monkeypatch, capsys):
-    """Runs a command in this process and returns the one line with which it is refused."""
+def refusal(run_py):
+    """Runs a command and returns the one line with which it is refused."""
 
     def refused(*overrides):
-        GlobalHydra.instance().clear()
-        monkeypatch.setattr(sys, "argv", ["run.py", *overrides])
-        with pytest.raises(SystemExit) as info:
-            runpy.run_path(str(ROOT / "run.py"), run_name="__main__")
-        assert info.value.code == 2
-        line = capsys.readouterr().err
-        assert line.count("\n") == 1
+        status, _, (line,) = run_py(*overrides)
+        assert status == 2
         assert line.startswith("error: ")
         return line
 
-    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-    yield refused
-    GlobalHydra.instance().clear()
-    logging.disable(logging.NOTSET)
+    return refused
 
 
 @pytest.fixture(autouse=True)
@@ -218,9 +193,7 @@ def test_it_says_what_it_trains_and_needs_no_simulator_where_the_data_exist(here
         "for name in ('pybullet', 'embreex', 'src.sim'): sys.modules[name] = None\n"
         "runpy.run_path('run.py', run_name='__main__')\n"
     )
-    done = command(*here, "trainer.max_epochs=1", start=("-c", script))
-
-    assert done.returncode == 0, done.stderr
+    done = python("-c", script, *here, "trainer.max_epochs=1")
     assert done.stderr == ""
     first, second, *_ = done.stdout.splitlines()
     assert re.fullmatch(
@@ -612,8 +585,7 @@ def test_a_loss_that_is_not_finite_keeps_the_last_good_checkpoint(here, monkeypa
 def test_the_ladder_leaves_four_folders(place, tmp_path):
     overrides = mini_overrides(place, "trainer.accelerator=cpu", f"paths.runs={tmp_path}/runs")
     rungs = ["attitude", "baseline", "skyocc", "weights"]
-    done = command("-m", f"+experiment={','.join(rungs)}", *overrides)
-    assert done.returncode == 0, done.stderr
+    python("run.py", "-m", f"+experiment={','.join(rungs)}", *overrides)
     results = sorted((tmp_path / "runs/tiny").glob("*/seed0/results.csv"))
     assert [path.parent.parent.name for path in results] == rungs
     for path, rung in zip(results, rungs):

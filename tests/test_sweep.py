@@ -1,46 +1,21 @@
 """A sweep as its user meets it: all jobs checked, all of them done, and told in the end."""
 
 import errno
-import logging
 import os
 import re
-import runpy
 import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import pytest
-from hydra.core.global_hydra import GlobalHydra
 
 from src.sweep import labels_of, launcher_failure
-from tests.sessions import running_in
-
-ROOT = Path(__file__).parent.parent
+from tests.sessions import running_in, start
 
 
 @pytest.fixture
-def sweep(monkeypatch, capsys, tmp_path):
-    """Runs ``run.py -m`` in this process; returns its status, its lines and those of its errors."""
-
-    def swept(*overrides):
-        GlobalHydra.instance().clear()
-        monkeypatch.setattr(
-            sys, "argv", ["run.py", "-m", *overrides, f"paths.runs={tmp_path}/runs"]
-        )
-        status = 0
-        try:
-            runpy.run_path(str(ROOT / "run.py"), run_name="__main__")
-        except SystemExit as stop:
-            status = stop.code
-        output = capsys.readouterr()
-        return status, output.out.splitlines(), output.err.splitlines()
-
-    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-    yield swept
-    GlobalHydra.instance().clear()
-    logging.disable(logging.NOTSET)
+def sweep(run_py, tmp_path):
+    """Runs ``run.py -m``; returns its status, its lines and those of its errors."""
+    return lambda *overrides: run_py("-m", *overrides, f"paths.runs={tmp_path}/runs")
 
 
 @pytest.fixture
@@ -52,6 +27,14 @@ def done(tmp_path):
 def stub(name):
     return f"task._target_=tests.stub_tasks.{name}"
 
+
+# What a sweep says in the end whose second job meets a user's mistake, and whose third one a bug.
+SUMMARY = [
+    "seed=0: finished",
+    "seed=1: failed: data.zip: broken; delete it",
+    "seed=2: failed: ZeroDivisionError: division by zero",
+    "seed=3: finished",
+]
 
 # -------------------------------------------------------------------------------- all jobs are done
 
@@ -70,12 +53,7 @@ def test_a_failing_job_does_not_stop_the_others(sweep, done):
     status, lines, errors = sweep(stub("fail_between_others"), "seed=0,1,2,3")
     assert status == 2
     assert done() == ["custom0", "custom3"]
-    assert lines == [
-        "seed=0: finished",
-        "seed=1: failed: data.zip: broken; delete it",
-        "seed=2: failed: ZeroDivisionError: division by zero",
-        "seed=3: finished",
-    ]
+    assert lines == SUMMARY
     assert errors[0] == "error: data.zip: broken; delete it"
     assert "    return 1 / 0" in errors  # a bug keeps its traceback
     assert errors[-1].startswith("error: 2 of 4 jobs failed, for the reasons above; the same")
@@ -174,57 +152,36 @@ def test_a_place_that_is_no_folder_is_not_the_launchers_fault():
 # ----------------------------------------------------------------------------------- in processes
 
 
-def start(*overrides):
-    """``run.py -m`` as the leader of a session, where Ctrl-C means what it means in a terminal."""
-
-    def as_in_a_terminal():
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    return subprocess.Popen(
-        [sys.executable, "run.py", "-m", *overrides],
-        cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-        preexec_fn=as_in_a_terminal,
-    )
+@pytest.fixture
+def started(tmp_path):
+    """Starts ``run.py -m`` as a program, and returns its process."""
+    return lambda *overrides: start("run.py", "-m", *overrides, f"paths.runs={tmp_path}/runs")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
-def test_under_a_launcher_of_processes_the_summary_is_the_same(launcher, done, tmp_path):
-    process = start(
-        *(stub("fail_between_others"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"),
-        f"hydra/launcher={launcher}",
-    )
+def test_under_a_launcher_of_processes_the_summary_is_the_same(launcher, done, started):
+    process = started(stub("fail_between_others"), "seed=0,1,2,3", f"hydra/launcher={launcher}")
     lines = process.communicate(timeout=300)[0].splitlines()
 
     assert process.returncode == 2
     assert done() == ["custom0", "custom3"]
-    assert [line for line in lines if line.startswith("seed=")] == [
-        "seed=0: finished",
-        "seed=1: failed: data.zip: broken; delete it",
-        "seed=2: failed: ZeroDivisionError: division by zero",
-        "seed=3: finished",
-    ]
+    assert [line for line in lines if line.startswith("seed=")] == SUMMARY
     assert lines[-1].startswith("error: 2 of 4 jobs failed")
 
 
 @pytest.mark.slow
-def test_a_launcher_that_loses_a_job_is_told_in_a_line(tmp_path):
-    overrides = [stub("be_killed"), "seed=0,1", f"paths.runs={tmp_path}/runs"]
-    output = start(*overrides, "hydra/launcher=joblib").communicate(timeout=300)[0]
+def test_a_launcher_that_loses_a_job_is_told_in_a_line(started):
+    process = started(stub("be_killed"), "seed=0,1", "hydra/launcher=joblib")
+    output = process.communicate(timeout=300)[0]
     told = r"^error: hydra/launcher: TerminatedWorkerError: .*the same command goes on"
     assert re.search(told, output, re.MULTILINE)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("launcher", [["basic"], ["joblib", "hydra.launcher.n_jobs=2"]])
-def test_ctrl_c_ends_it_at_once_and_leaves_nothing_running(launcher, done, tmp_path):
-    overrides = [stub("sleep"), "seed=0,1,2,3", f"paths.runs={tmp_path}/runs"]
-    process = start(*overrides, f"hydra/launcher={launcher[0]}", *launcher[1:])
+@pytest.mark.parametrize("launcher", [[], ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]])
+def test_ctrl_c_ends_it_at_once_and_leaves_nothing_running(launcher, done, started):
+    process = started(stub("sleep"), "seed=0,1,2,3", *launcher)
     assert process.stdout.readline() == "asleep\n"
     os.killpg(process.pid, signal.SIGINT)
     output = process.communicate(timeout=60)[0]
