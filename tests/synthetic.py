@@ -29,8 +29,10 @@ from src.geometry import (
 )
 from src.ontology import CLASSES, FREE, UNKNOWN
 from src.run_folder import RunFolder
+from src.settings import require_sound
 from src.tasks.dataset import root_of, spec_of
 from src.tasks.model import module_of, network_of, origin_of
+from src.weather_files import add_named_weathers
 
 CONF = Path(__file__).parent.parent / "conf"
 BOXES = (  # lower and upper corner in the world (m), class, color
@@ -50,6 +52,16 @@ def compose_config(*overrides):
     """The configuration of a command line, without Hydra's application."""
     with initialize_config_dir(str(CONF), version_base="1.3"):
         return compose("config", list(overrides))
+
+
+def sound_config(*overrides, folder=None):
+    """The same, once it is found to be sound; ``folder`` holds files of the user's own."""
+    where = [f"hydra.searchpath=[file://{folder}]"] if folder else []
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        cfg = compose("config", [*overrides, *where])
+        require_sound(cfg, overrides, where)
+        add_named_weathers(cfg, where)
+    return cfg
 
 
 def mini_overrides(folder, *more):

@@ -6,7 +6,6 @@ from pathlib import Path
 import lightning
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from torchmetrics import Metric
@@ -20,10 +19,9 @@ from src.models import BilinearLift, DeformableCrossAttention, LiftSplat, Occupa
 from src.models.network import require_size
 from src.ontology import NUM_CLASSES
 from src.run_folder import differences
-from src.settings import require_sound
 from src.sim.plan import plan_clips
 from src.tasks.dataset import root_of
-from tests.synthetic import CONF, compose_config
+from tests.synthetic import CONF, compose_config, sound_config
 
 RUNGS = ("baseline", "attitude", "weights", "skyocc")
 SCALES = ("tiny", "small", "ladder", "paper")
@@ -45,14 +43,6 @@ BACKBONES = {  # and what each needs where there is no network
 
 def names_in(group):
     return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
-
-
-def sound_config(*overrides, where=()):
-    """The configuration of a command line, once it is found to be sound."""
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        cfg = compose("config", [*overrides, *where])
-        require_sound(cfg, overrides, where)
-    return cfg
 
 
 def test_the_lists_of_this_test_are_complete():
@@ -255,8 +245,7 @@ def experiment(tmp_path):
     def checked(text, *overrides):
         (tmp_path / "experiment").mkdir(exist_ok=True)
         (tmp_path / "experiment/mine.yaml").write_text(text)
-        where = [f"hydra.searchpath=[file://{tmp_path}]"]
-        return sound_config("+experiment=mine", *overrides, where=where)
+        return sound_config("+experiment=mine", *overrides, folder=tmp_path)
 
     return checked
 

@@ -4,15 +4,14 @@ import importlib
 import re
 import shlex
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from src.settings import require_sound
 from src.sim.air import Viewpoint, apply_weather
 from src.sim.layout import Town
 from src.sim.towns import build_town, town_names
@@ -20,8 +19,7 @@ from src.sim.weather import Weather
 from src.sim.world import Rendering
 from src.tasks.dataset import data_of
 from src.tasks.generate import generate
-from src.weather_files import add_named_weathers
-from tests.synthetic import CONF, mini_overrides, untrained, write_dataset
+from tests.synthetic import mini_overrides, sound_config, untrained, write_dataset
 
 PAGE = (Path(__file__).parents[1] / "docs/extending.md").read_text(encoding="utf-8")
 SECTIONS = dict(part.split("\n", 1) for part in re.split(r"^## ", PAGE, flags=re.MULTILINE)[1:])
@@ -58,15 +56,7 @@ def added(request, tmp_path, monkeypatch):
             monkeypatch.delitem(sys.modules, name, raising=False)
             monkeypatch.delattr(package, name.rpartition(".")[2], raising=False)
 
-    def composed(*overrides):
-        where = [f"hydra.searchpath=[file://{tmp_path}/conf]"]
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            cfg = compose("config", [*overrides, *where])
-            require_sound(cfg, overrides, where)
-            add_named_weathers(cfg, where)
-        return cfg
-
-    yield composed
+    yield partial(sound_config, folder=tmp_path / "conf")
     for path in files_of(request.param):
         sys.modules.pop(path.removesuffix(".py").replace("/", "."), None)
 

@@ -1,7 +1,6 @@
 """A weather of one's own is a file, found by its name; what it holds is part of the data."""
 
 import pytest
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from src.data.manifest import DatasetSpec, different_setting, require_same_data, write_manifest
@@ -9,9 +8,8 @@ from src.errors import UserError
 from src.sim.plan import plan_clips
 from src.sim.weather import Weather
 from src.tasks.dataset import spec_of
-from src.weather_files import add_named_weathers
 from tests.sim.weathers import WEATHERS
-from tests.synthetic import CONF, compose_config
+from tests.synthetic import compose_config, sound_config
 
 DUST = "defaults: [cloudy, _self_]\nfog_per_m: 0.03\n"
 
@@ -22,14 +20,11 @@ def composed(tmp_path):
     (tmp_path / "sim/weather").mkdir(parents=True)
     (tmp_path / "sim/weather/dust.yaml").write_text(DUST)
 
-    def compose_with(*overrides):
-        where = [f"hydra.searchpath=[file://{tmp_path}]"]
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            cfg = compose("config", [*overrides, *where])
-            add_named_weathers(cfg, where)
+    def composed_with(override):
+        cfg = sound_config(override, folder=tmp_path)
         return OmegaConf.to_container(cfg.sim, resolve=True)
 
-    return compose_with
+    return composed_with
 
 
 def test_a_file_is_found_by_its_name(composed):
