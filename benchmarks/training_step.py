@@ -11,7 +11,7 @@ often a step makes the host wait for a GPU, which a simulated one counts; assert
 import argparse
 import resource
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 
@@ -30,7 +30,7 @@ from src.provenance import git_commit
 from src.tasks.dataset import data_of, finished_dataset
 from src.tasks.predictor import on_device
 from src.tasks.trainer import BF16, precision_of
-from tests.simulated_cuda import CUDA, Waits, simulated_cuda
+from tests.simulated_cuda import CUDA, simulated_cuda
 
 WARM_UP = 2
 
@@ -121,7 +121,7 @@ def peak_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def waits_of_step(cfg: DictConfig, batch: Mapping[str, Tensor]) -> Waits:
+def waits_of_step(cfg: DictConfig, batch: Mapping[str, Tensor]) -> Counter[str]:
     """Returns the operations of a training step that would make the host wait for a GPU."""
     with simulated_cuda() as waits:
         Step(cfg, CUDA)(on_device(batch, CUDA), defaultdict(float))

@@ -36,7 +36,6 @@ class SimulatedCuda(torch.Tensor):
 
     device = property(lambda self: CUDA)
     is_cuda = property(lambda self: True)
-    is_cpu = property(lambda self: False)
     is_meta = property(lambda self: False)
 
     @staticmethod
@@ -63,11 +62,8 @@ class SimulatedCuda(torch.Tensor):
         return _computed(func, args, kwargs or {})
 
 
-class Waits(Counter):
-    """How often the host waited for the device, by operation."""
-
-
-_waits = Waits()
+# How often the host waited for the device, by operation.
+_waits: Counter[str] = Counter()
 
 
 def _inner(value):
@@ -99,11 +95,11 @@ def _require_one_device(func, args, kwargs) -> None:
 def _computed(func, args, kwargs):
     """Runs an operation of ATen on the CPU, and wraps what CUDA would have left on the device."""
     _require_one_device(func, args, kwargs)
-    target = kwargs.get("device")
-    if target is not None and torch.device(target).type in ("cuda", "meta"):
+    packet, target = func.overloadpacket, kwargs.get("device")
+    to_host = target is not None and not _is_cuda(target)
+    if _is_cuda(target):
         kwargs = {**kwargs, "device": CPU}
-    packet = func.overloadpacket
-    to_host = target is not None and torch.device(target).type == "cpu"
+
     masks = packet in TAKES_CPU_INDICES and any(
         isinstance(i, SimulatedCuda) and i.dtype in (torch.bool, torch.uint8) for i in args[1]
     )
@@ -143,13 +139,15 @@ class _Methods(TorchFunctionMode):
         kwargs = dict(kwargs or {})
         name = getattr(func, "__name__", "")
         first = args[0] if args else None
-        if name in ("tolist", "numpy") and isinstance(first, SimulatedCuda):
+        if isinstance(first, SimulatedCuda):
             if name == "numpy":
                 raise TypeError("can't convert cuda:0 device type tensor to numpy")
-            _waits["tolist"] += 1
-            return first.inner.tolist()
-        if name == "new_tensor" and isinstance(first, SimulatedCuda):
-            return _outer(first.inner.new_tensor(*args[1:], **{**kwargs, "device": CPU}))
+            if name == "tolist":
+                _waits[name] += 1
+                return first.inner.tolist()
+            if name == "new_tensor":
+                return _outer(first.inner.new_tensor(*args[1:], **{**kwargs, "device": CPU}))
+
         if name == "__getitem__" and isinstance(args[1], list | tuple):
             # Lists of indices would become tensors in C++, where no mode is asked.
             index = args[1] if isinstance(args[1], tuple) else (args[1],)
@@ -176,10 +174,9 @@ class _Methods(TorchFunctionMode):
             _waits["to"] += 1
             tensor = tensor.inner
 
-        kinds = {"dtype": torch.dtype, "memory_format": torch.memory_format}
-        asked = {
-            name: each for name, kind in kinds.items() for each in rest if isinstance(each, kind)
-        }
+        # What is asked beside the device: a dtype, a memory format, or both.
+        kinds = {torch.dtype: "dtype", torch.memory_format: "memory_format"}
+        asked = {kinds[type(each)]: each for each in rest if type(each) in kinds}
         return func(tensor, **asked) if asked else tensor
 
 
@@ -201,12 +198,12 @@ class _Mixing(TorchDispatchMode):
 
 
 @contextmanager
-def simulated_cuda() -> Iterator[Waits]:
+def simulated_cuda() -> Iterator[Counter[str]]:
     """``cuda:0`` exists inside; yields the counter of what waited for it."""
     _waits.clear()
     with ExitStack() as patched:
-        for name in FACTORIES:
-            patched.enter_context(mock.patch.object(torch, name, _factory(getattr(torch, name))))
+        factories = {name: _factory(getattr(torch, name)) for name in FACTORIES}
+        patched.enter_context(mock.patch.multiple(torch, **factories))
         patched.enter_context(_Mixing())
         patched.enter_context(_Methods())
         yield _waits

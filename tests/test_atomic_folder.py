@@ -8,6 +8,15 @@ from src.atomic_folder import replacing_folder
 from src.errors import UserError
 
 
+@pytest.fixture
+def results(tmp_path):
+    """A folder of results that is there already, and holds one file."""
+    folder = tmp_path / "results"
+    folder.mkdir()
+    (folder / "good").write_text("")
+    return folder
+
+
 def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
@@ -27,21 +36,16 @@ def test_a_new_folder_takes_the_old_ones_place(tmp_path):
     assert names(tmp_path) == ["results"]
 
 
-def test_after_a_failure_the_old_folder_stands(tmp_path):
-    folder = tmp_path / "results"
-    with replacing_folder(folder) as temporary:
-        (temporary / "good").write_text("")
-    with pytest.raises(KeyError), replacing_folder(folder) as temporary:
+def test_after_a_failure_the_old_folder_stands(results):
+    with pytest.raises(KeyError), replacing_folder(results) as temporary:
         write_and_fail(temporary / "bad")
-    assert names(folder) == ["good"]
-    assert names(tmp_path) == ["results"]
+    assert names(results) == ["good"]
+    assert names(results.parent) == ["results"]
 
 
 @pytest.mark.parametrize("which", [1, 2])
-def test_after_a_failed_rename_the_old_folder_stands(tmp_path, monkeypatch, which):
-    folder, rename, calls = tmp_path / "results", os.rename, []
-    with replacing_folder(folder) as temporary:
-        (temporary / "good").write_text("")
+def test_after_a_failed_rename_the_old_folder_stands(results, monkeypatch, which):
+    rename, calls = os.rename, []
 
     def failing(source, target):
         calls.append(target)
@@ -51,18 +55,17 @@ def test_after_a_failed_rename_the_old_folder_stands(tmp_path, monkeypatch, whic
 
     monkeypatch.setattr(os, "rename", failing)
     failure = pytest.raises(UserError, match="results: cannot be written")
-    with failure, replacing_folder(folder) as temporary:
+    with failure, replacing_folder(results) as temporary:
         (temporary / "bad").write_text("")
-    assert names(folder) == ["good"]
-    assert names(tmp_path) == ["results"]
+    assert names(results) == ["good"]
+    assert names(results.parent) == ["results"]
 
 
-def test_what_a_killed_process_had_put_aside_is_put_back(tmp_path):
-    (tmp_path / ".results.old").mkdir()
-    (tmp_path / ".results.old" / "good").write_text("")
-    with pytest.raises(KeyError), replacing_folder(tmp_path / "results") as temporary:
+def test_what_a_killed_process_had_put_aside_is_put_back(results):
+    results.rename(results.with_name(".results.old"))
+    with pytest.raises(KeyError), replacing_folder(results) as temporary:
         write_and_fail(temporary / "bad")
-    assert names(tmp_path / "results") == ["good"]
+    assert names(results) == ["good"]
 
 
 def test_what_a_killed_process_left_is_in_nobodys_way(tmp_path):
