@@ -18,9 +18,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from benchmarks.settings import device, device_name, run
-from benchmarks.tables import print_line, print_table
-from benchmarks.timing import extra_mib, median_ms
+from benchmarks.settings import device, run
+from benchmarks.tables import print_costs
 from src.data.clip import Clip
 from src.data.manifest import read_manifest
 from src.geometry import VoxelGrid, occ_from_body
@@ -109,25 +108,17 @@ def main() -> None:
         "usual form, in view alone": lambda: usual_form(*inputs, in_view=True),
         "ours": lambda: attention(query, features, references),
     }
-    report(ways, f"{references.valid.float().mean():.0%} of the references are in view")
-
-
-def report(ways: dict[str, Callable[[], Tensor]], subject: str) -> None:
-    """Prints time and memory of all, forward alone and with the backward."""
     forward = {name: torch.no_grad()(way) for name, way in ways.items()}
     backward = {name: (lambda way=way: way().sum().backward()) for name, way in ways.items()}
-    first, rows = next(iter(ways)), {name: [name] for name in ways}
-    for measures in (forward, backward):
-        spent_ms = median_ms(measures, ROUNDS)
-        for name, measure in measures.items():
-            numbers = spent_ms[name], spent_ms[first] / spent_ms[name], extra_mib(measure)
-            rows[name] += (f"{numbers[0]:.0f}", f"{numbers[1]:.1f}", f"{numbers[2]:.0f}")
 
-    columns = ("", "forward ms", "times", "MiB", "and backward ms", "times", "MiB")
-    print_table(f"{device_name()}; {subject}", columns, rows.values())
     outputs = [way() for way in forward.values()]
     apart = max((output - outputs[-1]).abs().max().item() for output in outputs)
-    print_line(f"outputs differ by {apart:.1e} at most, of {outputs[-1].abs().max():.1f}")
+    notes = (
+        f"{references.valid.float().mean():.0%} of the references are in view",
+        f"outputs differ by {apart:.1e} at most, of {outputs[-1].abs().max():.1f}",
+    )
+    print_costs("forward alone", forward, ROUNDS)
+    print_costs("forward and backward", backward, ROUNDS, notes)
 
 
 if __name__ == "__main__":

@@ -11,9 +11,8 @@ beforehand, as a worker does once for all clips of a town; what that takes is pr
 import argparse
 import resource
 import tempfile
-import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from unittest.mock import patch
@@ -23,6 +22,7 @@ import torch
 from omegaconf import OmegaConf
 
 from benchmarks.settings import composed, run
+from benchmarks.timing import timed
 from src.data.clip import ClipWriter
 from src.provenance import machine
 from src.sim import clip_maker
@@ -52,24 +52,14 @@ STAGES: list[tuple[str, object, str]] = [
 
 
 @contextmanager
-def timed() -> Iterator[dict[str, float]]:
+def timed_stages() -> Iterator[dict[str, float]]:
     """Collects the wall-clock seconds of every stage while the context is open."""
     seconds: dict[str, float] = defaultdict(float)
     with ExitStack() as patches:
         for stage, owner, name in STAGES:
-            function = _timing(getattr(owner, name), stage, seconds)
+            function = timed(seconds, stage)(getattr(owner, name))
             patches.enter_context(patch.object(owner, name, function))
         yield seconds
-
-
-def _timing(function: Callable, stage: str, seconds: dict[str, float]) -> Callable:
-    def call(*args, **kwargs):
-        start_s = time.perf_counter()
-        result = function(*args, **kwargs)
-        seconds[stage] += time.perf_counter() - start_s
-        return result
-
-    return call
 
 
 def main() -> None:
@@ -90,18 +80,18 @@ def main() -> None:
     _make(_sim(args, "sim.capture_hz=2.5"), plans[0])
     print(f"{machine()}, one thread, 1 clip a town, sim.seed=0")
     print(f"{args.width}x{args.height}, grid {sim['grid']['shape']}, {args.capture_hz:g} Hz")
-    built_s, columns = [], {}
+    built_s: dict[str, float] = defaultdict(float)
+    columns = {}
     for plan in plans:
         # A worker builds a town once for all its clips, so that is not part of a clip's time.
-        start = time.perf_counter()
-        place_of(plan.town, sim["seed"])
-        built_s.append(time.perf_counter() - start)
+        with timed(built_s, plan.town):
+            place_of(plan.town, sim["seed"])
         columns[f"{plan.town} {plan.weather}"] = _measure(sim, plan)
 
     table = pd.DataFrame(columns)
     table["mean"] = table.mean(axis=1)
     print(table.to_string(float_format="{:.1f}".format))
-    print(f"building a town: {max(built_s):.1f} s at most")
+    print(f"building a town: {max(built_s.values()):.1f} s at most")
     print(f"labelled frames a second of one core: {1000 / table.loc['in all', 'mean']:.1f}")
     # Linux counts it in KiB.
     print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB")
@@ -130,14 +120,13 @@ def _make(sim: dict, plan: ClipPlan) -> int:
 
 def _measure(sim: dict, plan: ClipPlan) -> pd.Series:
     """Returns the milliseconds a frame by stage, and in all."""
-    with timed() as seconds:
-        start = time.perf_counter()
+    with timed_stages() as seconds, timed(seconds, "in all"):
         frames = _make(sim, plan)
-        total_s = time.perf_counter() - start
+
     rows = {stage: seconds[stage] for stage, _, _ in STAGES}
     # Whatever no stage claims, such as the sorting of actors into tables.
-    rows["the rest"] = total_s - sum(rows.values())
-    rows["in all"] = total_s
+    rows["the rest"] = seconds["in all"] - sum(rows.values())
+    rows["in all"] = seconds["in all"]
     return 1000 * pd.Series(rows) / frames
 
 

@@ -15,12 +15,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import UInt8
 
-from benchmarks.settings import composed, run
-from benchmarks.tables import print_line
+from benchmarks.settings import composed_with_data, run
+from benchmarks.tables import print_table
 from src.data.datamodule import SkyShieldData
 from src.ontology import NUM_CLASSES
 from src.provenance import git_commit
-from src.tasks.dataset import data_of, finished_dataset
 
 # Each voxel counts as if it had seen this many of the overall mixture of classes.
 PSEUDO_COUNT = 3.0
@@ -85,12 +84,12 @@ def main() -> None:
     parser.add_argument("overrides", nargs="+")
     parser.add_argument("--every", type=int, default=5, help="take every n-th frame")
     options = parser.parse_args()
-    cfg = composed(options.overrides)
-    data = data_of(cfg, finished_dataset(cfg))
-    for name, nats in measure(data, options.every):
-        print_line(f"{name}: {nats:.3f} nats a voxel")
+    _, data = composed_with_data(options.overrides)
+    rows = [(name, f"{nats:.3f}") for name, nats in measure(data, options.every)]
+
     taken = f"every {options.every}th frame of the training and the validation split"
-    print_line(f"{data.root.name}, {taken}, commit {git_commit()}")
+    notes = [f"{taken}, commit {git_commit()}"]
+    print_table(data.root.name, ("labels known", "nats a voxel"), rows, notes)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ frame takes beyond the model; asserts nothing.
 """
 
 import argparse
-import statistics
 import tempfile
 from collections.abc import Callable
 from functools import partial
@@ -20,21 +19,21 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
-from benchmarks.settings import composed, device, device_name, run
-from benchmarks.tables import print_table
-from benchmarks.timing import extra_mib, milliseconds
+from benchmarks.settings import composed_with_data, device, run
+from benchmarks.tables import print_costs
+from src.data.datamodule import SkyShieldData
 from src.models.export import FORMATS, ExportedStep, export_step
 from src.models.network import SkyOcc
 from src.models.stream import SkyOccStream
-from src.tasks.dataset import data_of, finished_dataset
 from src.tasks.export import made_up_flight
 
 ROUNDS, WARM_UP = 12, 4
 
 
-def contenders(cfg: DictConfig, exported: bool, folder: Path) -> dict[str, Callable[[], object]]:
+def contenders(
+    cfg: DictConfig, data: SkyShieldData, exported: bool, folder: Path
+) -> dict[str, Callable[[], object]]:
     """Returns the measures by name; each call takes the next frame."""
-    data = data_of(cfg, finished_dataset(cfg))
     network: SkyOcc = instantiate(cfg.model).to(device()).eval()
     # Each is called once to warm up and once for its memory besides.
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
@@ -75,20 +74,10 @@ def main() -> None:
     parser.add_argument("--exported", action="store_true")
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
-    cfg = composed(options.overrides)
+    cfg, data = composed_with_data(options.overrides)
     with tempfile.TemporaryDirectory() as folder:
-        measures = contenders(cfg, options.exported, Path(folder))
-        spent_ms = milliseconds(measures, ROUNDS)
-        memory_mib = {name: extra_mib(measure) for name, measure in measures.items()}
-
-    rows = []
-    anew_ms = statistics.median(spent_ms["the queue anew"])
-    for name, times_ms in spent_ms.items():
-        median_ms = statistics.median(times_ms)
-        cells = f"{median_ms:.1f}", f"{min(times_ms):.1f}", f"{1e3 / median_ms:.1f}"
-        rows.append((name, *cells, f"{anew_ms / median_ms:.2f}", f"{memory_mib[name]:.0f}"))
-    columns = ("a frame by", "median ms", "min ms", "frames/s", "times", "MiB")
-    print_table(f"scale {cfg.scale_name}, {device_name()}", columns, rows)
+        measures = contenders(cfg, data, options.exported, Path(folder))
+        print_costs(f"a frame at scale {cfg.scale_name}", measures, ROUNDS)
 
 
 if __name__ == "__main__":

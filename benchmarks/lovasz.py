@@ -16,9 +16,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from benchmarks.settings import device_name, run
-from benchmarks.tables import print_line, print_table
-from benchmarks.timing import extra_mib, median_ms
+from benchmarks.settings import run
+from benchmarks.tables import print_costs
 from src.models.losses import lovasz_softmax, weighted_cross_entropy
 from src.ontology import NUM_CLASSES, UNKNOWN
 
@@ -26,7 +25,6 @@ SHAPE = (100, 100, 60)
 ROUNDS = 9
 # About the shares of the classes in labels.
 SHARES = (0.05, 0.12, 0.02, 0.003, 0.002, 0.004, 0.001, 0.005, 0.795)
-PUBLISHED = "Lovász-Softmax, the published loop"
 
 
 def published_loop(logits: Tensor, target: Tensor) -> Tensor:
@@ -82,33 +80,29 @@ def main() -> None:
         return weighted_cross_entropy(logits, target, torch.ones(NUM_CLASSES))
 
     measures = {
-        PUBLISHED: with_backward(published_loop),
+        "Lovász-Softmax, the published loop": with_backward(published_loop),
         "Lovász-Softmax, ours": with_backward(lovasz_softmax),
         "cross-entropy, the framework's": with_backward(framework_cross_entropy),
         "weighted cross-entropy, ours": with_backward(weighted),
     }
-    rows, spent_ms = [], median_ms(measures, ROUNDS)
-    for name, spent in spent_ms.items():
-        ratio = f"{spent_ms[PUBLISHED] / spent:.1f}" if "Lovász" in name else ""
-        rows.append((name, f"{spent:.0f}", ratio, f"{extra_mib(measures[name]):.0f}"))
-    columns = ("loss of 600,000 voxels x 9", "ms", "times faster", "MiB more")
-    print_table(f"{device_name()}; forward and backward", columns, rows)
-    compare(logits, target)
+    subject = "a loss of 600,000 voxels x 9, forward and backward"
+    print_costs(subject, measures, ROUNDS, compared(logits, target))
 
 
-def compare(logits: Tensor, target: Tensor) -> None:
-    """Prints how far both losses and their gradients are apart, and how far from float64."""
+def compared(logits: Tensor, target: Tensor) -> tuple[str, str]:
+    """Says how far both losses and their gradients are apart, and how far from float64."""
     pair = (lovasz_softmax, published_loop)
     # The loop subtracts running sums in float32, which costs it digits.
     losses = torch.stack([loss(logits, target) for loss in pair])
     ours, published = (torch.autograd.grad(loss, logits, retain_graph=True)[0] for loss in losses)
     relative = ((ours - published).norm() / published.norm()).item()
     gap = abs(losses[0] - losses[1]).item()
-    print_line(f"losses differ by {gap:.1e}, gradients by {relative:.1e} (relative)")
-
     exact = published_loop(logits.double(), target)
     off = (losses.double() - exact).abs().tolist()
-    print_line(f"from the loop in float64, ours is off by {off[0]:.1e}, the loop by {off[1]:.1e}")
+    return (
+        f"losses differ by {gap:.1e}, gradients by {relative:.1e} (relative)",
+        f"from the loop in float64, ours is off by {off[0]:.1e}, the loop by {off[1]:.1e}",
+    )
 
 
 if __name__ == "__main__":

@@ -3,10 +3,9 @@
     python -m benchmarks.scores DATASET
 
 ``DATASET`` is the folder of any finished dataset; its labels are the target, and the labels of a
-later frame stand for the prediction. Prints the median milliseconds of an update, the ratios
-to torchmetrics' `MulticlassJaccardIndex` at its defaults, and the memory that an update of
-`OccupancyScores` takes beyond its inputs. The measures take turns, so that whatever else the
-machine does meets all of them.
+later frame stand for the prediction. Prints the milliseconds of an update, the ratio to
+torchmetrics' `MulticlassJaccardIndex` at its defaults, and the memory that an update takes beyond
+its inputs. The measures take turns, so that whatever else the machine does meets all of them.
 """
 
 import argparse
@@ -16,9 +15,8 @@ from pathlib import Path
 import torch
 from torchmetrics.classification import MulticlassJaccardIndex
 
-from benchmarks.settings import device_name, run
-from benchmarks.tables import print_line, print_table
-from benchmarks.timing import extra_mib, median_ms
+from benchmarks.settings import run
+from benchmarks.tables import print_costs
 from src import metrics
 from src.data.truth import SkyShieldTruth
 from src.metrics.functional import camera_rays
@@ -69,14 +67,7 @@ def main() -> None:
     parser.add_argument("dataset", type=Path)
     torch.set_num_threads(1)
     todo, subject = measures(parser.parse_args().dataset)
-    spent_ms = median_ms(todo, ROUNDS)
-    reference_ms = spent_ms["MulticlassJaccardIndex (torchmetrics)"]
-    rows = [(name, f"{ms:.2f}", f"{reference_ms / ms:.1f}") for name, ms in spent_ms.items()]
-    print_table(f"{device_name()}; {subject}", ("update", "ms", "times faster"), rows)
-
-    for name in todo:
-        if name.startswith("OccupancyScores"):
-            print_line(f"{name}: {extra_mib(todo[name]):.1f} MiB beyond its inputs")
+    print_costs(f"an update with {subject}", todo, ROUNDS)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The configuration and the machine of a benchmark, and the way that it is run."""
+"""The configuration, the data and the machine of a benchmark, and the way that it is run."""
 
 from collections.abc import Callable, Sequence
 
@@ -6,15 +6,23 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
+from src.data.datamodule import SkyShieldData
 from src.failures import quiet_libraries, told_in_one_line
 from src.provenance import machine
 from src.settings import GROUPS
+from src.tasks.dataset import data_of, finished_dataset
 
 
 def composed(overrides: Sequence[str]) -> DictConfig:
     """Composes the configuration of run.py with the overrides of a command line."""
     with initialize_config_dir(str(GROUPS.resolve()), version_base="1.3"):
         return compose("config", overrides=list(overrides))
+
+
+def composed_with_data(overrides: Sequence[str]) -> tuple[DictConfig, SkyShieldData]:
+    """Composes a configuration and opens its dataset, which must be finished."""
+    cfg = composed(overrides)
+    return cfg, data_of(cfg, finished_dataset(cfg))
 
 
 def run(main: Callable[[], None]) -> None:

@@ -1,4 +1,4 @@
-"""The timing of contenders that take turns, and the memory that one takes.
+"""The time of stages and of contenders that take turns, and the memory that one takes.
 
 In turns, whatever else the machine does meets all of them; so ratios can be trusted, and
 milliseconds less.
@@ -7,12 +7,25 @@ milliseconds less.
 import ctypes
 import statistics
 import time
-from collections.abc import Callable, Hashable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import torch
 
 Measures = Mapping[Hashable, Callable[[], object]]
+
+
+@contextmanager
+def timed(seconds: dict[Hashable, float], stage: Hashable) -> Iterator[None]:
+    """Adds the wall-clock seconds of a block, or of a function that it decorates, to a stage."""
+    # A GPU works on its own while the host goes on: both ends of the time must wait.
+    wait_for_gpu()
+    start_s = time.perf_counter()
+    yield
+    wait_for_gpu()
+    seconds[stage] += time.perf_counter() - start_s
 
 
 def milliseconds(measures: Measures, rounds: int) -> dict[Hashable, list[float]]:
@@ -22,13 +35,11 @@ def milliseconds(measures: Measures, rounds: int) -> dict[Hashable, list[float]]
 
     spent_ms: dict[Hashable, list[float]] = {name: [] for name in measures}
     for _ in range(rounds):
+        seconds: dict[Hashable, float] = defaultdict(float)
         for name, measure in measures.items():
-            # A GPU works on its own while the host goes on: both ends of the time must wait.
-            wait_for_gpu()
-            start_s = time.perf_counter()
-            measure()
-            wait_for_gpu()
-            spent_ms[name].append(1e3 * (time.perf_counter() - start_s))
+            with timed(seconds, name):
+                measure()
+            spent_ms[name].append(1e3 * seconds[name])
     return spent_ms
 
 

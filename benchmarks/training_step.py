@@ -10,24 +10,22 @@ often a step makes the host wait for a GPU, which a simulated one counts; assert
 
 import argparse
 import resource
-import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 
 import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 from torch import Tensor
 
-from benchmarks.settings import composed, device, device_name, run
-from benchmarks.tables import print_line, print_table
-from benchmarks.timing import wait_for_gpu
+from benchmarks.settings import composed_with_data, device, device_name, run
+from benchmarks.tables import print_table
+from benchmarks.timing import timed
 from src.models.memory import PillarMemory
 from src.models.network import Frame, SkyOcc
 from src.ontology import NUM_CLASSES
 from src.provenance import git_commit
-from src.tasks.dataset import data_of, finished_dataset
 from src.tasks.predictor import on_device
 from src.tasks.trainer import BF16, precision_of
 from tests.simulated_cuda import CUDA, simulated_cuda
@@ -35,14 +33,6 @@ from tests.simulated_cuda import CUDA, simulated_cuda
 WARM_UP = 2
 
 Seconds = dict[str, float]
-
-
-@contextmanager
-def timed(seconds: Seconds, stage: str) -> Iterator[None]:
-    start_s = time.perf_counter()
-    yield
-    wait_for_gpu()
-    seconds[stage] += time.perf_counter() - start_s
 
 
 class Step:
@@ -95,8 +85,7 @@ class Step:
 
 def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]:
     """Returns configuration, seconds of every stage over all steps, and the machine."""
-    cfg = composed(overrides)
-    data = data_of(cfg, finished_dataset(cfg))
+    cfg, data = composed_with_data(overrides)
     step = Step(cfg, device())
     batches = iter(data.train_dataloader())
     seconds: Seconds = defaultdict(float)
@@ -142,8 +131,8 @@ def main() -> None:
     ]
 
     title = f"scale {cfg.scale_name}, {cfg.data.order}, batch {cfg.data.batch_size}"
-    print_table(f"{title}: {rate:.2f} samples/s", ("stage", "ms a step", "share"), rows)
-    print_line(f"{where}, commit {git_commit()}")
+    columns, notes = ("stage", "ms a step", "share"), [f"{where}, commit {git_commit()}"]
+    print_table(f"{title}: {rate:.2f} samples/s", columns, rows, notes)
 
 
 if __name__ == "__main__":
