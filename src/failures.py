@@ -55,14 +55,12 @@ def told_in_one_line() -> Iterator[None]:
     """
     try:
         yield
-    except KeyboardInterrupt:
-        _leave(f"interrupted; {GO_ON}", status=130)
-    except SystemExit as stop:
+    except (KeyboardInterrupt, SystemExit) as stop:
         if type(stop).__module__.startswith("lightning."):  # whose import would take seconds here
             _leave(f"the system ended the program (SIGTERM); {GO_ON}", status=143)
-        if not isinstance(stop.__context__, KeyboardInterrupt):
+        # Lightning ends a training on Ctrl-C with an exit of its own.
+        if KeyboardInterrupt not in (type(stop), type(stop.__context__)):
             raise
-        # This is how Lightning ends a training on Ctrl-C.
         _leave(f"interrupted; {GO_ON}", status=130)
     except Exception as error:
         message = one_line(error)

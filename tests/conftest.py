@@ -1,6 +1,7 @@
 """A very small dataset from the real generator, made once for all tests that need one."""
 
 import copy
+import errno
 import logging
 import os
 import runpy
@@ -64,6 +65,16 @@ def mini_dataset(tmp_path_factory):
     split = make_split(clip_ids, frames, capture_hz, [], clip_ids[-1:])
     write_manifest(root, spec, clip_ids, split)
     return root
+
+
+@pytest.fixture
+def no_locks(monkeypatch):
+    """A file system that knows no file locks."""
+
+    def flock(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", flock)
 
 
 @pytest.fixture

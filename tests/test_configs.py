@@ -207,19 +207,16 @@ def test_a_batch_of_one_is_sound_but_for_training_on_the_smallest_image(override
     assert sound_config(*overrides)
 
 
-BOUNDS = {
-    require_loading: {
-        "data": {"batch_size": 0, "frames": 0, "run_frames": 0, "workers": -1, "history": "none"}
-    },
-    require_size: {
-        "size": {"backbone_width": 0, "dim": 0, "layers": 0, "heads": 0, "heights": 0, "blocks": -1}
-    },
-}
+LOADING = {"batch_size": 0, "frames": 0, "run_frames": 0, "workers": -1, "history": "none"}
+SIZE = {"backbone_width": 0, "dim": 0, "layers": 0, "heads": 0, "heights": 0, "blocks": -1}
 
 
-@pytest.mark.parametrize("require", BOUNDS)
-def test_a_group_is_refused_by_the_first_setting_out_of_bounds(require):
-    ((group, wrong),) = BOUNDS[require].items()
+@pytest.mark.parametrize(
+    ("require", "group", "wrong"),
+    [(require_loading, "data", LOADING), (require_size, "size", SIZE)],
+    ids=["data", "size"],
+)
+def test_a_group_is_refused_by_the_first_setting_out_of_bounds(require, group, wrong):
     settings = compose_config()[group]
     require(settings)
     for name, value in wrong.items():

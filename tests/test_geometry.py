@@ -57,20 +57,10 @@ def test_positive_yaw_is_counter_clockwise_from_east() -> None:
     torch.testing.assert_close(forward_world, f64(0.0, 1.0, 0.0))
 
 
-def test_roll_is_applied_first_and_yaw_last() -> None:
-    about_x = g.rotation_from_euler(f64(0.4), f64(0.0), f64(0.0))
-    about_y = g.rotation_from_euler(f64(0.0), f64(0.5), f64(0.0))
-    about_z = g.rotation_from_euler(f64(0.0), f64(0.0), f64(0.6))
-    expected = about_z @ about_y @ about_x
-    torch.testing.assert_close(g.rotation_from_euler(f64(0.4), f64(0.5), f64(0.6)), expected)
-
-
-def test_rotations_are_those_of_opencv_about_each_axis() -> None:
-    for axis in range(3):
-        angles = [0.0, 0.0, 0.0]
-        angles[axis] = 0.7
-        expected, _ = cv2.Rodrigues(np.array(angles))
-        np.testing.assert_allclose(g.rotation_from_euler(*f64(angles)), expected, atol=1e-12)
+def test_roll_is_applied_first_and_yaw_last_about_the_axes_of_opencv() -> None:
+    about_x, about_y, about_z = (cv2.Rodrigues(axis)[0] for axis in np.diag([0.4, 0.5, 0.6]))
+    rotation = g.rotation_from_euler(f64(0.4), f64(0.5), f64(0.6))
+    np.testing.assert_allclose(rotation, about_z @ about_y @ about_x, atol=1e-12)
 
 
 def test_quaternion_is_scalar_last() -> None:
@@ -141,14 +131,18 @@ def expected_pix(
 POINTS_OCC = f64([[12.0, 3.0, -2.0], [20.0, -8.0, 3.0], [35.0, 14.0, -9.0], [9.0, 0.5, 0.0]])
 
 
+def chain(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float[Tensor, "4 4"]:
+    """camera_from_occ of a camera along the body's x axis."""
+    return g.camera_from_occ(pose(roll_rad, pitch_rad, yaw_rad), BODY_FROM_CAMERA)
+
+
 def worst_error_pix(camera_from_occ: Float[Tensor, "4 4"]) -> float:
     pix, _ = g.project(POINTS_OCC, camera_from_occ, PIX_FROM_CAMERA)
     return float((pix - expected_pix(POINTS_OCC, *ATTITUDE_RAD[:2])).norm(dim=-1).max())
 
 
 def test_projection_under_roll_pitch_and_yaw_is_the_known_one() -> None:
-    camera_from_occ = g.camera_from_occ(pose(*ATTITUDE_RAD), BODY_FROM_CAMERA)
-    assert worst_error_pix(camera_from_occ) < 1e-9
+    assert worst_error_pix(chain(*ATTITUDE_RAD)) < 1e-9
 
 
 def chain_without_yaw(world_from_body: Float[Tensor, "4 4"]) -> Float[Tensor, "4 4"]:
@@ -162,12 +156,12 @@ def chain_with_transposed_attitude(world_from_body: Float[Tensor, "4 4"]) -> Flo
 
 ROLL_RAD, PITCH_RAD, YAW_RAD = ATTITUDE_RAD
 WRONG_CHAINS = {
-    "roll negated": g.camera_from_occ(pose(-ROLL_RAD, PITCH_RAD, YAW_RAD), BODY_FROM_CAMERA),
-    "roll twice": g.camera_from_occ(pose(2 * ROLL_RAD, PITCH_RAD, YAW_RAD), BODY_FROM_CAMERA),
-    "roll ignored": g.camera_from_occ(pose(0, PITCH_RAD, YAW_RAD), BODY_FROM_CAMERA),
-    "pitch negated": g.camera_from_occ(pose(ROLL_RAD, -PITCH_RAD, YAW_RAD), BODY_FROM_CAMERA),
-    "pitch twice": g.camera_from_occ(pose(ROLL_RAD, 2 * PITCH_RAD, YAW_RAD), BODY_FROM_CAMERA),
-    "pitch ignored": g.camera_from_occ(pose(ROLL_RAD, 0, YAW_RAD), BODY_FROM_CAMERA),
+    "roll negated": chain(-ROLL_RAD, PITCH_RAD, YAW_RAD),
+    "roll twice": chain(2 * ROLL_RAD, PITCH_RAD, YAW_RAD),
+    "roll ignored": chain(0, PITCH_RAD, YAW_RAD),
+    "pitch negated": chain(ROLL_RAD, -PITCH_RAD, YAW_RAD),
+    "pitch twice": chain(ROLL_RAD, 2 * PITCH_RAD, YAW_RAD),
+    "pitch ignored": chain(ROLL_RAD, 0, YAW_RAD),
     "yaw ignored": chain_without_yaw(pose(*ATTITUDE_RAD)),
     "transposed": chain_with_transposed_attitude(pose(*ATTITUDE_RAD)),
 }
@@ -179,16 +173,14 @@ def test_the_known_answer_tells_a_wrong_chain_by_many_pixels(wrong: str) -> None
 
 
 def test_rolling_right_lifts_the_right_end_of_the_horizon() -> None:
-    left, right = f64([[1000.0, 500.0, 0.0], [1000.0, -500.0, 0.0]])
-    camera_from_occ = g.camera_from_occ(pose(0.2, 0, 1.3), BODY_FROM_CAMERA)
-    pix, _ = g.project(torch.stack([left, right]), camera_from_occ, PIX_FROM_CAMERA)
+    left_and_right = f64([[1000.0, 500.0, 0.0], [1000.0, -500.0, 0.0]])
+    pix, _ = g.project(left_and_right, chain(0.2, 0, 1.3), PIX_FROM_CAMERA)
     rise_pix = 112 * 0.5 * math.sin(0.2)
     torch.testing.assert_close(pix[:, 1], f64(64 + rise_pix, 64 - rise_pix))
 
 
 def test_pitching_the_nose_down_lifts_the_horizon() -> None:
-    camera_from_occ = g.camera_from_occ(pose(0, 0.2, 1.3), BODY_FROM_CAMERA)
-    pix, _ = g.project(f64([[1000.0, 0.0, 0.0]]), camera_from_occ, PIX_FROM_CAMERA)
+    pix, _ = g.project(f64([[1000.0, 0.0, 0.0]]), chain(0, 0.2, 1.3), PIX_FROM_CAMERA)
     torch.testing.assert_close(pix, f64([[112.0, 64 - 112 * math.tan(0.2)]]))
 
 

@@ -56,10 +56,6 @@ def test_who_shares_keeps_others_out_until_it_leaves(tmp_path):
         assert not is_free(path)
 
 
-def test_a_file_system_without_locks_is_named(tmp_path, monkeypatch):
-    def flock(*_):
-        raise OSError(37, "No locks available")
-
-    monkeypatch.setattr("fcntl.flock", flock)
+def test_a_file_system_without_locks_is_named(tmp_path, no_locks):
     with pytest.raises(UserError, match=r"lock: .*paths\.data"):
         is_free(tmp_path / "lock")

@@ -6,15 +6,8 @@ from pathlib import Path
 from src import ontology
 
 CLASSES_OF_THE_CONTRACT = [
-    "building",
-    "ground",
-    "vegetation",
-    "thin_structure",
-    "large_vehicle",
-    "car",
-    "vru",
-    "general",
-    "free",
+    *("building", "ground", "vegetation", "thin_structure", "large_vehicle", "car", "vru"),
+    *("general", "free"),
 ]
 
 

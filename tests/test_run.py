@@ -453,7 +453,6 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, interrupt):
 # What is typed, and what the line must name: the key, and the value or the way out.
 MISTAKES = {
     "+experiment=skyoc": "'skyocc'",
-    "scale=tinny": "'tiny'",
     "trainer.max_epoch=3": "trainer.max_epoch: .*'max_epochs'",
     "+max_epochs=3": "max_epochs: ",
     "+trainer.max_epoch=3": "trainer.max_epoch: .*'max_epochs'",
@@ -465,7 +464,6 @@ MISTAKES = {
     "sim.seed=-1": "sim.seed: -1 .*0 or more",
     "sim.workers=some": "sim.workers: 'some'",
     "threads=0": "threads: 0",
-    "size.heads=0": "size.heads: 0 .*1 or more",
     "optimizer.lr=-1": "optimizer.lr: -1 .*0 or more",
     "optimizer.warmup=5": "optimizer.warmup: 5 .*0 to 1",
     "metric.horizon_s=-1": "horizon_s: -1",
