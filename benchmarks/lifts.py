@@ -2,10 +2,10 @@
 
     python -m benchmarks.lifts [--threads N] [--rounds N]
 
-Prints for every lift the median milliseconds of a forward and of a forward with its backward, its
-parameters, and the milliseconds that the pyramid below it takes, which computes only what the lift
-reads. The camera is the dataset's: level flight, 90 degrees. The lifts take turns, so that
-whatever else the machine does meets all of them.
+Prints for every lift the milliseconds of a forward, of a forward with its backward, and of the
+pyramid below it, which computes only what the lift reads; then its parameters. The camera is the
+dataset's: level flight, 90 degrees. The lifts take turns, so that whatever else the machine does
+meets all of them.
 """
 
 import argparse
@@ -15,9 +15,8 @@ import torch
 from hydra.utils import instantiate
 from torch import Tensor, nn
 
-from benchmarks.settings import composed, device_name, run
-from benchmarks.tables import print_table
-from benchmarks.timing import median_ms
+from benchmarks.settings import composed, run
+from benchmarks.tables import print_costs
 from src.geometry import VoxelGrid, front_mount, pinhole
 from src.models.backbone import STRIDES
 from src.models.neck import FPN
@@ -67,20 +66,20 @@ def references_of(grid: VoxelGrid, num_heights: int, image) -> References:
     return references(torch.eye(4)[None], *camera, (image.width, image.height))
 
 
-def measures(scene: Scene) -> dict[tuple[str, str], Callable[[], object]]:
-    """Returns the measures by lift and by column."""
+def measures(scene: Scene) -> dict[str, Callable[[], object]]:
+    """Returns the measures of all lifts by name."""
 
     def forward(lift: nn.Module) -> Tensor:
         features = [feature.detach().requires_grad_() for feature in scene.features]
         return lift(scene.query, features, scene.references)
 
     # A forward with its backward needs inputs that want gradients; they are made anew each time.
-    todo: dict[tuple[str, str], Callable[[], object]] = {}
+    todo: dict[str, Callable[[], object]] = {}
     for name, lift in scene.lifts.items():
         neck = scene.necks[name]
-        todo[name, "forward"] = lambda lift=lift: torch.no_grad()(forward)(lift)
-        todo[name, "and backward"] = lambda lift=lift: forward(lift).sum().backward()
-        todo[name, "pyramid"] = lambda neck=neck: torch.no_grad()(neck)(scene.maps)
+        todo[f"{name}, forward"] = lambda lift=lift: torch.no_grad()(forward)(lift)
+        todo[f"{name}, forward and backward"] = lambda lift=lift: forward(lift).sum().backward()
+        todo[f"{name}, its pyramid"] = lambda neck=neck: torch.no_grad()(neck)(scene.maps)
     return todo
 
 
@@ -91,14 +90,11 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
     scene = Scene()
-    spent_ms = median_ms(measures(scene), arguments.rounds)
-
-    columns, rows = ("forward", "and backward", "pyramid"), []
+    notes = []
     for name, lift in scene.lifts.items():
         count = sum(parameter.numel() for parameter in lift.parameters())
-        rows.append((name, *(f"{spent_ms[name, c]:.0f}" for c in columns), f"{count:,}"))
-    titles = ("lift", *(f"{column}, ms" for column in columns), "parameters")
-    print_table(f"{scene.title}; {device_name()}", titles, rows)
+        notes.append(f"{name}: {count:,} parameters")
+    print_costs(scene.title, measures(scene), arguments.rounds, notes)
 
 
 if __name__ == "__main__":

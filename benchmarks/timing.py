@@ -5,20 +5,19 @@ milliseconds less.
 """
 
 import ctypes
-import statistics
 import time
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 import torch
 
-Measures = Mapping[Hashable, Callable[[], object]]
+Measures = Mapping[str, Callable[[], object]]
 
 
 @contextmanager
-def timed(seconds: dict[Hashable, float], stage: Hashable) -> Iterator[None]:
+def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
     """Adds the wall-clock seconds of a block, or of a function that it decorates, to a stage."""
     # A GPU works on its own while the host goes on: both ends of the time must wait.
     wait_for_gpu()
@@ -28,25 +27,19 @@ def timed(seconds: dict[Hashable, float], stage: Hashable) -> Iterator[None]:
     seconds[stage] += time.perf_counter() - start_s
 
 
-def milliseconds(measures: Measures, rounds: int) -> dict[Hashable, list[float]]:
+def milliseconds(measures: Measures, rounds: int) -> dict[str, list[float]]:
     """Returns the milliseconds of every run of each measure, after one that is not counted."""
     for measure in measures.values():
         measure()  # compiles, and takes memory
 
-    spent_ms: dict[Hashable, list[float]] = {name: [] for name in measures}
+    spent_ms: dict[str, list[float]] = {name: [] for name in measures}
     for _ in range(rounds):
-        seconds: dict[Hashable, float] = defaultdict(float)
+        seconds: dict[str, float] = defaultdict(float)
         for name, measure in measures.items():
             with timed(seconds, name):
                 measure()
             spent_ms[name].append(1e3 * seconds[name])
     return spent_ms
-
-
-def median_ms(measures: Measures, rounds: int) -> dict[Hashable, float]:
-    """Returns the median milliseconds of each measure."""
-    spent_ms = milliseconds(measures, rounds)
-    return {name: statistics.median(times) for name, times in spent_ms.items()}
 
 
 def extra_mib(measure: Callable[[], object]) -> float:

@@ -115,10 +115,6 @@ def killed():
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def unforkable():
-    raise OSError(errno.ENOMEM, "Cannot allocate memory")
-
-
 def far_too_much():
     return np.empty(10**15)
 
@@ -132,7 +128,7 @@ KNOBS = ("data.batch_size", "trainer.accumulate_grad_batches", "model.checkpoint
         lambda: torch.empty(10**15),
         lambda: bytearray(10**15),
         far_too_much,
-        unforkable,
+        lambda: raising(OSError(errno.ENOMEM, "Cannot allocate memory")),
         lambda: list(DataLoader(Greedy(far_too_much), num_workers=1)),
         lambda: list(DataLoader(Greedy(killed), num_workers=1)),
     ],
