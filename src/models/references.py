@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from ..errors import UserError
 from ..geometry import VoxelGrid, camera_from_occ, in_image, project
+from .backbone import STRIDES
 from .ground import occ_from_ground
 
 Projection = Literal["attitude", "level"]
@@ -49,9 +50,9 @@ class ListedReferences(NamedTuple):
     pillar: Int[Tensor, "r"]
     height: Int[Tensor, "r"]
 
-    def pix_of_levels(self, strides: Float[Tensor, "levels"]) -> Float[Tensor, "2 levels r"]:
+    def pix_of_levels(self) -> Float[Tensor, "2 levels r"]:
         """x and y in each level's own pixels, with integers at their centers."""
-        return self.pix.T[:, None] / strides[:, None] - 0.5
+        return torch.stack([self.pix.T / stride - 0.5 for stride in STRIDES], dim=1)
 
 
 class PillarReferences(nn.Module):
