@@ -15,7 +15,7 @@ from src.models import (
     SkyOcc,
 )
 from src.models.backbone import STRIDES
-from src.models.metadata import Metadata
+from src.models.metadata import height_phases
 from tests.models.synthetic import (
     GRID,
     IMAGE_SIZE,
@@ -269,8 +269,7 @@ def test_each_of_the_metadata_is_told_by_its_name_alone(batch, name):
 
 def test_a_height_moves_the_ground_by_as_many_voxels():
     """The phases of a height are the same rotation apart wherever it is."""
-    metadata = Metadata(8, ["height"])
-    phases = metadata._height({"height_m": torch.tensor([2.0, 2.5, 9.0, 9.5])})
+    phases = height_phases(torch.tensor([2.0, 2.5, 9.0, 9.5]))
     low, low_up, high, high_up = torch.complex(*phases.flip(-1).chunk(2, dim=-1))
     torch.testing.assert_close(low_up / low, high_up / high, atol=1e-4, rtol=0)
     assert (low_up / low - 1).abs().max() > 1
