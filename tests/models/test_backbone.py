@@ -35,14 +35,18 @@ def test_parameter_names_are_the_published_ones():
     assert len(ResNet(18, width=8).state_dict()) == 120
 
 
-def test_pixels_are_normalised_inside():
-    backbone = ResNet(18, width=8).eval()
-    seen = []
-    backbone.conv1.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0]))
-    image = random_image()
+def require_normalised(backbone, first):
+    """Fails unless ``first``, a module of the backbone, is given pixels less ImageNet's mean."""
+    seen, image = [], random_image()
+    first.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0]))
     backbone(image)
     mean, std = (torch.tensor(x).view(3, 1, 1) for x in (IMAGENET_MEAN, IMAGENET_STD))
     torch.testing.assert_close(seen[0], (image / 255 - mean) / std)
+
+
+def test_pixels_are_normalised_inside():
+    backbone = ResNet(18, width=8).eval()
+    require_normalised(backbone, backbone.conv1)
 
 
 @pytest.mark.parametrize("size", [(100, 64), (96, 48)])
@@ -74,7 +78,6 @@ def test_weights_load_by_path_and_drop_the_classifier(tmp_path):
 
 
 def test_weights_load_by_url(tmp_path, monkeypatch):
-    (tmp_path / "hub").mkdir()
     monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path / "hub"))
     path, digest, state = save_weights(tmp_path)
     loaded = ResNet(18, 8, weights=path.as_uri(), weights_sha256=digest)

@@ -13,15 +13,11 @@ MOUNT = front_mount((0.0, 0.0, 0.0)).float()[None]
 PIX_FROM_CAMERA = pinhole(*SIZE, math.radians(90)).float()[None]
 
 
-def tilted(roll_rad, pitch_rad):
-    zero = torch.zeros(1)
-    rotation = rotation_from_euler(zero + roll_rad, zero + pitch_rad, zero)
-    return rigid(rotation, torch.zeros(1, 3))
-
-
 def seen_by(references, roll_rad, pitch_rad, mount=MOUNT, **height):
     """What the camera of a UAV in that attitude sees of the references."""
-    return references(tilted(roll_rad, pitch_rad), mount, PIX_FROM_CAMERA, SIZE, **height)
+    rotation = rotation_from_euler(*torch.tensor([[roll_rad], [pitch_rad], [0.0]]))
+    occ_from_body = rigid(rotation, torch.zeros(1, 3))
+    return references(occ_from_body, mount, PIX_FROM_CAMERA, SIZE, **height)
 
 
 def test_points_are_at_pillar_centers_and_middles_of_equal_slices():
