@@ -21,17 +21,11 @@ from .network import SkyOcc
 FORMATS = {"onnx": "skyocc.onnx", "torch": "skyocc.pt2"}
 DESCRIPTION = "export.json"
 
+CAMERA = ("image", "pix_from_camera", "body_from_camera", "occ_from_body")
+MEASURED = ("attitude_rad", "velocity_mps", "height_m")
+CURRENT = CAMERA + MEASURED
 # A batch has these for every frame of a queue, and a step for the current one.
 OF_QUEUE = ("image", "pix_from_camera", "occ_from_body")
-CURRENT = (
-    "image",
-    "pix_from_camera",
-    "body_from_camera",
-    "occ_from_body",
-    "attitude_rad",
-    "velocity_mps",
-    "height_m",
-)
 # A graph has these inputs only where there is a history. Each has a batch dimension of 1.
 PAST = ("past_pillars", "occ_from_past_occ", "past_valid")
 INPUTS = CURRENT + PAST

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import torch
 from torch import Tensor, nn
@@ -60,7 +60,7 @@ class SkyOcc(nn.Module):
         checkpointing: bool = False,
     ) -> None:
         super().__init__()
-        require_choice("model.history", history, ("queue", "recursive"))
+        require_choice("model.history", history, get_args(HistoryKind))
 
         dim = encoder.dim
         self.backbone, self.encoder, self.decoder = backbone, encoder, decoder

@@ -1,12 +1,13 @@
 """Height references of the pillars, and where a camera sees them (Eq. 5 and App. A.2)."""
 
 import math
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
+from ..bounds import require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid, camera_from_occ, in_image, project
 from .backbone import STRIDES
@@ -74,8 +75,7 @@ class PillarReferences(nn.Module):
         capacity: float | None = None,
     ) -> None:
         super().__init__()
-        if projection not in ("attitude", "level"):
-            raise UserError(f"projection: {projection!r} is neither 'attitude' nor 'level'")
+        require_choice("model.encoder.projection", projection, get_args(Projection))
         if capacity is not None and not 0 < capacity <= 1:
             raise UserError(
                 f"model.encoder.capacity: {capacity} is no share; give null, or more than 0, up "

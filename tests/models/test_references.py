@@ -78,7 +78,7 @@ def test_bfloat16_autocast_does_not_blur_the_pixels():
 
 
 def test_an_unknown_projection_is_refused():
-    with pytest.raises(UserError, match="projection"):
+    with pytest.raises(UserError, match=r"model\.encoder\.projection: 'tilted'; there are"):
         PillarReferences(GRID, 4, "tilted")
 
 
