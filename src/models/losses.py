@@ -78,9 +78,9 @@ class Term(nn.Module):
         if name == "total" or not callable(function):
             raise UserError(f"{key}: is no term; give another name, a _target_ and _partial_: true")
 
-        # A plain function becomes a partial without settings.
-        term = partial(function)
-        self.function, settings = term.func, dict(term.keywords)
+        # A function that is no partial has no settings.
+        self.function = getattr(function, "func", function)
+        settings = dict(getattr(function, "keywords", {}))
         self.weight = _weight(f"{key}.weight", settings.pop("weight", 1.0))
         _require_taken(key, self.function, settings)
 
