@@ -1,5 +1,6 @@
 """The LightningModule: steps, schedule, and what happens when the loss is not finite."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import lightning
@@ -181,3 +182,9 @@ def test_the_weights_are_not_touched_by_a_broken_batch(tmp_path):
         train(module, tmp_path)
     assert module.network.shift.item() == 0
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("other", [nn.Linear(4, 3), nn.Linear(2, 3, bias=False)])
+def test_weights_of_another_shape_or_name_are_refused(other):
+    with pytest.raises(UserError, match=r"^ckpt_path: last\.ckpt .*\(1 parameters differ"):
+        load_weights(nn.Linear(2, 3), other.state_dict(), Path("last.ckpt"))
