@@ -12,6 +12,11 @@ class UserError(ValueError):
     """
 
 
+def reason_of(error: Exception) -> str:
+    """Returns the first sentence of what another library says, on one line and not too long."""
+    return " ".join(str(error).split()).partition(". ")[0][:200]
+
+
 def closest(name: str, known: Iterable[str]) -> str:
     """Returns ``"; did you mean 'x'?"`` where a known name is near, or ``";"``."""
     near = difflib.get_close_matches(name, list(known), n=1)

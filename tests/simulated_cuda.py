@@ -104,7 +104,9 @@ def _computed(func, args, kwargs):
         isinstance(i, SimulatedCuda) and i.dtype in (torch.bool, torch.uint8) for i in args[1]
     )
     copied_back = packet in COPIES and not isinstance(args[0], SimulatedCuda)
-    if packet in WAITING or to_host or masks or copied_back:
+    # Told how long its result is, `repeat_interleave` does not ask the device.
+    waits = packet in WAITING and kwargs.get("output_size") is None
+    if waits or to_host or masks or copied_back:
         _waits[packet.__name__] += 1
 
     out = func(*tree_map(_inner, args), **tree_map(_inner, kwargs))

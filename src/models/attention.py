@@ -36,8 +36,6 @@ class DeformableCrossAttention(nn.Module):
         self.value = nn.Linear(dim, dim)
         # Three numbers a sample: its offset in x and y, and the logit of its weight.
         self.sampling = nn.Linear(dim, num_heads * len(STRIDES) * num_points * 3)
-        strides = torch.tensor(STRIDES, dtype=torch.float32)
-        self.register_buffer("strides", strides, persistent=False)
         self._initialise()
         self.output = height_projections(num_heights, dim, gain_of_mean(num_heights))
 
@@ -82,6 +80,6 @@ class DeformableCrossAttention(nn.Module):
         raw = (by_query + by_height).float().T.contiguous()
         raw = raw.view(3, self.num_heads, self.num_points, len(STRIDES), -1)
 
-        x, y = listed.pix_of_levels(self.strides)
+        x, y = listed.pix_of_levels()
         attention = raw[2].flatten(1, 2).softmax(dim=1).view_as(raw[2])
         return listed.frame, x + raw[0], y + raw[1], attention

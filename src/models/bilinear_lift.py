@@ -3,7 +3,6 @@
 import torch
 from torch import nn
 
-from .backbone import STRIDES
 from .heights import gain_of_mean, height_projections, projected_mean
 from .references import References
 from .sampling import summed_samples
@@ -26,8 +25,6 @@ class BilinearLift(nn.Module):
     def __init__(self, dim: int, num_heights: int) -> None:
         super().__init__()
         self.output = height_projections(num_heights, dim, gain_of_mean(num_heights))
-        strides = torch.tensor(STRIDES, dtype=torch.float32)
-        self.register_buffer("strides", strides, persistent=False)
 
     def forward(self, query: Queries, features: Features, references: References) -> Pillars:
         """Returns the update of every pillar, from feature maps at the strides of the backbone."""
@@ -35,7 +32,7 @@ class BilinearLift(nn.Module):
         listed = references.listed()
 
         # One head and one point: the two axes that `summed_samples` has before the levels.
-        x, y = listed.pix_of_levels(self.strides)[:, None, None]
+        x, y = listed.pix_of_levels()[:, None, None]
         weight = torch.full_like(x, 1 / len(levels))
         sampled = summed_samples(levels, x, y, weight, listed.frame)
         return projected_mean(sampled, self.output, references)

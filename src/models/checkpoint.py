@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from pickle import UnpicklingError
 from typing import Any
 
 import torch
@@ -15,16 +14,12 @@ from omegaconf import OmegaConf
 from torch import Tensor, nn
 
 from ..atomic import replacing
-from ..errors import UserError
+from ..errors import UserError, reason_of
 from .network import SkyOcc
-from .weights import ORIGIN
+from .weights import ORIGIN, UNREADABLE
 
 # Format of a checkpoint's own part. Files of format 1 held weights and no configuration.
 FORMAT = 2
-
-
-# What PyTorch raises for a file that is cut, damaged, or something else.
-UNREADABLE = (AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError, UnpicklingError)
 
 
 class WholeCheckpoints(TorchCheckpointIO):
@@ -122,10 +117,9 @@ def read_content(path: Path) -> dict[str, Any]:
             f"ckpt_path: no checkpoint {path}; give best, last or an existing file"
         ) from None
     except UNREADABLE as error:
-        reason = " ".join(str(error).split()).partition(". ")[0][:120]
         raise UserError(
-            f"ckpt_path: {path} is no readable checkpoint ({reason}); give another one, or delete "
-            "it to start anew"
+            f"ckpt_path: {path} is no readable checkpoint ({reason_of(error)}); give another one, "
+            "or delete it to start anew"
         ) from error
 
 
@@ -134,16 +128,15 @@ def load_weights(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> 
 
     Raises `UserError` for weights of another architecture.
     """
-    own = module.state_dict()
-    different = [
-        name
-        for name in sorted(own.keys() | state.keys())
-        if name not in own or name not in state or own[name].shape != state[name].shape
-    ]
-
-    if different:
+    own, saved = (_shapes(each) for each in (module.state_dict(), state))
+    # A name appears here once for each shape that only one of the two has.
+    if different := sorted({name for name, _ in own ^ saved}):
         raise UserError(
             f"ckpt_path: {path} is of another architecture ({len(different)} parameters differ, "
             f"{different[0]} first); use the model and scale that it was trained with"
         )
     module.load_state_dict(state)
+
+
+def _shapes(state: Mapping[str, Tensor]) -> set[tuple[str, torch.Size]]:
+    return {(name, tensor.shape) for name, tensor in state.items()}

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from typing import Any
 
 import torch
@@ -55,15 +55,10 @@ def _state(norm: _BatchNorm) -> dict[str, Any]:
 
 @contextmanager
 def _in_state(norms: Sequence[_BatchNorm], states: Sequence[dict[str, Any]]) -> Iterator[None]:
-    before = [{name: getattr(norm, name) for name in state} for norm, state in zip(norms, states)]
-    _put(norms, states)
-    try:
+    """Gives every norm another state, and in the end the one that it had before."""
+    with ExitStack() as before:
+        for norm, state in zip(norms, states):
+            for name, value in state.items():
+                before.callback(setattr, norm, name, getattr(norm, name))
+                setattr(norm, name, value)
         yield
-    finally:
-        _put(norms, before)
-
-
-def _put(norms: Sequence[_BatchNorm], states: Sequence[dict[str, Any]]) -> None:
-    for norm, state in zip(norms, states):
-        for name, value in state.items():
-            setattr(norm, name, value)

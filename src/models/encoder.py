@@ -1,16 +1,16 @@
 """Spatiotemporal pillar encoder (Sec. 4.2 of the paper)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import torch
-from jaxtyping import Float
-from torch import Tensor, nn
+from torch import nn
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from .backbone import STRIDES
 from .history import History, TemporalAttention, align_history
 from .references import PillarReferences, Projection, References
+from .tensors import Features, Pillars, Queries
 
 
 class EncoderLayer(nn.Module):
@@ -28,12 +28,7 @@ class EncoderLayer(nn.Module):
         before_lift = nn.LayerNorm(dim) if getattr(lift, "reads_query", True) else nn.Identity()
         self.norms = nn.ModuleList([before_lift, nn.LayerNorm(dim)])
 
-    def forward(
-        self,
-        pillars: Float[Tensor, "#b p dim"],
-        features: Sequence[Float[Tensor, "b dim _ _"]],
-        references: References,
-    ) -> Float[Tensor, "b p dim"]:
+    def forward(self, pillars: Queries, features: Features, references: References) -> Pillars:
         before_lift, before_feed_forward = self.norms
         pillars = pillars + self.lift(before_lift(pillars), features, references)
         return pillars + self.feed_forward(before_feed_forward(pillars))
@@ -92,9 +87,7 @@ class PillarEncoder(nn.Module):
         self.temporal = TemporalAttention(dim, num_heads, num_frames)
         self.norm = nn.LayerNorm(dim)
 
-    def frame(
-        self, features: Sequence[Float[Tensor, "b dim _ _"]], references: References
-    ) -> Float[Tensor, "b p dim"]:
+    def frame(self, features: Features, references: References) -> Pillars:
         """Pillars of a frame from its image alone; ``references`` are from ``self.references``."""
         pillars = (self.query + self.row + self.column).flatten(0, 1)[None]
         for layer in self.frame_layers:
@@ -103,17 +96,17 @@ class PillarEncoder(nn.Module):
 
     def fuse(
         self,
-        pillars: Float[Tensor, "b p dim"],
-        features: Sequence[Float[Tensor, "b dim _ _"]],
+        pillars: Pillars,
+        features: Features,
         references: References,
         history: History | None = None,
-    ) -> Float[Tensor, "b p dim"]:
+    ) -> Pillars:
         """What `frame` gave, with its history, if there is one, and once more its image."""
         aligned = None if history is None else align_history(history, self.grid)
         pillars = pillars + self.temporal(pillars, aligned)
         return self.norm(self.last_layer(pillars, features, references))
 
-    def no_history(self, pillars: Float[Tensor, "b p dim"]) -> History | None:
+    def no_history(self, pillars: Pillars) -> History | None:
         """A history of one frame that does not exist; ``None`` for an encoder without history.
 
         It changes no number. In training it brings every parameter into the graph, which several
@@ -121,9 +114,6 @@ class PillarEncoder(nn.Module):
         """
         if self.temporal.dz is None:
             return None
-        frames = (len(pillars), 1)
-        return History(
-            pillars.new_zeros(*frames, *pillars.shape[1:]),
-            pillars.new_zeros(*frames, 4, 4),
-            torch.zeros(frames, dtype=torch.bool, device=pillars.device),
-        )
+        motion = pillars.new_zeros(len(pillars), 1, 4, 4)
+        valid = torch.zeros(len(pillars), 1, dtype=torch.bool, device=pillars.device)
+        return History(torch.zeros_like(pillars[:, None]), motion, valid)

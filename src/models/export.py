@@ -3,8 +3,7 @@
 import json
 import logging
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ..atomic import replacing
-from ..errors import UserError
+from ..bounds import require_choice
+from ..errors import UserError, reason_of
 from .history import History
 from .network import SkyOcc
 
@@ -21,17 +21,11 @@ from .network import SkyOcc
 FORMATS = {"onnx": "skyocc.onnx", "torch": "skyocc.pt2"}
 DESCRIPTION = "export.json"
 
+CAMERA = ("image", "pix_from_camera", "body_from_camera", "occ_from_body")
+MEASURED = ("attitude_rad", "velocity_mps", "height_m")
+CURRENT = CAMERA + MEASURED
 # A batch has these for every frame of a queue, and a step for the current one.
 OF_QUEUE = ("image", "pix_from_camera", "occ_from_body")
-CURRENT = (
-    "image",
-    "pix_from_camera",
-    "body_from_camera",
-    "occ_from_body",
-    "attitude_rad",
-    "velocity_mps",
-    "height_m",
-)
 # A graph has these inputs only where there is a history. Each has a batch dimension of 1.
 PAST = ("past_pillars", "occ_from_past_occ", "past_valid")
 INPUTS = CURRENT + PAST
@@ -76,8 +70,10 @@ def export_step(
     require_formats(formats)
 
     inputs = step_inputs(batch, history)
-    folder.mkdir(parents=True, exist_ok=True)
-    with _quietly(), torch.no_grad():
+    # The exporter names packages that nobody needs.
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+    with warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")
         program = torch.export.export(StepGraph(network.eval()), inputs)
         for name in formats:
             with replacing(folder / FORMATS[name]) as temporary:
@@ -95,8 +91,7 @@ def export_step(
 def require_formats(formats: Sequence[str]) -> None:
     """Raises `UserError` for an unknown format, and where no format is given."""
     for name in formats:
-        if name not in FORMATS:
-            raise UserError(f"task.formats: {name!r}; there are {', '.join(FORMATS)}")
+        require_choice("task.formats", name, FORMATS)
     if not formats:
         raise UserError(f"task.formats: empty; give some of {', '.join(FORMATS)}")
 
@@ -130,11 +125,11 @@ class ExportedStep:
 
     def __init__(self, folder: Path, format: str, threads: int = 0) -> None:
         require_formats([format])
-        path = Path(folder) / FORMATS[format]
-        if not path.is_file() or not (Path(folder) / DESCRIPTION).is_file():
+        path, description = folder / FORMATS[format], folder / DESCRIPTION
+        if not path.is_file() or not description.is_file():
             raise UserError(f"{path}: no exported graph; make it with task=export")
 
-        facts = json.loads((Path(folder) / DESCRIPTION).read_text())
+        facts = json.loads(description.read_text())
         shapes = {entry["name"]: entry["shape"] for entry in facts["inputs"]}
         _, self.past_frames, *self.pillar_shape = shapes.get("past_pillars", [1, 0, 0, 0])
         self.device = torch.device("cpu")
@@ -146,8 +141,9 @@ class ExportedStep:
         except UserError:
             raise
         except Exception as error:  # of many kinds, which have no class in common
-            reason = " ".join(str(error).split())[:120]
-            raise UserError(f"{path}: cannot be read ({reason}); export it again") from error
+            raise UserError(
+                f"{path}: cannot be read ({reason_of(error)}); export it again"
+            ) from error
 
     def eval(self) -> "ExportedStep":
         """Returns itself: a graph never trains."""
@@ -177,8 +173,7 @@ def _open_onnx(path: Path, threads: int) -> Run:
 
     def run(inputs: tuple[Tensor, ...]) -> tuple[Tensor, Tensor]:
         arrays = {name: tensor.numpy() for name, tensor in zip(names, inputs)}
-        logits, pillars = map(torch.from_numpy, session.run(list(OUTPUTS), arrays))
-        return logits, pillars
+        return tuple(map(torch.from_numpy, session.run(list(OUTPUTS), arrays)))
 
     return run
 
@@ -189,17 +184,3 @@ def _open_torch(path: Path, threads: int) -> Run:
 
 
 _open = {"onnx": _open_onnx, "torch": _open_torch}
-
-
-@contextmanager
-def _quietly() -> Iterator[None]:
-    """Silences the exporter, which names packages that nobody needs."""
-    logger = logging.getLogger("torch.onnx")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.setLevel(level)

@@ -1,5 +1,6 @@
 """Pillars of past frames: aligned to the current frame (ego-motion), and attended to (Eq. 7)."""
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import torch
@@ -26,6 +27,13 @@ class History(NamedTuple):
     pillars: Float[Tensor, "b n p dim"]
     occ_from_past_occ: Float[Tensor, "b n 4 4"]
     valid: Bool[Tensor, "b n"]
+
+    @classmethod
+    def of(cls, steps: Sequence[Tensor], batch: Mapping[str, Tensor]) -> "History":
+        """Joins what each of the n frames before a batch's current ones left behind."""
+        before = slice(-1 - len(steps), -1)
+        motion, valid = batch["occ_from_past_occ"][:, before], batch["history_valid"][:, before]
+        return cls(torch.stack(list(steps), dim=1), motion, valid)
 
 
 class AlignedHistory(NamedTuple):

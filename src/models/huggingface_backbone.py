@@ -1,8 +1,7 @@
 """Image encoders from the Hugging Face Hub, or at random from their configurations."""
 
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -11,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ..errors import UserError
+from ..errors import UserError, reason_of
 from .backbone import STRIDES, PixelNorm
 from .tensors import Image
 
@@ -47,7 +46,6 @@ class HuggingFaceBackbone(nn.Module):
         config: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__()
-        transformers = import_transformers()
         if config is not None and pretrained:
             raise UserError(
                 "model.backbone.config: describes a random model; set model.backbone.pretrained="
@@ -55,12 +53,11 @@ class HuggingFaceBackbone(nn.Module):
             )
 
         if config is not None:
-            self.model = _at_random(transformers, config)
+            self.model, self.called = _at_random(config), config["model_type"]
         else:
-            self.model = _by_name(transformers, name, pretrained, revision)
+            self.model, self.called = _by_name(name, pretrained, revision), name
 
         self.pixel_norm = PixelNorm()
-        self.called = name if config is None else config["model_type"]
         self.channels = tuple(level.shape[1] for level in _probe(self.model, self.called))
         self.freeze_unread(finest=0)
 
@@ -106,19 +103,19 @@ def import_transformers() -> ModuleType:
     return transformers
 
 
-def _at_random(transformers: ModuleType, config: Mapping[str, Any]) -> nn.Module:
+def _at_random(config: Mapping[str, Any]) -> nn.Module:
+    transformers = import_transformers()
     try:
         described = transformers.AutoConfig.for_model(**config, out_indices=LAST_FOUR)
         return transformers.AutoBackbone.from_config(described)
     except Exception as error:  # each of its many models refuses in its own way
         raise UserError(
-            f"model.backbone.config: no backbone from {dict(config)}: {_reason(error)}"
+            f"model.backbone.config: no backbone from {dict(config)}: {reason_of(error)}"
         ) from error
 
 
-def _by_name(
-    transformers: ModuleType, name: str | None, pretrained: bool, revision: str
-) -> nn.Module:
+def _by_name(name: str | None, pretrained: bool, revision: str) -> nn.Module:
+    transformers = import_transformers()
     if not name:
         raise UserError("model.backbone.name: none; give a model of the Hub, a folder, or a config")
     folder = _folder(name, revision, CONFIG_FILES + (WEIGHT_FILES if pretrained else []))
@@ -133,29 +130,21 @@ def _by_name(
         # AutoBackbone's own loading asks the Hub even where all is at hand, and falls back to timm.
         with torch.device("meta"):
             kind = type(transformers.AutoBackbone.from_config(config))
-        with _errors_only(transformers):  # what its report of the loading says is judged below
-            model, loaded = kind.from_pretrained(
-                folder,
-                config=config,
-                use_safetensors=True,
-                dtype=torch.float32,
-                output_loading_info=True,
-            )
+        transformers.logging.set_verbosity_error()  # its report of the loading is judged below
+        model, loaded = kind.from_pretrained(
+            folder,
+            config=config,
+            use_safetensors=True,
+            dtype=torch.float32,
+            output_loading_info=True,
+        )
     except Exception as error:  # each of its many models refuses in its own way
-        raise UserError(f"model.backbone.name: {name} is no backbone: {_reason(error)}") from error
+        raise UserError(
+            f"model.backbone.name: {name} is no backbone: {reason_of(error)}"
+        ) from error
 
     _require_all(name, loaded["missing_keys"])
     return model
-
-
-@contextmanager
-def _errors_only(transformers: ModuleType) -> Iterator[None]:
-    before = transformers.logging.get_verbosity()
-    transformers.logging.set_verbosity_error()
-    try:
-        yield
-    finally:
-        transformers.logging.set_verbosity(before)
 
 
 def _folder(name: str, revision: str, files: list[str]) -> Path:
@@ -168,7 +157,7 @@ def _folder(name: str, revision: str, files: list[str]) -> Path:
         return Path(snapshot_download(name, revision=revision, allow_patterns=files))
     except (OSError, ValueError) as error:
         raise UserError(
-            f"model.backbone.name: cannot get {name} ({_reason(error)}); check the name and the "
+            f"model.backbone.name: cannot get {name} ({reason_of(error)}); check the name and the "
             "network, give a folder, or take model/backbone=resnet"
         ) from error
 
@@ -196,7 +185,8 @@ def _probe(model: nn.Module, name: str) -> list[Float[Tensor, "1 _ _ _"]]:
             maps = model.eval()(torch.zeros(1, 3, PROBE_PIX, PROBE_PIX)).feature_maps
     except Exception as error:  # such as a model for one size of image only
         raise UserError(
-            f"model.backbone: {name} does not take {PROBE_PIX}x{PROBE_PIX} pixels: {_reason(error)}"
+            f"model.backbone: {name} does not take {PROBE_PIX}x{PROBE_PIX} pixels: "
+            f"{reason_of(error)}"
         ) from error
 
     sizes = [tuple(level.shape[2:]) for level in maps]
@@ -207,7 +197,3 @@ def _probe(model: nn.Module, name: str) -> list[Float[Tensor, "1 _ _ _"]]:
             f"{list(STRIDES)}; take a ResNet, ConvNeXt, Swin or another hierarchical model"
         )
     return list(maps)
-
-
-def _reason(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]

@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Mapping
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -34,12 +33,8 @@ class PillarMemory:
 
         Raises `RuntimeError` where the batch relies on steps that were never taken.
         """
-        valid, motion, n = batch["history_valid"], batch["occ_from_past_occ"], len(self.steps)
-        if n < self.steps.maxlen and valid[:, : -n - 1].any():
+        kept = len(self.steps)
+        older = batch["history_valid"][:, : -1 - kept]
+        if kept < self.steps.maxlen and older.any():
             raise RuntimeError("a batch of a stream refers to steps that were never taken")
-        if n == 0:
-            return None
-
-        # The batch's last frame is the current one; the n before it are those that are kept.
-        pillars = torch.stack(list(self.steps), dim=1)
-        return History(pillars, motion[:, -n - 1 : -1], valid[:, -n - 1 : -1])
+        return History.of(self.steps, batch) if kept else None

@@ -41,16 +41,15 @@ class Metadata(nn.Module):
         )
 
     def forward(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b dim"]:
-        measured = [getattr(self, f"_{name}")(batch).float() for name in self.names]
-        return self.layers(torch.cat(measured, dim=-1))
+        measured = {
+            "attitude": batch["attitude_rad"] / ATTITUDE_SCALE_RAD,
+            "velocity": batch["velocity_mps"] / SPEED_SCALE_MPS,
+            "height": height_phases(batch["height_m"]),
+        }
+        return self.layers(torch.cat([measured[name].float() for name in self.names], dim=-1))
 
-    def _attitude(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 2"]:
-        return batch["attitude_rad"] / ATTITUDE_SCALE_RAD
 
-    def _velocity(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 3"]:
-        return batch["velocity_mps"] / SPEED_SCALE_MPS
-
-    def _height(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 2*w"]:
-        waves = batch["height_m"].new_tensor(HEIGHT_WAVES_M)
-        phase = 2 * math.pi * batch["height_m"][:, None] / waves
-        return torch.cat([phase.sin(), phase.cos()], dim=-1)
+def height_phases(height_m: Float[Tensor, "b"]) -> Float[Tensor, "b 2*waves"]:
+    """Returns sine and cosine of a height in each of `HEIGHT_WAVES_M`."""
+    phase = 2 * math.pi * height_m[:, None] / height_m.new_tensor(HEIGHT_WAVES_M)
+    return torch.cat([phase.sin(), phase.cos()], dim=-1)

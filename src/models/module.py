@@ -96,12 +96,9 @@ class OccupancyModule(LightningModule):
         # Norms and biases are vectors: pulling them to zero would only shrink what they scale.
         decayed = [p for p in self.network.parameters() if p.ndim > 1]
         others = [p for p in self.network.parameters() if p.ndim <= 1]
+        spared = {"params": others, "weight_decay": 0.0}
         optimizer = AdamW(
-            [
-                {"params": decayed, "weight_decay": config["weight_decay"]},
-                {"params": others, "weight_decay": 0.0},
-            ],
-            lr=config["lr"],
+            [{"params": decayed}, spared], lr=config["lr"], weight_decay=config["weight_decay"]
         )
         return scheduled(optimizer, self.trainer, config["warmup"])
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import torch
 from torch import Tensor, nn
 
-from ..bounds import require_at_least
-from ..errors import UserError
+from ..bounds import require_at_least, require_choice
 from ..geometry import inverse
 from .checkpointing import recompute_in_backward, running_statistics
 from .decoder import PillarDecoder
@@ -61,8 +60,7 @@ class SkyOcc(nn.Module):
         checkpointing: bool = False,
     ) -> None:
         super().__init__()
-        if history not in ("queue", "recursive"):
-            raise UserError(f"model.history: {history!r} is neither 'queue' nor 'recursive'")
+        require_choice("model.history", history, get_args(HistoryKind))
 
         dim = encoder.dim
         self.backbone, self.encoder, self.decoder = backbone, encoder, decoder
@@ -122,10 +120,7 @@ class SkyOcc(nn.Module):
                 rows = exists[:, at].nonzero()[:, 0].to(valid.device)
                 steps.append(self._encode_past(batch, at, rows, steps))
 
-        steps = steps[-self.past_frames :]
-        n = len(steps)
-        motion = batch["occ_from_past_occ"][:, -1 - n : -1]
-        return History(torch.stack(steps, dim=1), motion, valid[:, -n:])
+        return History.of(steps[-self.past_frames :], batch)
 
     def step(self, batch: Mapping[str, Tensor], history: History | None) -> tuple[Logits, Pillars]:
         """Returns the logits of a batch's current frames, and what these leave behind."""

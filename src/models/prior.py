@@ -91,19 +91,22 @@ class VoxelPrior:
         Returns every candidate's score. The frames are read once, and candidates that predict the
         same are scored once. Raises `UserError` when the frames leave the score undefined.
         """
-        groups = self._distinct_predictions(sorted(candidates, reverse=True))
-        metrics = [make_scores() for _ in groups]
+        # Voxels only turn from free to occupied as the weight falls: equal predictions are
+        # neighbours, and the weights keep their falling order.
+        alike: dict[bytes, list[float]] = {}
+        for weight in sorted(candidates, reverse=True):
+            alike.setdefault(self.labels(weight).numpy().tobytes(), []).append(weight)
+
+        scored = [(self.labels(weights[0]), make_scores()) for weights in alike.values()]
         for target, velocity in frames:
             target = target.reshape(-1, *self.shape)
-            for (prediction, _), metric in zip(groups, metrics):
-                preds = prediction.to(target.device).expand_as(target)
+            for labels, metric in scored:
+                preds = labels.to(target.device).expand_as(target)
                 metric.update(preds, target, velocity.reshape(-1, 3))
 
-        kar_miou = {
-            weight: float(metric.compute()["kar_miou"])
-            for (_, weights), metric in zip(groups, metrics)
-            for weight in weights
-        }
+        kar_miou = {}
+        for weights, (_, metric) in zip(alike.values(), scored):
+            kar_miou |= dict.fromkeys(weights, float(metric.compute()["kar_miou"]))
         if any(math.isnan(score) for score in kar_miou.values()):
             raise UserError(
                 "voxel prior: the validation frames hold no occupied voxel to choose the weight "
@@ -112,20 +115,3 @@ class VoxelPrior:
 
         self.free_weight = max(kar_miou, key=kar_miou.__getitem__)
         return kar_miou
-
-    def _distinct_predictions(
-        self, weights: Sequence[float]
-    ) -> list[tuple[UInt8[Tensor, "X Y Z"], list[float]]]:
-        """Returns predictions and the weights that lead to each, for weights in falling order.
-
-        Voxels only ever turn from free to occupied as the weight falls, so equal predictions are
-        neighbours.
-        """
-        groups: list[tuple[Tensor, list[float]]] = []
-
-        for weight in weights:
-            prediction = self.labels(weight)
-            if not groups or not torch.equal(prediction, groups[-1][0]):
-                groups.append((prediction, []))
-            groups[-1][1].append(weight)
-        return groups

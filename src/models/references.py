@@ -1,14 +1,16 @@
 """Height references of the pillars, and where a camera sees them (Eq. 5 and App. A.2)."""
 
 import math
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
+from ..bounds import require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid, camera_from_occ, in_image, project
+from .backbone import STRIDES
 from .ground import occ_from_ground
 
 Projection = Literal["attitude", "level"]
@@ -49,9 +51,9 @@ class ListedReferences(NamedTuple):
     pillar: Int[Tensor, "r"]
     height: Int[Tensor, "r"]
 
-    def pix_of_levels(self, strides: Float[Tensor, "levels"]) -> Float[Tensor, "2 levels r"]:
+    def pix_of_levels(self) -> Float[Tensor, "2 levels r"]:
         """x and y in each level's own pixels, with integers at their centers."""
-        return self.pix.T[:, None] / strides[:, None] - 0.5
+        return torch.stack([self.pix.T / stride - 0.5 for stride in STRIDES], dim=1)
 
 
 class PillarReferences(nn.Module):
@@ -73,8 +75,7 @@ class PillarReferences(nn.Module):
         capacity: float | None = None,
     ) -> None:
         super().__init__()
-        if projection not in ("attitude", "level"):
-            raise UserError(f"projection: {projection!r} is neither 'attitude' nor 'level'")
+        require_choice("model.encoder.projection", projection, get_args(Projection))
         if capacity is not None and not 0 < capacity <= 1:
             raise UserError(
                 f"model.encoder.capacity: {capacity} is no share; give null, or more than 0, up "

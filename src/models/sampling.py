@@ -52,8 +52,9 @@ def summed_by_bags(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
     index, weights = (Transposed.apply(entries.flatten(0, 3)) for entries in (index, weights))
 
     # What is summed for one place and head now stands together.
-    bags = (x.shape[-1] * heads, 4 * points * len(levels))
-    return SumOfRows.apply(rows, index.view(bags), weights.view(bags)).view(-1, dim)
+    size, bags = 4 * points * len(levels), x.shape[-1] * heads
+    offsets = size * torch.arange(bags + 1, dtype=torch.int32, device=x.device)
+    return SumOfRows.apply(rows, index.flatten(), weights.flatten(), offsets).view(-1, dim)
 
 
 def summed_by_grid(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
@@ -78,10 +79,7 @@ def summed_by_grid(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
 
 
 class SumOfRows(torch.autograd.Function):
-    """``out[k] = sum_i weights[k, i] * rows[index[k, i]]``.
-
-    Bags of different sizes come as in `embedding_bag`, with the last offset: ``index`` and
-    ``weights`` are flat, and bag k is what lies from ``offsets[k]`` to ``offsets[k + 1]``.
+    """``out[k] = sum_i weights[i] * rows[index[i]]``, i from ``offsets[k]`` to ``offsets[k + 1]``.
 
     The sum is `embedding_bag`'s. Its own backward for the rows is slow, so here that is another
     `embedding_bag`, over the entries sorted by row.
@@ -91,50 +89,37 @@ class SumOfRows(torch.autograd.Function):
     def forward(
         ctx,
         rows: Float[Tensor, "n d"],
-        index: Int[Tensor, "k i"] | Int[Tensor, "i"],
-        weights: Float[Tensor, "k i"] | Float[Tensor, "i"],
-        offsets: Int[Tensor, "k+1"] | None = None,
+        index: Int[Tensor, "i"],
+        weights: Float[Tensor, "i"],
+        offsets: Int[Tensor, "k+1"],
     ) -> Float[Tensor, "k d"]:
         ctx.save_for_backward(rows, index, weights, offsets)
-        has_last = offsets is not None
-        return _summed(index, rows, offsets, weights, include_last_offset=has_last)
+        return _summed(rows, index, weights, offsets)
 
     @staticmethod
     def backward(ctx, grad: Float[Tensor, "k d"]):
         rows, index, weights, offsets = ctx.saved_tensors
         grad = grad.contiguous()
 
-        offsets, bag_of = _bags(index, offsets)
-        flat_index, flat_weights = index.flatten(), weights.flatten()
-        sorted_index, order = flat_index.sort()
+        bag_of = torch.repeat_interleave(offsets.diff(), output_size=len(index))
+        sorted_index, order = index.sort()
         every_row = torch.arange(len(rows) + 1, dtype=index.dtype, device=index.device)
         row_offsets = torch.searchsorted(sorted_index, every_row, out_int32=True)
-        row_offsets = row_offsets.to(index.dtype)
-        grad_rows = _summed(
-            bag_of[order], grad, row_offsets, flat_weights[order], include_last_offset=True
-        )
+        grad_rows = _summed(grad, bag_of[order], weights[order], row_offsets)
 
         if not ctx.needs_input_grad[2]:
             return grad_rows, None, None, None
         # The operator that PyTorch itself takes for the gradient of the weights.
         grad_weights = torch.ops.aten._embedding_bag_per_sample_weights_backward(
-            grad, rows, flat_index, offsets, bag_of, 0
+            grad, rows, index, offsets, bag_of, 0
         )
-        return grad_rows, None, grad_weights.view_as(weights), None
+        return grad_rows, None, grad_weights, None
 
 
-def _summed(index, rows, offsets, weights, **options) -> Float[Tensor, "k d"]:
-    return F.embedding_bag(index, rows, offsets, mode="sum", per_sample_weights=weights, **options)
-
-
-def _bags(index: Tensor, offsets: Tensor | None) -> tuple[Int[Tensor, "k+1"], Int[Tensor, "n"]]:
-    """Returns the offsets of the bags that `SumOfRows` takes, and the bag that each entry is in."""
-    if offsets is None:
-        bags, entries = index.shape
-        every_bag = torch.arange(bags + 1, dtype=index.dtype, device=index.device)
-        return every_bag * entries, every_bag[:-1].repeat_interleave(entries)
-    every_bag = torch.arange(len(offsets) - 1, dtype=index.dtype, device=index.device)
-    return offsets, every_bag.repeat_interleave(offsets.diff(), output_size=len(index))
+def _summed(rows, index, weights, offsets) -> Float[Tensor, "k d"]:
+    return F.embedding_bag(
+        index, rows, offsets, mode="sum", per_sample_weights=weights, include_last_offset=True
+    )
 
 
 def bordered_rows(levels: Levels) -> Float[Tensor, "b s dim"]:

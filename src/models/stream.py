@@ -1,12 +1,11 @@
 """Streaming inference: one frame and its transform at a time, as in flight."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, UInt8
-from numpy.typing import ArrayLike
 from torch import Tensor
 
 from ..data.batch import ego_motion
@@ -66,10 +65,7 @@ class SkyOccStream:
     """
 
     def __init__(
-        self,
-        network: SkyOcc | ExportedStep,
-        history_step_s: float,
-        tolerance_s: float = 0.02,
+        self, network: SkyOcc | ExportedStep, history_step_s: float, tolerance_s: float = 0.02
     ) -> None:
         self.network = network.eval()
         trained_s = getattr(network, "history_step_s", None)
@@ -103,23 +99,30 @@ class SkyOccStream:
         shape or type, or not finite.
         """
         frame = sound(frame)
-        past, batch, history = self._prepared(frame)
+        logits, pillars = self.network.step(*self.arguments(frame))
 
-        logits, pillars = self.network.step(batch, history)
-        self._keep(past, Past(frame.time_s, frame.world_from_body, pillars))
+        newest = Past(frame.time_s, frame.world_from_body, pillars)
+        oldest_s = frame.time_s - len(self.ages) * self.step_s - self.tolerance_s
+        kept = (*self._still_valid(frame), newest)
+        self.past = [past for past in kept if past.time_s >= oldest_s]
         self.clip = frame.clip
         return logits[0]
 
     def arguments(self, frame: StreamFrame) -> tuple[dict[str, Tensor], History | None]:
         """Returns what the network's step would be called with; the stream stays as it is."""
-        return self._prepared(sound(frame))[1:]
-
-    def _prepared(self, frame: StreamFrame) -> tuple[list[Past], dict[str, Tensor], History | None]:
-        """Returns the part of the past that is still valid, and the arguments of the step."""
-        past = self._still_valid(frame)
-        chosen = [self._at(frame.time_s - age * self.step_s, past) for age in self.ages]
+        frame = sound(frame)
+        kept = self._still_valid(frame)
+        chosen = [self._at(frame.time_s - age * self.step_s, kept) for age in self.ages]
         batch = self._batch(frame, chosen)
-        return past, batch, self._history(chosen, batch)
+        if not chosen:
+            return batch, None
+
+        device = self.network.device
+        nothing = torch.zeros(1, *self.network.pillar_shape, device=device)
+        pillars = [nothing if past is None else past.pillars for past in chosen]
+        valid = torch.tensor([[past is not None for past in chosen]], device=device)
+        motion = batch["occ_from_past_occ"][:, :-1]
+        return batch, History(torch.stack(pillars, dim=1), motion, valid)
 
     def _still_valid(self, frame: StreamFrame) -> list[Past]:
         """Returns the kept frames that a new frame may use: all of them, or none."""
@@ -133,12 +136,10 @@ class SkyOccStream:
             )
         return self.past if gap_s <= self.step_s + self.tolerance_s else []
 
-    def _at(self, time_s: float, past: Sequence[Past]) -> Past | None:
+    def _at(self, time_s: float, kept: Sequence[Past]) -> Past | None:
         """Returns the kept frame that was taken then, if there is one."""
-        nearest = min(past, key=lambda frame: abs(frame.time_s - time_s), default=None)
-        if nearest is None or abs(nearest.time_s - time_s) > self.tolerance_s:
-            return None
-        return nearest
+        near = [past for past in kept if abs(past.time_s - time_s) <= self.tolerance_s]
+        return min(near, key=lambda past: abs(past.time_s - time_s), default=None)
 
     def _batch(self, frame: StreamFrame, chosen: Sequence[Past | None]) -> dict[str, Tensor]:
         """Returns a batch of one window, whose only image is the current one."""
@@ -151,23 +152,7 @@ class SkyOccStream:
             "body_from_camera": frame.body_from_camera.float(),
             **ego_motion(world_from_body, frame.velocity_mps),
         }
-        device = self.network.device
-        return {name: value[None].to(device) for name, value in window.items()}
-
-    def _history(
-        self, chosen: Sequence[Past | None], batch: Mapping[str, Tensor]
-    ) -> History | None:
-        if not chosen:
-            return None
-        device = self.network.device
-        nothing = torch.zeros(1, *self.network.pillar_shape, device=device)
-        pillars = [nothing if past is None else past.pillars for past in chosen]
-        valid = torch.tensor([[past is not None for past in chosen]], device=device)
-        return History(torch.stack(pillars, dim=1), batch["occ_from_past_occ"][:, :-1], valid)
-
-    def _keep(self, past: Sequence[Past], newest: Past) -> None:
-        oldest_s = newest.time_s - max(self.ages, default=0) * self.step_s - self.tolerance_s
-        self.past = [frame for frame in (*past, newest) if frame.time_s >= oldest_s]
+        return {name: value[None].to(self.network.device) for name, value in window.items()}
 
 
 def sound(frame: StreamFrame) -> StreamFrame:
@@ -175,18 +160,18 @@ def sound(frame: StreamFrame) -> StreamFrame:
 
     Raises `UserError` for another shape or type, and for what is not finite.
     """
-    numbers = {name: _numbers(name, getattr(frame, name), frame.time_s) for name in SHAPES}
+    numbers = {}
+    for name, shape in SHAPES.items():
+        numbers[name] = value = torch.as_tensor(getattr(frame, name), dtype=torch.float64)
+        if value.shape != shape:
+            raise UserError(f"{name}: {list(value.shape)}; give {list(shape)}")
+        if not value.isfinite().all():
+            raise UserError(
+                f"{name}: not finite at {frame.time_s:g} s; leave this frame out of the stream"
+            )
+
     image = torch.as_tensor(frame.image)
     if image.dtype != torch.uint8 or image.ndim != 3 or len(image) != 3:
         kind = f"{str(image.dtype).removeprefix('torch.')} {list(image.shape)}"
         raise UserError(f"image: {kind}; give uint8 [3, height, width]")
     return frame._replace(image=image, **numbers)
-
-
-def _numbers(name: str, value: ArrayLike, time_s: float) -> Float[Tensor, "..."]:
-    value = torch.as_tensor(value, dtype=torch.float64)
-    if value.shape != SHAPES[name]:
-        raise UserError(f"{name}: {list(value.shape)}; give {list(SHAPES[name])}")
-    if not value.isfinite().all():
-        raise UserError(f"{name}: not finite at {time_s:g} s; leave this frame out of the stream")
-    return value

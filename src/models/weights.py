@@ -1,15 +1,15 @@
 """Published image-encoder weights: found, verified by their SHA-256, and loaded strictly."""
 
 import hashlib
-import pickle
 import re
 from pathlib import Path
+from pickle import UnpicklingError
 from urllib.error import URLError
 
 import torch
 from torch import Tensor, nn
 
-from ..errors import UserError
+from ..errors import UserError, reason_of
 
 # torchvision's IMAGENET1K_V1 files, by depth; their names carry the hash's first 8 digits.
 PUBLISHED = {
@@ -19,6 +19,8 @@ PUBLISHED = {
 CLASSIFIER = "fc."
 # Under this key a file of task=pretrain, or a checkpoint, says where it comes from.
 ORIGIN = "skyshield"
+# What PyTorch raises for a file that is cut, damaged, or something else.
+UNREADABLE = (AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError, UnpicklingError)
 
 
 def load_weights(
@@ -45,10 +47,9 @@ def load_weights(
         kept = {k: v for k, v in state.items() if not k.startswith(CLASSIFIER)}
         backbone.load_state_dict(kept, strict=True)
     except RuntimeError as error:
-        reason = " ".join(str(error).split())[:200]
         raise UserError(
             f"model.backbone.weights: {path.name} does not fit a ResNet-{depth} of this width "
-            f"(published files need width 64): {reason}"
+            f"(published files need width 64): {reason_of(error)}"
         ) from error
 
 
@@ -60,11 +61,10 @@ def read_encoder(path: Path) -> tuple[dict[str, Tensor], dict]:
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
         return content.get("state_dict", content), content.get(ORIGIN, {})
-    except (AttributeError, EOFError, OSError, pickle.UnpicklingError, RuntimeError) as error:
-        reason = " ".join(str(error).split())[:200]
+    except UNREADABLE as error:
         raise UserError(
-            f"model.backbone.weights: {path} is no readable file of weights ({reason}); give "
-            "another one"
+            f"model.backbone.weights: {path} is no readable file of weights ({reason_of(error)}); "
+            "give another one"
         ) from error
 
 

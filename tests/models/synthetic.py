@@ -36,10 +36,10 @@ IMAGE_SIZE = (96, 64)
 LIFTS = ("deformable", "bilinear", "lss")
 
 
-def build_lift(name, grid=GRID):
+def build_lift(name, grid=GRID, num_heads=2):
     """What builds a layer's lift, by the name of its configuration."""
     return {
-        "deformable": functools.partial(DeformableCrossAttention, num_heads=2, num_points=2),
+        "deformable": functools.partial(DeformableCrossAttention, num_heads=num_heads),
         "bilinear": BilinearLift,
         "lss": functools.partial(LiftSplat, grid=grid),
     }[name]
@@ -56,18 +56,13 @@ def build_network(
     **network,
 ):
     torch.manual_seed(0)
+    backbone = backbone or ResNet(depth=18, width=8)
     ground = None if volume is None else GroundVolume(volume, grid)
     volume = volume or grid
-    build = build_lift(lift, volume)
-    return SkyOcc(
-        backbone or ResNet(depth=18, width=8),
-        PillarEncoder(
-            volume, build, dim, num_layers, num_heights=4, num_heads=2, **(encoder or {})
-        ),
-        PillarDecoder(volume, dim, num_blocks=1),
-        ground=ground,
-        **network,
-    )
+    sizes = {"dim": dim, "num_layers": num_layers, "num_heights": 4, "num_heads": 2}
+    encoder = PillarEncoder(volume, build_lift(lift, volume), **sizes, **(encoder or {}))
+    decoder = PillarDecoder(volume, dim, num_blocks=1)
+    return SkyOcc(backbone, encoder, decoder, ground=ground, **network)
 
 
 def build_loss(class_weights=None, lovasz_weight=1.0):

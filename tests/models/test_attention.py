@@ -68,10 +68,8 @@ def slow_attention(module, query, features, references):
                 if not references.valid[b, p, j]:
                     continue
                 q = query[min(b, len(query) - 1), p] + module.height_embedding[j]
-                update = (
-                    update
-                    + slow_sum(module, q, features, references.pix[b, p, j], b) @ (module.output[j])
-                )
+                sampled = slow_sum(module, q, features, references.pix[b, p, j], b)
+                update = update + sampled @ module.output[j]
                 count += 1
             out.append(update / max(count, 1))
     return torch.stack(out).view(len(features[0]), -1, DIM)
@@ -105,10 +103,8 @@ def test_it_equals_the_loops_in_value_and_gradients(queries):
     slow = slow_attention(module, inputs[0], features, references)
     # Inside, the sampling locations are float32.
     torch.testing.assert_close(fast, slow, atol=1e-4, rtol=1e-4)
-    for got, expected in zip(
-        torch.autograd.grad(fast, inputs, upstream), torch.autograd.grad(slow, inputs, upstream)
-    ):
-        torch.testing.assert_close(got, expected, atol=1e-3, rtol=1e-3)
+    gradients = (torch.autograd.grad(update, inputs, upstream) for update in (fast, slow))
+    torch.testing.assert_close(*gradients, atol=1e-3, rtol=1e-3)
 
 
 @EACH
@@ -146,10 +142,8 @@ def test_it_starts_by_reading_the_feature_at_the_reference():
     query = torch.zeros(1, 1, DIM)
 
     def update_at(u, v):
-        references = build_references(
-            torch.tensor([u, v]).view(1, 1, 1, 2), torch.ones(1, 1, 1, dtype=torch.bool)
-        )
-        return module(query, features, references)[0, 0]
+        pix, valid = torch.tensor([u, v]).view(1, 1, 1, 2), torch.ones(1, 1, 1, dtype=torch.bool)
+        return module(query, features, build_references(pix, valid))[0, 0]
 
     expected = module.value.weight[:, 0] @ module.output[0] / len(STRIDES)
     torch.testing.assert_close(update_at(7.5 * 4, 5.5 * 4), expected)
@@ -162,12 +156,9 @@ def test_heights_can_be_told_apart():
     module = random_attention()
     query, features, references = random_input()
     same_place = references.pix[:, :, :1].expand(-1, -1, HEIGHTS, -1)
-    low, high = (torch.arange(HEIGHTS) == j for j in (0, 2))
-    updates = [
-        module(query, features, build_references(same_place, h.expand(2, 5, HEIGHTS)))
-        for h in (low, high)
-    ]
-    assert not torch.allclose(*updates, atol=0.1)
+    only = torch.eye(HEIGHTS, dtype=torch.bool)[:, None, None].expand(-1, 2, 5, -1)
+    low, _, high = (module(query, features, build_references(same_place, valid)) for valid in only)
+    assert not torch.allclose(low, high, atol=0.1)
 
 
 @EACH
@@ -176,9 +167,8 @@ def test_padding_changes_nothing(build, room):
     module = build()
     query, features, references = random_input()
     assert references.valid.flatten(1).sum(1).max() <= room
-    padded = build_references(
-        references.pix.where(references.valid[..., None], torch.nan), references.valid, room
-    )
+    spoilt = references.pix.where(references.valid[..., None], torch.nan)
+    padded = build_references(spoilt, references.valid, room)
     assert len(padded.in_view) == 2 * room
     inputs = [each.requires_grad_() for each in (query, *features)] + list(module.parameters())
     gradients = []

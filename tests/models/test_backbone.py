@@ -35,14 +35,18 @@ def test_parameter_names_are_the_published_ones():
     assert len(ResNet(18, width=8).state_dict()) == 120
 
 
-def test_pixels_are_normalised_inside():
-    backbone = ResNet(18, width=8).eval()
-    seen = []
-    backbone.conv1.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0]))
-    image = random_image()
+def require_normalised(backbone, first):
+    """Fails unless ``first``, a module of the backbone, is given pixels less ImageNet's mean."""
+    seen, image = [], random_image()
+    first.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0]))
     backbone(image)
     mean, std = (torch.tensor(x).view(3, 1, 1) for x in (IMAGENET_MEAN, IMAGENET_STD))
     torch.testing.assert_close(seen[0], (image / 255 - mean) / std)
+
+
+def test_pixels_are_normalised_inside():
+    backbone = ResNet(18, width=8).eval()
+    require_normalised(backbone, backbone.conv1)
 
 
 @pytest.mark.parametrize("size", [(100, 64), (96, 48)])
@@ -56,11 +60,12 @@ def test_an_unknown_depth_is_refused():
         ResNet(34)
 
 
-def save_weights(folder, depth=18, width=8, name="net-{}.pth", seed=1):
+def save_weights(folder, name="net-{}.pth", without=None):
     """A state dict with a classifier, saved under a name with its own hash."""
-    torch.manual_seed(seed)
-    state = ResNet(depth, width).state_dict()
+    torch.manual_seed(1)
+    state = ResNet(18, width=8).state_dict()
     state = {**state, "fc.weight": torch.zeros(1000, 64), "fc.bias": torch.zeros(1000)}
+    state.pop(without, None)
     torch.save(state, folder / "raw")
     digest = hashlib.sha256((folder / "raw").read_bytes()).hexdigest()
     path = (folder / "raw").rename(folder / name.format(digest[:8]))
@@ -74,7 +79,6 @@ def test_weights_load_by_path_and_drop_the_classifier(tmp_path):
 
 
 def test_weights_load_by_url(tmp_path, monkeypatch):
-    (tmp_path / "hub").mkdir()
     monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path / "hub"))
     path, digest, state = save_weights(tmp_path)
     loaded = ResNet(18, 8, weights=path.as_uri(), weights_sha256=digest)
@@ -109,13 +113,9 @@ def test_weights_of_another_architecture_are_refused(tmp_path, depth, width):
 
 
 def test_weights_that_lack_a_name_are_refused(tmp_path):
-    _, _, state = save_weights(tmp_path)
-    del state["layer4.1.bn2.weight"]
-    path = tmp_path / "part.pth"
-    torch.save(state, path)
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    path, _, _ = save_weights(tmp_path, without="layer4.1.bn2.weight")
     with pytest.raises(UserError, match=r"layer4\.1\.bn2\.weight"):
-        ResNet(18, 8, weights=str(path), weights_sha256=digest)
+        ResNet(18, 8, weights=str(path))
 
 
 def test_weights_that_are_missing_or_out_of_reach_are_refused(tmp_path, monkeypatch):

@@ -27,18 +27,15 @@ def test_it_equals_the_loops_in_value_and_gradients():
     fast, slow = lift(query, features, references), slow_lift(lift, features, references)
     torch.testing.assert_close(fast, slow)
     upstream = torch.randn(fast.shape, generator=torch.Generator().manual_seed(1)).double()
-    torch.testing.assert_close(
-        torch.autograd.grad(fast, inputs, upstream), torch.autograd.grad(slow, inputs, upstream)
-    )
+    gradients = (torch.autograd.grad(update, inputs, upstream) for update in (fast, slow))
+    torch.testing.assert_close(*gradients)
 
 
 def test_it_is_the_deformable_lift_that_has_learned_nothing():
     """Its one point is at the reference, and its weights are uniform."""
     query, features, references = random_input()
-    lift, other = (
-        random_bilinear(),
-        DeformableCrossAttention(DIM, HEIGHTS, 2, num_points=1).double(),
-    )
+    lift = random_bilinear()
+    other = DeformableCrossAttention(DIM, HEIGHTS, 2, num_points=1).double()
     other.value.weight.data = torch.eye(DIM).double()
     other.output = lift.output
     update = lift(query, features, references)

@@ -5,24 +5,15 @@ import json
 import pytest
 import torch
 
-from src.data.clip import Clip
 from src.errors import UserError
 from src.models.export import DESCRIPTION, FORMATS, ExportedStep, export_step, require_formats
 from src.models.ground import above_ground
 from src.models.stream import SkyOccStream
 from tests.models.synthetic import build_network
 from tests.models.test_stream import GRID, HISTORY_STEP_S, frame_of
-from tests.synthetic import write_clip
 
 VOLUME = above_ground(GRID, -2, 14)
 FACTS = {"name": "test", "history_step_s": HISTORY_STEP_S}
-
-
-@pytest.fixture(scope="module")
-def clips(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clips") / "town" / "a"
-    write_clip(folder, capture_hz=5)
-    return {"town/a": Clip(folder)}
 
 
 def exported(folder, clips, formats, frames=4, **network):
@@ -67,20 +58,19 @@ def test_the_description_names_every_input_with_its_shape(both):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("frames", "options"),
-    [(1, {}), (4, {"history": "recursive"}), (4, {"volume": VOLUME})],
-    ids=["single", "recursive", "ground"],
+    ("formats", "options"),
+    [
+        (["torch"], {"frames": 1}),
+        (["torch"], {"history": "recursive"}),
+        (["torch"], {"volume": VOLUME}),
+        (list(FORMATS), {"lift": "bilinear"}),
+        (list(FORMATS), {"lift": "lss"}),
+    ],
+    ids=["single", "recursive", "ground", "bilinear", "lss"],
 )
-def test_other_histories_and_volumes_export_too(tmp_path, clips, frames, options):
-    network, folder = exported(tmp_path, clips, ["torch"], frames, **options)
-    require_same_stream(network, ExportedStep(folder, "torch"), clips)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("lift", ["bilinear", "lss"])
-def test_other_lifts_export_too(tmp_path, clips, lift):
-    network, folder = exported(tmp_path, clips, list(FORMATS), lift=lift)
-    for name in FORMATS:
+def test_other_histories_volumes_and_lifts_export_too(tmp_path, clips, formats, options):
+    network, folder = exported(tmp_path, clips, formats, **options)
+    for name in formats:
         require_same_stream(network, ExportedStep(folder, name), clips)
 
 

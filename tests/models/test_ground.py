@@ -22,9 +22,8 @@ def test_a_volume_on_the_ground_has_the_same_pillars_and_voxels():
 def test_a_height_of_whole_voxels_moves_whole_voxels():
     """At 3 m the grid reaches from 1 m below the ground to 5 m above it."""
     seen = GroundVolume(ABOVE, GRID)(LOGITS, torch.tensor([3.0, 4.0, 5.0]))
-    torch.testing.assert_close(seen[0], LOGITS[0, ..., 0:6])
-    torch.testing.assert_close(seen[1], LOGITS[1, ..., 1:7])
-    torch.testing.assert_close(seen[2], LOGITS[2, ..., 2:8])
+    for frame, logits in enumerate(seen):
+        torch.testing.assert_close(logits, LOGITS[frame, ..., frame : frame + 6])
 
 
 def test_between_two_voxels_lies_their_mean_and_beyond_the_ends_the_last():

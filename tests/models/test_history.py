@@ -40,17 +40,14 @@ def test_a_pillar_finds_its_own_place_in_the_past(motion):
     aligned = align_history(history_of(ramp(), moved(**motion)), GRID)
     yaw, dx, dy = (motion.get(k, 0.0) for k in ("yaw_rad", "dx_m", "dy_m"))
     x, y = aligned.pillars[0, 0].unbind(-1)
-    now = torch.stack(
-        [
-            math.cos(yaw) * x - math.sin(yaw) * y + dx,
-            math.sin(yaw) * x + math.cos(yaw) * y + dy,
-        ],
-        dim=-1,
-    )
+    x_now = math.cos(yaw) * x - math.sin(yaw) * y + dx
+    y_now = math.sin(yaw) * x + math.cos(yaw) * y + dy
+
     # Within half a cell of the border the resampled ramp is flat.
     inner = aligned.valid[0, 0] & (x > 1.3) & (x < 48.7) & (y.abs() < 23.7)
     assert inner.sum() > 200
-    torch.testing.assert_close(now[inner], ramp()[0, 0][inner], atol=1e-4, rtol=1e-5)
+    now = torch.stack([x_now, y_now], dim=-1)[inner]
+    torch.testing.assert_close(now, ramp()[0, 0][inner], atol=1e-4, rtol=1e-5)
 
 
 def test_what_left_the_grid_is_masked_and_zero():
@@ -67,59 +64,49 @@ def test_climbing_moves_no_pillar_and_shows_in_dz():
     assert aligned.dz_m.item() == -3.0
 
 
-def aligned_batch(batch=2, frames=3, dim=8, seed=0):
-    generator = torch.Generator().manual_seed(seed)
-    pillars = torch.randn(batch, frames, 400, dim, generator=generator)
+def attention_query_history(frames=3):
+    """What the attention is asked with, two frames of a batch with a past that moves away."""
+    torch.manual_seed(0)
+    attention = TemporalAttention(8, num_heads=2, num_frames=4)
     motion = torch.cat([moved(dx_m=-float(i)) for i in range(frames)], dim=1)
-    return History(
-        pillars, motion.repeat(batch, 1, 1, 1), torch.ones(batch, frames, dtype=torch.bool)
-    )
-
-
-def temporal_attention(seed=0):
-    torch.manual_seed(seed)
-    return TemporalAttention(8, num_heads=2, num_frames=4)
+    history = history_of(torch.randn(2, frames, 400, 8), motion.repeat(2, 1, 1, 1))
+    return attention, torch.randn(2, 400, 8), history
 
 
 @pytest.mark.parametrize("garbage", [1e6, float("nan"), float("inf")])
 def test_a_frame_that_does_not_exist_changes_nothing(garbage):
-    attention, history = temporal_attention(), aligned_batch()
-    query = torch.randn(1, 400, 8, generator=torch.Generator().manual_seed(1))
+    attention, query, history = attention_query_history()
     history.valid[0, 0] = False
     expected = attention(query, align_history(history, GRID))
+
     pillars, motion = history.pillars.clone(), history.occ_from_past_occ.clone()
     pillars[0, 0], motion[0, 0] = garbage, garbage
     pillars.requires_grad_()
     got = attention(query, align_history(History(pillars, motion, history.valid), GRID))
     assert got.equal(expected)
+
     got.sum().backward()
     assert pillars.grad.isfinite().all()
     assert all(p.grad.isfinite().all() for p in attention.parameters())
 
 
 def test_no_valid_history_equals_no_history():
-    attention, history = temporal_attention(), aligned_batch()
-    query = torch.randn(2, 400, 8, generator=torch.Generator().manual_seed(1))
-    nothing = history._replace(valid=torch.zeros_like(history.valid))
-    torch.testing.assert_close(
-        attention(query, align_history(nothing, GRID)), attention(query, None)
-    )
+    attention, query, history = attention_query_history()
+    nothing = align_history(history._replace(valid=torch.zeros_like(history.valid)), GRID)
+    torch.testing.assert_close(attention(query, nothing), attention(query, None))
 
 
 def test_a_short_queue_equals_a_padded_one():
     """Ages count back from the current frame, wherever the queue begins."""
-    attention, history = temporal_attention(), aligned_batch()
-    query = torch.randn(2, 400, 8, generator=torch.Generator().manual_seed(1))
+    attention, query, history = attention_query_history()
     padded = history._replace(valid=torch.tensor([False, False, True]).expand(2, 3))
     short = History(*(x[:, -1:] for x in history))
-    torch.testing.assert_close(
-        attention(query, align_history(padded, GRID)), attention(query, align_history(short, GRID))
-    )
+    of_padded, of_short = (attention(query, align_history(h, GRID)) for h in (padded, short))
+    torch.testing.assert_close(of_padded, of_short)
 
 
 def test_age_vertical_shift_and_content_of_the_past_all_matter():
-    attention, history = temporal_attention(), aligned_batch()
-    query = torch.randn(2, 400, 8, generator=torch.Generator().manual_seed(1))
+    attention, query, history = attention_query_history()
     aligned = align_history(history, GRID)
     before = attention(query, aligned)
     for changed in (
@@ -131,6 +118,6 @@ def test_age_vertical_shift_and_content_of_the_past_all_matter():
 
 
 def test_more_frames_than_it_was_built_for_are_refused():
-    attention, history = temporal_attention(), aligned_batch(frames=4)
+    attention, query, history = attention_query_history(frames=4)
     with pytest.raises(UserError, match="5 frames, but the model was built for 4"):
-        attention(torch.randn(1, 400, 8), align_history(history, GRID))
+        attention(query, align_history(history, GRID))

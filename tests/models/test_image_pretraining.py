@@ -31,6 +31,15 @@ def logits_of(classes, sure=20.0):
     return sure * F.one_hot(torch.tensor([[classes]]), NUM_CLASSES).movedim(-1, 1).float()
 
 
+def measured(module, *batches):
+    """What a validation logs; each batch is what is said and what is true of its pixels."""
+    for said, classes, log_depth, depth_m in batches:
+        module.says = (logits_of(said), torch.tensor([[log_depth]]))
+        module.validation_step(batch_of(classes, depth_m), 0)
+    module.on_validation_epoch_end()
+    return module.logged
+
+
 def test_the_loss_is_of_all_classes_and_of_the_depth_where_something_is_seen(module):
     module.says = (torch.zeros(1, NUM_CLASSES, 1, 3), torch.tensor([[[0.0, 1.0, 7.0]]]))
     batch = batch_of([CAR, BUILDING, FREE], [math.e, math.e**3, 0.0])
@@ -47,28 +56,22 @@ def test_where_nothing_is_seen_the_depth_costs_nothing(module):
 
 
 def test_a_class_that_is_nowhere_is_no_part_of_the_mean(module):
-    module.says = (logits_of([CAR, FREE]), torch.zeros(1, 1, 2))
-    module.validation_step(batch_of([CAR, FREE], [1.0, 0.0]), 0)
-    module.on_validation_epoch_end()
-    assert module.logged["val/miou"] == 1
-    assert module.logged["val/iou/car"] == 1
-    assert module.logged["val/iou/vru"].isnan()
+    logged = measured(module, ([CAR, FREE], [CAR, FREE], [0.0, 0.0], [1.0, 0.0]))
+    assert logged["val/miou"] == logged["val/iou/car"] == 1
+    assert logged["val/iou/vru"].isnan()
 
 
 def test_validation_is_over_all_pixels_of_all_batches(module):
-    for said, classes, log_depth, depth_m in (
+    logged = measured(
+        module,
         ([CAR, CAR, FREE], [CAR, FREE, FREE], [0.5, 0.0, 0.0], [1.0, 0.0, 0.0]),
         ([BUILDING, FREE, FREE], [CAR, CAR, CAR], [1.0, 2.0, 3.0], [1.0, 1.0, 1.0]),
-    ):
-        module.says = (logits_of(said), torch.tensor([[log_depth]]))
-        module.validation_step(batch_of(classes, depth_m), 0)
-    module.on_validation_epoch_end()
-    found = {"car": 1 / 5, "free": 1 / 4, "building": 0.0}
-    for name, iou in found.items():
-        assert module.logged[f"val/iou/{name}"] == pytest.approx(iou)
-    assert module.logged["val/miou"] == pytest.approx(sum(found.values()) / 3)
-    assert module.logged["val/log_depth"] == pytest.approx((0.5 + 1 + 2 + 3) / 4)
-    module.says = (logits_of([FREE]), torch.zeros(1, 1, 1))
-    module.validation_step(batch_of([FREE], [0.0]), 0)
-    module.on_validation_epoch_end()
-    assert module.logged["val/miou"] == 1, "each epoch is measured anew"
+    )
+    expected = {"car": 1 / 5, "free": 1 / 4, "building": 0.0}
+    for name, iou in expected.items():
+        assert logged[f"val/iou/{name}"] == pytest.approx(iou)
+    assert logged["val/miou"] == pytest.approx(sum(expected.values()) / 3)
+    assert logged["val/log_depth"] == pytest.approx((0.5 + 1 + 2 + 3) / 4)
+
+    logged = measured(module, ([FREE], [FREE], [0.0], [0.0]))
+    assert logged["val/miou"] == 1, "each epoch is measured anew"

@@ -43,15 +43,17 @@ def test_with_weights_that_stand_still_the_memory_holds_what_the_queue_computes(
     assert reached == {0, 1, 2, 3}
 
 
+def window(*valid):
+    """The part of a batch of one frame that says how far back it goes."""
+    motion = torch.eye(4).expand(1, len(valid), 4, 4)
+    return {"history_valid": torch.tensor([valid]), "occ_from_past_occ": motion}
+
+
 def test_it_keeps_no_graph_and_no_more_than_its_length():
     memory = PillarMemory(2)
     for value in range(4):
         memory.keep(torch.full((1, 5, 3), float(value), requires_grad=True) * 1)
-    batch = {
-        "history_valid": torch.ones(1, 4, dtype=torch.bool),
-        "occ_from_past_occ": torch.eye(4).expand(1, 4, 4, 4),
-    }
-    history = memory.history(batch)
+    history = memory.history(window(True, True, True, True))
     assert not history.pillars.requires_grad
     assert history.pillars[0, :, 0, 0].tolist() == [2.0, 3.0]
     assert history.valid.shape == (1, 2)
@@ -60,12 +62,7 @@ def test_it_keeps_no_graph_and_no_more_than_its_length():
 def test_a_step_that_was_never_taken_is_noticed():
     memory = PillarMemory(3)
     memory.keep(torch.zeros(1, 5, 3))
-    batch = {
-        "history_valid": torch.tensor([[False, True, True, True]]),
-        "occ_from_past_occ": torch.eye(4).expand(1, 4, 4, 4),
-    }
     with pytest.raises(RuntimeError, match="never taken"):
-        memory.history(batch)
+        memory.history(window(False, True, True, True))
     memory.clear()
-    batch["history_valid"] = torch.tensor([[False, False, False, True]])
-    assert memory.history(batch) is None
+    assert memory.history(window(False, False, False, True)) is None

@@ -1,5 +1,6 @@
 """The LightningModule: steps, schedule, and what happens when the loss is not finite."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import lightning
@@ -7,9 +8,10 @@ import pytest
 import torch
 from torch import nn
 from torch.utils.data import DataLoader
-from torchmetrics import Metric
 
 from src.errors import UserError
+from src.geometry import VoxelGrid
+from src.metrics import OccupancyScores
 from src.models.checkpoint import load_weights, read_content
 from src.models.module import OccupancyModule, rate_share
 
@@ -44,19 +46,8 @@ class MeanLogit(nn.Module):
         return {"cross_entropy": total, "total": total}
 
 
-class Hits(Metric):
-    """Share of voxels that are right, under the name that checkpoints are chosen by."""
-
-    def __init__(self):
-        super().__init__()
-        self.add_state("right", torch.zeros(2), dist_reduce_fx="sum")
-
-    def update(self, preds, target, velocity):
-        labels = preds if preds.ndim == target.ndim else preds.argmax(dim=1)
-        self.right += torch.tensor([(labels == target).sum(), target.numel()])
-
-    def compute(self):
-        return {"kar_miou": self.right[0] / self.right[1]}
+def make_scores():
+    return OccupancyScores(VoxelGrid((0, 0, 0), (2, 2, 2), (2, 2, 2)), num_classes=2, free_index=1)
 
 
 class Seen(nn.Module):
@@ -91,7 +82,7 @@ def samples(count=8):
 
 
 def build(broken_calls=()):
-    return OccupancyModule(Shift(), MeanLogit(broken_calls), Hits, OPTIMIZER, Seen())
+    return OccupancyModule(Shift(), MeanLogit(broken_calls), make_scores, OPTIMIZER, Seen())
 
 
 def train(module, folder, epochs=3, *callbacks):
@@ -191,3 +182,9 @@ def test_the_weights_are_not_touched_by_a_broken_batch(tmp_path):
         train(module, tmp_path)
     assert module.network.shift.item() == 0
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("other", [nn.Linear(4, 3), nn.Linear(2, 3, bias=False)])
+def test_weights_of_another_shape_or_name_are_refused(other):
+    with pytest.raises(UserError, match=r"^ckpt_path: last\.ckpt .*\(1 parameters differ"):
+        load_weights(nn.Linear(2, 3), other.state_dict(), Path("last.ckpt"))

@@ -1,35 +1,38 @@
 import copy
-import functools
 
 import pytest
 import torch
 
 from src.errors import UserError
 from src.geometry import VoxelGrid, front_mount
-from src.models import (
-    DeformableCrossAttention,
-    History,
-    PillarDecoder,
-    PillarEncoder,
-    ResNet,
-    SkyOcc,
-)
+from src.models import History, PillarDecoder, PillarEncoder, ResNet, SkyOcc
 from src.models.backbone import STRIDES
-from src.models.metadata import Metadata
+from src.models.metadata import height_phases
 from tests.models.synthetic import (
     GRID,
     IMAGE_SIZE,
     LIFTS,
     VOLUME,
     build_batch,
+    build_lift,
     build_network,
     loss_of,
     losses_while_training,
 )
 
+EACH_LIFT = pytest.mark.parametrize("lift", LIFTS)
+
 
 def clone(batch):
     return {name: value.clone() for name, value in batch.items()}
+
+
+def require_finite_step(network, batch):
+    """Fails unless the loss, its gradients and what batch normalisation counts are numbers."""
+    loss = loss_of(network, batch)
+    loss.backward()
+    gradients = [p.grad for p in network.parameters() if p.grad is not None]
+    assert all(value.isfinite().all() for value in (loss, *gradients, *network.buffers()))
 
 
 def test_logits_have_the_grid_and_are_float32(network, batch):
@@ -39,31 +42,27 @@ def test_logits_have_the_grid_and_are_float32(network, batch):
 
 
 @pytest.mark.parametrize("volume", [None, VOLUME], ids=["occ", "ground"])
-@pytest.mark.parametrize("lift", LIFTS)
+@EACH_LIFT
 def test_the_stream_equals_the_batch_path_exactly(batch, lift, volume):
     """Pillars cached one frame at a time, then the current frame, against the whole queue."""
     network = build_network(lift=lift, volume=volume).eval()
     cached = [network.encode(batch, at).pillars for at in range(3)]
-    history = History(
-        torch.stack(cached, 1), batch["occ_from_past_occ"][:, :-1], batch["history_valid"][:, :-1]
-    )
-    streamed, left_behind = network.step(batch, history)
+    streamed, left_behind = network.step(batch, History.of(cached, batch))
     assert streamed.equal(network(batch))
     assert left_behind.equal(network.encode(batch, -1).pillars)
 
 
 def test_the_recursive_history_equals_steps_one_after_the_other(batch):
     network = build_network(history="recursive").eval()
-    frame = network.encode(batch, 0)
-    state = network.fuse(frame, None)
+    state = network.fuse(network.encode(batch, 0), None)
     for at in (1, 2, 3):
         occ_from_last, occ_from_this = batch["occ_from_past_occ"][:, at - 1 : at + 1].unbind(1)
         motion = torch.linalg.inv(occ_from_this) @ occ_from_last
         history = History(state[:, None], motion[:, None], torch.ones(2, 1, dtype=torch.bool))
-        frame = network.encode(batch, at)
-        state = network.fuse(frame, history)
+        state = network.fuse(network.encode(batch, at), history)
     expected = network.decode(state, batch)
     torch.testing.assert_close(network(batch), expected, atol=1e-4, rtol=1e-4)
+
     queue = build_network().eval()
     queue.load_state_dict(network.state_dict())
     assert not torch.allclose(network(batch), queue(batch), atol=1e-3)
@@ -95,7 +94,7 @@ def test_checkpointing_keeps_less(batch):
     assert less < 0.7 * plain
 
 
-@pytest.mark.parametrize("lift", LIFTS)
+@EACH_LIFT
 @pytest.mark.parametrize("history_grad", [False, True])
 def test_checkpointing_changes_no_number(batch, history_grad, lift):
     """Neither the loss, nor a gradient, nor what batch normalisation has counted."""
@@ -147,28 +146,20 @@ def test_no_history_at_all_equals_a_single_frame(network, batch):
     torch.testing.assert_close(network(batch), network(alone))
 
 
-@pytest.mark.parametrize("lift", LIFTS)
+@EACH_LIFT
 def test_a_camera_that_sees_no_pillar_gives_finite_output_and_gradients(batch, lift):
     network = build_network(lift=lift)
     backwards = front_mount((0.0, 0.0, 0.0)).float()
     backwards[:2] *= -1
     batch["body_from_camera"] = backwards.expand(2, 4, 4)
-    loss = loss_of(network, batch)
-    loss.backward()
-    assert loss.isfinite()
-    assert all(p.grad is None or p.grad.isfinite().all() for p in network.parameters())
+    require_finite_step(network, batch)
 
 
 @pytest.mark.parametrize(
     ("batch_size", "image_size"), [(1, (96, 64)), (1, (64, 32)), (1, (32, 64)), (2, (32, 32))]
 )
 def test_a_training_step_of_the_smallest_batch_is_finite(network, batch_size, image_size):
-    batch = build_batch(batch_size, image_size=image_size)
-    loss = loss_of(network, batch)
-    loss.backward()
-    assert loss.isfinite()
-    assert all(p.grad is None or p.grad.isfinite().all() for p in network.parameters())
-    assert all(buffer.isfinite().all() for buffer in network.buffers())
+    require_finite_step(network, build_batch(batch_size, image_size=image_size))
 
 
 def test_one_value_a_channel_has_no_statistics(network):
@@ -177,7 +168,7 @@ def test_one_value_a_channel_has_no_statistics(network):
         network(build_batch(1, image_size=(32, 32)))
 
 
-@pytest.mark.parametrize("lift", LIFTS)
+@EACH_LIFT
 def test_every_parameter_learns(batch, lift):
     """What has no gradient at all would stop training on several devices."""
     network = build_network(lift=lift)
@@ -190,7 +181,7 @@ def test_every_parameter_learns(batch, lift):
     assert still == []
 
 
-@pytest.mark.parametrize("lift", LIFTS)
+@EACH_LIFT
 def test_a_step_makes_the_loss_of_its_batch_smaller(batch, lift):
     first, second = losses_while_training(build_network(lift=lift), batch, 2, 1e-3)
     assert second < first
@@ -210,27 +201,21 @@ def test_levels_that_no_lift_reads_are_not_computed(batch):
     assert names == {"lateral.2", "lateral.3", "output.2"}
 
 
-def test_past_frames_give_gradient_only_when_asked(batch):
-    gradients = {}
-    for history_grad in (False, True):
-        network = build_network(history_grad=history_grad)
-        network.eval()
-        seen = []
-        network.backbone.layer1.register_forward_hook(
-            lambda _, __, output, seen=seen: seen.append(output.requires_grad)
-        )
-        network(batch)
-        gradients[history_grad] = seen
-    assert gradients == {False: [False] * 3 + [True], True: [True] * 4}
+@pytest.mark.parametrize("history_grad", [False, True])
+def test_past_frames_give_gradient_only_when_asked(batch, history_grad):
+    network, seen = build_network(history_grad=history_grad).eval(), []
+    network.backbone.layer1.register_forward_hook(
+        lambda _, __, output: seen.append(output.requires_grad)
+    )
+    network(batch)
+    assert seen == [history_grad] * 3 + [True]
 
 
 def test_running_statistics_see_the_current_frames_once(batch):
     network, other = build_network(), build_network()
-    other.load_state_dict(network.state_dict())
     network(batch)
-    changed = clone(batch)
-    changed["image"][:, :-1] = 0
-    other(changed)
+    batch["image"][:, :-1] = 0
+    other(batch)
     norm = network.backbone.bn1
     assert norm.num_batches_tracked == 1
     assert norm.running_mean.equal(other.backbone.bn1.running_mean)
@@ -238,7 +223,7 @@ def test_running_statistics_see_the_current_frames_once(batch):
     assert not norm.running_mean.eq(0).all()
 
 
-@pytest.mark.parametrize("lift", LIFTS)
+@EACH_LIFT
 def test_level_ignores_attitude_except_as_metadata(batch, lift):
     tilted = clone(batch)
     tilted["occ_from_body"] = tilted["occ_from_body"].roll(1, dims=0)
@@ -269,8 +254,7 @@ def test_each_of_the_metadata_is_told_by_its_name_alone(batch, name):
 
 def test_a_height_moves_the_ground_by_as_many_voxels():
     """The phases of a height are the same rotation apart wherever it is."""
-    metadata = Metadata(8, ["height"])
-    phases = metadata._height({"height_m": torch.tensor([2.0, 2.5, 9.0, 9.5])})
+    phases = height_phases(torch.tensor([2.0, 2.5, 9.0, 9.5]))
     low, low_up, high, high_up = torch.complex(*phases.flip(-1).chunk(2, dim=-1))
     torch.testing.assert_close(low_up / low, high_up / high, atol=1e-4, rtol=0)
     assert (low_up / low - 1).abs().max() > 1
@@ -287,12 +271,9 @@ def test_a_pillar_sees_what_stands_in_it_under_any_attitude():
     grid = VoxelGrid((0, -10, -10), (20, 10, 10), (10, 10, 10))
     encoder = build_network(grid=grid).encoder
     batch = build_batch(batch_size=1, frames=1, grid=grid)
-    references = encoder.references(
-        batch["occ_from_body"][:, 0],
-        batch["body_from_camera"],
-        batch["pix_from_camera"][:, 0],
-        IMAGE_SIZE,
-    )
+    cameras = batch["body_from_camera"], batch["pix_from_camera"][:, 0]
+    references = encoder.references(batch["occ_from_body"][:, 0], *cameras, IMAGE_SIZE)
+
     pillar, height = references.valid[0].nonzero()[17]
     u, v = (references.pix[0, pillar, height] / 4).long()
     dark = [torch.zeros(1, 16, 64 // s, 96 // s) for s in STRIDES]
@@ -305,7 +286,7 @@ def test_a_pillar_sees_what_stands_in_it_under_any_attitude():
     assert change[~near].eq(0).all(), "and no pillar that is seen elsewhere"
 
 
-@pytest.mark.parametrize("lift", LIFTS)
+@EACH_LIFT
 def test_bfloat16_autocast_stays_close_gives_float32_and_trains(batch, lift):
     network = build_network(lift=lift).eval()
     with torch.autocast("cpu", dtype=torch.bfloat16):
@@ -315,9 +296,7 @@ def test_bfloat16_autocast_stays_close_gives_float32_and_trains(batch, lift):
     assert (mixed - plain).abs().mean() < 0.05 * plain.std()
 
     with torch.autocast("cpu", dtype=torch.bfloat16):
-        total = loss_of(network.train(), batch)
-    total.backward()
-    assert all(p.grad.isfinite().all() for p in network.parameters() if p.grad is not None)
+        require_finite_step(network.train(), batch)
 
 
 @pytest.mark.parametrize("lift", ["deformable", "bilinear"])
@@ -344,8 +323,8 @@ def test_the_last_bias_is_the_log_prior():
 @pytest.mark.slow
 def test_the_papers_size_runs_forward():
     grid = VoxelGrid()
-    lift = functools.partial(DeformableCrossAttention, num_heads=8, num_points=2)
-    network = SkyOcc(ResNet(50), PillarEncoder(grid, lift), PillarDecoder(grid)).eval()
+    encoder = PillarEncoder(grid, build_lift("deformable", num_heads=8))
+    network = SkyOcc(ResNet(50), encoder, PillarDecoder(grid)).eval()
     with torch.no_grad():
         logits = network(build_batch(1, 2, grid, (800, 448)))
     assert logits.shape == (1, 9, 100, 100, 60)

@@ -1,7 +1,5 @@
 """Training and flying on a simulated GPU: nothing is left behind on the CPU."""
 
-import itertools
-
 import pytest
 import torch
 from torch.optim import AdamW
@@ -57,20 +55,17 @@ def stepped(module, batch):
 def step_on(device, **settings):
     """A training step on the CPU, or on the simulated device with what the host waited for."""
     weights = torch.rand(9, generator=torch.Generator().manual_seed(0))
-    loss = build_loss(weights)
-    batch = build_batch()
+    module, batch = build_module(build_loss(weights), **settings), build_batch()
     if device == "cpu":
-        return *stepped(build_module(loss, **settings), batch), None
-    module = build_module(loss, **settings)
+        return *stepped(module, batch), None
     with simulated_cuda() as waits:
         module.to(CUDA)
         return *stepped(module, moved(batch, CUDA)), waits.copy()
 
 
-@pytest.mark.parametrize(
-    ("lift", "history", "volume"),
-    list(itertools.product(LIFTS, ("queue", "recursive"), (None, VOLUME))),
-)
+@pytest.mark.parametrize("lift", LIFTS)
+@pytest.mark.parametrize("history", ["queue", "recursive"])
+@pytest.mark.parametrize("volume", [None, VOLUME])
 def test_a_training_step_is_that_of_the_cpu(lift, history, volume):
     settings = {"lift": lift, "history": history, "volume": volume}
     expected, parameters, _ = step_on("cpu", **settings)
@@ -89,14 +84,13 @@ def test_so_it_is_with_less_memory_and_along_streams(settings):
 
 
 def test_a_stream_flies_on_the_device():
-    logits = {}
     frames = made_up_flight(SIM, 5, 0.2)
     stream = SkyOccStream(build_network(), 0.2)
-    logits["cpu"] = [stream(frame) for frame in frames]
+    expected = [stream(frame) for frame in frames]
     with simulated_cuda():
         stream = SkyOccStream(build_network().to(CUDA), 0.2)
-        logits["cuda"] = [stream(frame) for frame in frames]
-    assert all(a.inner.equal(b) for a, b in zip(logits["cuda"], logits["cpu"]))
+        logits = [stream(frame) for frame in frames]
+    assert all(a.inner.equal(b) for a, b in zip(logits, expected))
 
 
 # ------------------------------------------------------------------------ the device can be trusted
@@ -120,8 +114,8 @@ def test_a_tensor_left_on_the_cpu_is_noticed(monkeypatch):
 
 def test_a_tensor_that_is_no_buffer_is_noticed():
     module = build_module(build_loss(None, 0.0), volume=VOLUME)
-    heights_m = module.network.ground._buffers.pop("z_m")
-    module.network.ground.z_m = heights_m
+    ground = module.network.ground
+    ground.z_m = ground._buffers.pop("z_m")
     with simulated_cuda(), pytest.raises(RuntimeError, match="found cuda:0 and cpu"):
         stepped(module.to(CUDA), moved(build_batch(), CUDA))
 

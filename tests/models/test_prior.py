@@ -30,6 +30,11 @@ def make_scores():
     return OccupancyScores(GRID)
 
 
+def fitted(prior, *rows, make_scores=make_scores, **candidates):
+    """Every candidate's score on frames at 1 m/s in each direction."""
+    return prior.fit([(frames_of(*rows), torch.ones(len(rows), 3))], make_scores, **candidates)
+
+
 def test_counts_accumulate_over_calls_and_leave_out_the_unknown():
     prior = prior_of([BUILDING, CAR, FREE, UNKNOWN], [BUILDING, FREE, FREE, UNKNOWN])
     prior.count(frames_of([BUILDING, CAR, UNKNOWN, UNKNOWN])[0])
@@ -39,8 +44,7 @@ def test_counts_accumulate_over_calls_and_leave_out_the_unknown():
 
 
 def test_the_majority_wins_and_what_was_never_labelled_is_free():
-    rows = [[BUILDING, CAR, FREE, UNKNOWN]] * 2 + [[CAR, FREE, CAR, UNKNOWN]]
-    prior = prior_of(*rows)
+    prior = prior_of(*[[BUILDING, CAR, FREE, UNKNOWN]] * 2, [CAR, FREE, CAR, UNKNOWN])
     assert labels_of(prior) == [BUILDING, CAR, FREE, FREE]
     assert prior.labels().dtype == torch.uint8
     assert prior.labels().shape == GRID.shape
@@ -72,14 +76,13 @@ def training_rows():
 def test_validation_chooses_the_weight_that_scores_best():
     prior = prior_of(*training_rows())
     often = [[CAR, FREE, FREE, FREE], [FREE, FREE, FREE, FREE]]
-    results = prior.fit([(frames_of(*often), torch.ones(2, 3))], make_scores)
+    results = fitted(prior, *often)
     assert tuple(results) == CANDIDATES
     assert labels_of(prior) == [CAR, FREE, FREE, FREE]
     assert results[prior.free_weight] == max(results.values()) > results[1.0]
     assert results[prior.free_weight] > results[min(CANDIDATES)]
 
-    everywhere = [[CAR, FREE, CAR, CAR]] * 2
-    prior.fit([(frames_of(*everywhere), torch.ones(2, 3))], make_scores)
+    fitted(prior, *[[CAR, FREE, CAR, CAR]] * 2)
     assert labels_of(prior) == [CAR, FREE, CAR, CAR]
 
 
@@ -109,21 +112,20 @@ def test_predictions_that_are_the_same_are_scored_once():
         made.append(make_scores())
         return made[-1]
 
-    prior = prior_of(*training_rows())
-    prior.fit([(frames_of([CAR] * 4), torch.ones(1, 3))], make_counted)
+    fitted(prior_of(*training_rows()), [CAR] * 4, make_scores=make_counted)
     assert len(made) == 3
 
 
 def test_equal_scores_keep_the_larger_weight():
     prior = prior_of([CAR] * 4)
-    prior.fit([(frames_of([CAR] * 4), torch.ones(1, 3))], make_scores, candidates=(0.1, 0.5))
+    fitted(prior, [CAR] * 4, candidates=(0.1, 0.5))
     assert prior.free_weight == 0.5
 
 
 def test_validation_without_an_occupied_voxel_is_refused():
     prior = prior_of([FREE] * 4)
     with pytest.raises(UserError, match="validation"):
-        prior.fit([(frames_of([FREE] * 4), torch.ones(1, 3))], make_scores)
+        fitted(prior, [FREE] * 4)
     assert prior.free_weight == 1.0
 
 

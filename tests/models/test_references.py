@@ -13,10 +13,11 @@ MOUNT = front_mount((0.0, 0.0, 0.0)).float()[None]
 PIX_FROM_CAMERA = pinhole(*SIZE, math.radians(90)).float()[None]
 
 
-def tilted(roll_rad, pitch_rad):
-    zero = torch.zeros(1)
-    rotation = rotation_from_euler(zero + roll_rad, zero + pitch_rad, zero)
-    return rigid(rotation, torch.zeros(1, 3))
+def seen_by(references, roll_rad, pitch_rad, mount=MOUNT, **height):
+    """What the camera of a UAV in that attitude sees of the references."""
+    rotation = rotation_from_euler(*torch.tensor([[roll_rad], [pitch_rad], [0.0]]))
+    occ_from_body = rigid(rotation, torch.zeros(1, 3))
+    return references(occ_from_body, mount, PIX_FROM_CAMERA, SIZE, **height)
 
 
 def test_points_are_at_pillar_centers_and_middles_of_equal_slices():
@@ -29,10 +30,10 @@ def test_points_are_at_pillar_centers_and_middles_of_equal_slices():
 def test_a_point_straight_ahead_is_at_the_principal_point_and_moves_with_pitch():
     """Nose down by 0.2 rad, level ground ahead climbs in the image by f tan(0.2)."""
     references = PillarReferences(VoxelGrid((0, -1, -1), (50, 1, 1), (25, 1, 1)), 1, "attitude")
-    level = references(tilted(0.0, 0.0), MOUNT, PIX_FROM_CAMERA, SIZE)
+    level = seen_by(references, 0.0, 0.0)
     torch.testing.assert_close(level.pix[0, 5, 0], torch.tensor([48.0, 32.0]))
     torch.testing.assert_close(level.depth_m[0, 5, 0], torch.tensor(11.0))
-    nose_down = references(tilted(0.0, 0.2), MOUNT, PIX_FROM_CAMERA, SIZE)
+    nose_down = seen_by(references, 0.0, 0.2)
     expected = torch.tensor([48.0, 32.0 - 48.0 * math.tan(0.2)])
     torch.testing.assert_close(nose_down.pix[0, 5, 0], expected)
 
@@ -40,23 +41,20 @@ def test_a_point_straight_ahead_is_at_the_principal_point_and_moves_with_pitch()
 def test_level_ignores_attitude_and_keeps_the_mount():
     attitude, level = (PillarReferences(GRID, 4, p) for p in ("attitude", "level"))
     mount = front_mount((0.3, 0.0, 0.1), pitch_rad=0.25).float()[None]
-    flat = attitude(tilted(0.0, 0.0), mount, PIX_FROM_CAMERA, SIZE)
-    rolled = level(tilted(0.3, -0.2), mount, PIX_FROM_CAMERA, SIZE)
+    flat = seen_by(attitude, 0.0, 0.0, mount)
+    rolled = seen_by(level, 0.3, -0.2, mount)
     for a, b in zip(flat, rolled):
         torch.testing.assert_close(a, b)
     assert flat.in_view.equal(flat.valid.flatten().nonzero()[:, 0])
-    assert not torch.equal(attitude(tilted(0.3, -0.2), mount, PIX_FROM_CAMERA, SIZE).pix, flat.pix)
+    assert not torch.equal(seen_by(attitude, 0.3, -0.2, mount).pix, flat.pix)
 
 
 def test_a_grid_on_the_ground_is_seen_from_above():
     """The point at 2 m above the ground lies 5 m below a UAV at 7 m, however it is tilted."""
-    low, high = (
-        VoxelGrid((0, -1, 1), (50, 1, 3), (25, 1, 1)),
-        VoxelGrid((0, -1, -6), (50, 1, -4), (25, 1, 1)),
-    )
-    chain = tilted(0.3, 0.2), MOUNT, PIX_FROM_CAMERA, SIZE
-    on_ground = PillarReferences(low, 1, "attitude")(*chain, torch.tensor([7.0]))
-    below = PillarReferences(high, 1, "attitude")(*chain)
+    grids = (VoxelGrid((0, -1, z), (50, 1, z + 2), (25, 1, 1)) for z in (1, -6))
+    above_ground, below_uav = (PillarReferences(grid, 1, "attitude") for grid in grids)
+    on_ground = seen_by(above_ground, 0.3, 0.2, height_m=torch.tensor([7.0]))
+    below = seen_by(below_uav, 0.3, 0.2)
     torch.testing.assert_close(on_ground.pix, below.pix, atol=1e-3, rtol=0)
     torch.testing.assert_close(on_ground.depth_m, below.depth_m)
     assert on_ground.in_view.equal(below.in_view)
@@ -64,7 +62,7 @@ def test_a_grid_on_the_ground_is_seen_from_above():
 
 def test_valid_is_inside_the_image_and_before_the_camera():
     references = PillarReferences(GRID, 4, "attitude")
-    seen = references(tilted(0.1, 0.1), MOUNT, PIX_FROM_CAMERA, SIZE)
+    seen = seen_by(references, 0.1, 0.1)
     u, v = seen.pix.unbind(-1)
     inside = (u >= 0) & (u < SIZE[0]) & (v >= 0) & (v < SIZE[1]) & (seen.depth_m > 0.1)
     assert seen.valid.equal(inside)
@@ -73,22 +71,22 @@ def test_valid_is_inside_the_image_and_before_the_camera():
 
 def test_bfloat16_autocast_does_not_blur_the_pixels():
     references = PillarReferences(GRID, 4, "attitude")
-    plain = references(tilted(0.1, 0.1), MOUNT, PIX_FROM_CAMERA, SIZE)
+    plain = seen_by(references, 0.1, 0.1)
     with torch.autocast("cpu", dtype=torch.bfloat16):
-        mixed = references(tilted(0.1, 0.1), MOUNT, PIX_FROM_CAMERA, SIZE)
+        mixed = seen_by(references, 0.1, 0.1)
     assert mixed.pix.equal(plain.pix)
 
 
 def test_an_unknown_projection_is_refused():
-    with pytest.raises(UserError, match="projection"):
+    with pytest.raises(UserError, match=r"model\.encoder\.projection: 'tilted'; there are"):
         PillarReferences(GRID, 4, "tilted")
 
 
 @pytest.mark.parametrize("share", [1.0, 0.7])
 def test_capacity_keeps_the_shape_and_lists_what_is_in_view(share):
     references = PillarReferences(GRID, 4, "attitude", capacity=share)
-    for attitude in (tilted(0.0, 0.0), tilted(0.2, -0.1), tilted(-0.3, 0.2)):
-        seen = references(attitude, MOUNT, PIX_FROM_CAMERA, SIZE)
+    for attitude in ((0.0, 0.0), (0.2, -0.1), (-0.3, 0.2)):
+        seen = seen_by(references, *attitude)
         assert len(seen.in_view) == round(share * seen.valid.numel())
         listed = seen.in_view[seen.in_view < seen.valid.numel()]
         assert listed.equal(seen.valid.flatten().nonzero()[:, 0])
@@ -97,7 +95,7 @@ def test_capacity_keeps_the_shape_and_lists_what_is_in_view(share):
 def test_more_in_view_than_the_capacity_is_refused():
     references = PillarReferences(GRID, 4, "attitude", capacity=0.1)
     with pytest.raises(UserError, match=r"capacity: 2\d\d of 400 .* room for 40; give 0\.\d+ or"):
-        references(tilted(0.0, 0.0), MOUNT, PIX_FROM_CAMERA, SIZE)
+        seen_by(references, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("share", [0.0, -0.5, 1.1])
@@ -109,9 +107,5 @@ def test_a_capacity_that_is_no_share_is_refused(share):
 def test_padded_index_holds_each_rows_first_places():
     valid = torch.tensor([[0, 1, 1, 0, 1], [0, 0, 0, 0, 0], [1, 1, 1, 1, 1]]).bool()
     assert padded_index(valid, 3).view(3, 3).tolist() == [[1, 2, 4], [15, 15, 15], [10, 11, 12]]
-    everything = padded_index(valid, 5).view(3, 5)
-    assert everything.tolist() == [
-        [15, 1, 2, 15, 4],
-        [15, 15, 15, 15, 15],
-        [10, 11, 12, 13, 14],
-    ]
+    some, none, every = padded_index(valid, 5).view(3, 5).tolist()
+    assert (some, none, every) == ([15, 1, 2, 15, 4], [15] * 5, [10, 11, 12, 13, 14])

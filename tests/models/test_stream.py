@@ -3,30 +3,24 @@
 import pytest
 import torch
 
-from src.data.clip import Clip
 from src.data.dataset import OccupancyDataset, velocity_world_mps
 from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.models.stream import SHAPES, SkyOccStream, StreamFrame
 from tests.models.synthetic import build_network
-from tests.synthetic import write_clip
 
 GRID = VoxelGrid(shape=(25, 25, 15))
 HISTORY_STEP_S = 0.4
 
 
-@pytest.fixture(scope="module")
-def clips(tmp_path_factory):
-    """Two clips of 5 Hz: two frames a history step."""
-    folder = tmp_path_factory.mktemp("clips")
-    for seed, name in enumerate(("a", "b")):
-        write_clip(folder / "town" / name, capture_hz=5, seed=seed)
-    return {f"town/{name}": Clip(folder / "town" / name) for name in ("a", "b")}
-
-
 @pytest.fixture
 def network():
     return build_network(grid=GRID)
+
+
+@pytest.fixture
+def stream(network):
+    return SkyOccStream(network, HISTORY_STEP_S)
 
 
 def frame_of(clips, name, frame, **changes):
@@ -44,14 +38,13 @@ def frame_of(clips, name, frame, **changes):
 
 @torch.no_grad()
 def batch_logits(network, clips, name, frame, frames=4):
-    dataset = OccupancyDataset(clips, [(name, frame)], frames, HISTORY_STEP_S)
-    sample = dataset[0]
+    sample = OccupancyDataset(clips, [(name, frame)], frames, HISTORY_STEP_S)[0]
     batch = {k: v[None] for k, v in sample.items() if isinstance(v, torch.Tensor)}
     return network.eval()(batch)[0]
 
 
-def close(stream, expected):
-    torch.testing.assert_close(stream, expected, atol=1e-4, rtol=1e-4)
+def close(logits, expected):
+    torch.testing.assert_close(logits, expected, atol=1e-4, rtol=1e-4)
 
 
 @pytest.mark.parametrize("frames", [1, 2, 4])
@@ -76,26 +69,24 @@ def test_the_recursive_stream_equals_the_batch_path_as_far_as_its_queue(clips):
     assert 0 < beyond < 1, "beyond it, the stream remembers more"
 
 
-def test_another_clip_begins_without_history(clips, network):
-    stream = SkyOccStream(network, HISTORY_STEP_S)
+def test_another_clip_begins_without_history(clips, network, stream):
     for frame in range(6):
         stream(frame_of(clips, "town/a", frame))
     alone = SkyOccStream(network, HISTORY_STEP_S)(frame_of(clips, "town/b", 10))
     assert stream(frame_of(clips, "town/b", 10)).equal(alone)
 
 
-def test_a_gap_in_time_drops_the_history(clips, network):
-    stream, alone = (SkyOccStream(network, HISTORY_STEP_S) for _ in range(2))
+def test_a_gap_in_time_drops_the_history(clips, network, stream):
     for frame in (0, 2, 4):
         stream(frame_of(clips, "town/a", frame))
     logits = stream(frame_of(clips, "town/a", 7))
-    assert logits.equal(alone(frame_of(clips, "town/a", 7)))
+    alone = SkyOccStream(network, HISTORY_STEP_S)(frame_of(clips, "town/a", 7))
+    assert logits.equal(alone)
     with_history = batch_logits(network, clips, "town/a", 7)
     assert not torch.allclose(logits, with_history, atol=1e-3)
 
 
-def test_a_frame_out_of_order_is_refused_and_changes_nothing(clips, network):
-    stream = SkyOccStream(network, HISTORY_STEP_S)
+def test_a_frame_out_of_order_is_refused_and_changes_nothing(clips, network, stream):
     for frame in range(5):
         stream(frame_of(clips, "town/a", frame))
     for frame in (3, 4):
@@ -106,14 +97,12 @@ def test_a_frame_out_of_order_is_refused_and_changes_nothing(clips, network):
     stream(frame_of(clips, "town/a", 0))
 
 
-def test_arrays_and_single_precision_will_do(clips, network):
-    stream, other = (SkyOccStream(network, HISTORY_STEP_S) for _ in range(2))
+def test_arrays_and_single_precision_will_do(clips, network, stream):
+    other = SkyOccStream(network, HISTORY_STEP_S)
     for number in (0, 2):
         frame = frame_of(clips, "town/a", number)
-        numbers = {name: getattr(frame, name).float() for name in SHAPES if number}
-        arrays = {name: value.numpy() for name, value in numbers.items()}
-        expected = stream(frame)
-        close(other(frame._replace(image=frame.image.numpy(), **arrays)), expected)
+        arrays = {name: getattr(frame, name).float().numpy() for name in SHAPES if number}
+        close(other(frame._replace(image=frame.image.numpy(), **arrays)), stream(frame))
 
 
 def spoilt(name, value):
@@ -135,8 +124,9 @@ def spoilt(name, value):
         ("image", torch.zeros(64, 96, 3).byte(), r"uint8 \[64, 96, 3\]"),
     ],
 )
-def test_a_broken_frame_is_refused_and_changes_nothing(clips, network, name, value, message):
-    stream = SkyOccStream(network, HISTORY_STEP_S)
+def test_a_broken_frame_is_refused_and_changes_nothing(
+    clips, network, stream, name, value, message
+):
     stream(frame_of(clips, "town/a", 0))
     frame = frame_of(clips, "town/a", 2)
     with pytest.raises(UserError, match=f"{name}: .*{message}"):
