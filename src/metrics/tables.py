@@ -17,7 +17,41 @@ Tables = dict[str, Int64[Tensor, "..."]]
 Scores = dict[str, Float[Tensor, "..."]]
 
 
-class TableMetric(Metric, ABC):
+class Accumulator(Metric, ABC):
+    """A metric that adds up int64 tables of some ``shapes``; a batch that raises changes nothing."""
+
+    is_differentiable = False
+    full_state_update = False
+
+    def __init__(self, shapes: Mapping[str, tuple[int, ...]], **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        for name, shape in shapes.items():
+            table = torch.zeros(shape, dtype=torch.int64)
+            self.add_state(name, default=table, dist_reduce_fx="sum")
+
+    @abstractmethod
+    def added(self, *batch: Any, **options: Any) -> Tables:
+        """Returns what a batch adds to the tables."""
+
+    def update(self, *batch: Any, **options: Any) -> None:
+        """Counts a batch."""
+        try:
+            tables = self.added(*batch, **options)
+        except Exception:
+            # The framework has counted this call already.
+            self._update_count -= 1
+            raise
+        for name, table in tables.items():
+            setattr(self, name, getattr(self, name) + table)
+
+    def forward(self, *batch: Any, **options: Any) -> Any:
+        """Counts a batch, and returns the scores of this batch alone."""
+        # The framework clears the state before it updates: a batch that raises then would lose it.
+        self.added(*batch, **options)
+        return super().forward(*batch, **options)
+
+
+class TableMetric(Accumulator):
     """A metric that adds up int64 tables over the frames of a dataset.
 
     So its scores are those of the dataset, not means of frames, and equal to the last bit whatever
@@ -30,9 +64,7 @@ class TableMetric(Metric, ABC):
     feed it with (`ScoreSuite.update`).
     """
 
-    is_differentiable = False
     higher_is_better = True
-    full_state_update = False
 
     # Whether its scores stand in the table of a run's scores. Many numbers that are to be read
     # together, as a sensitivity, have a table of their own.
@@ -40,11 +72,8 @@ class TableMetric(Metric, ABC):
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]], **kwargs: Any) -> None:
         """``shapes`` are those of the tables, by name."""
-        super().__init__(**kwargs)
+        super().__init__(shapes, **kwargs)
         self.shapes = dict(shapes)
-        for name, shape in self.shapes.items():
-            table = torch.zeros(shape, dtype=torch.int64)
-            self.add_state(name, default=table, dist_reduce_fx="sum")
 
     @abstractmethod
     def frame_tables(self, *batch: Any, **options: Any) -> Tables:
@@ -62,22 +91,9 @@ class TableMetric(Metric, ABC):
         """The tables of everything counted so far."""
         return {name: getattr(self, name) for name in self.shapes}
 
-    def update(self, *batch: Any, **options: Any) -> None:
-        """Counts a batch; the arguments are those of `frame_tables`."""
-        try:
-            tables = self.frame_tables(*batch, **options)
-        except Exception:
-            # The framework has counted this call already.
-            self._update_count -= 1
-            raise
-        for name, table in tables.items():
-            setattr(self, name, getattr(self, name) + table.sum(0))
-
-    def forward(self, *batch: Any, **options: Any) -> Any:
-        """Counts a batch, and returns the scores of this batch alone."""
-        # The framework clears the state before it updates: a batch that raises then would lose it.
-        self.frame_tables(*batch, **options)
-        return super().forward(*batch, **options)
+    def added(self, *batch: Any, **options: Any) -> Tables:
+        """Returns what a batch adds to the tables; the arguments are those of `frame_tables`."""
+        return {name: each.sum(0) for name, each in self.frame_tables(*batch, **options).items()}
 
     def compute(self) -> Any:
         """Returns the scores of everything counted so far."""
