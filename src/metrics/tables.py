@@ -9,16 +9,18 @@ from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 from torchmetrics import Metric
 
+from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES, NUM_CLASSES
 from . import functional as F
+from .functional.codes import MAX_CLASSES
 
 Tables = dict[str, Int64[Tensor, "..."]]
 Scores = dict[str, Float[Tensor, "..."]]
 
 
 class Accumulator(Metric, ABC):
-    """A metric that adds up int64 tables of some ``shapes``; a batch that raises changes nothing."""
+    """A metric that adds up int64 tables of some ``shapes``, and is unchanged by what raises."""
 
     is_differentiable = False
     full_state_update = False
@@ -118,7 +120,13 @@ class VoxelMetric(TableMetric):
         free_index: int | None = None,
         **kwargs: Any,
     ) -> None:
-        F.check_classes(num_classes, ignore_index, free_index)
+        if not 2 <= num_classes <= MAX_CLASSES:
+            raise UserError(f"num_classes: {num_classes} must be 2 to {MAX_CLASSES}")
+        if free_index is not None and not 0 <= free_index < num_classes:
+            raise UserError(f"free_index: {free_index} must be 0 to {num_classes - 1}")
+        if 0 <= ignore_index < num_classes:
+            raise UserError(f"ignore_index: {ignore_index} is a class; give another number")
+
         super().__init__(shapes, **kwargs)
         self.grid = grid
         self.num_classes = num_classes
@@ -135,11 +143,21 @@ class VoxelMetric(TableMetric):
         is_ontology = self.num_classes == NUM_CLASSES
         return CLASSES if is_ontology else list(map(str, range(self.num_classes)))
 
+    def check(self, preds: Tensor, target: Tensor, **masks: Tensor | None) -> None:
+        """Raises `UserError` for tensors on another device, and as `functional.check_shapes`."""
+        for name, tensor in {"preds": preds, "target": target, **masks}.items():
+            if tensor is not None and tensor.device != self.shell.device:
+                raise UserError(
+                    f"{name}: on {tensor.device}, but the metric is on {self.shell.device}; "
+                    "move the metric with .to(device)"
+                )
+        F.check_shapes(preds, target, masks, self.grid.shape, self.num_classes)
+
     def codes(
         self, preds: F.Preds, target: F.Labels, mask: F.Mask | None
     ) -> UInt8[Tensor, "b X Y Z"]:
         """Returns a byte per voxel (`functional.encode`). Raises `UserError` for a bad batch."""
-        F.check_shapes(preds, target, {"mask": mask}, self.grid.shape, self.num_classes)
+        self.check(preds, target, mask=mask)
         labels = F.labels_of(preds)
         return F.encode(labels, target, mask, self.num_classes, self.ignore_index)
 

@@ -43,7 +43,7 @@ def precision_compute(count: Table, excess: Table) -> Float[Tensor, "*n c"]:
 
 def recall_compute(count: Table, excess: Table) -> Float[Tensor, "*n c"]:
     """Returns TP / (TP + sum of p_i over FN) of every class; NaN where it never was."""
-    # Transposed, the tables hold the false negatives of a class where they held its false positives.
+    # A transposed table has the false negatives of a class where the false positives were.
     return precision_compute(count.mT, excess.mT)
 
 
