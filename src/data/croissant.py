@@ -172,15 +172,13 @@ def _file_set(name: str) -> dict:
 
 def _classes() -> dict:
     """The class ids of the voxels, as an enumeration."""
-    key = {"@id": "classes/id"}
+    facts = {"dataType": "sc:Enumeration", "key": {"@id": "classes/id"}}
     fields = [
         _node("Field", "classes/id", description="value of a voxel", dataType="sc:Integer"),
         _node("Field", "classes/name", description="name of the class", dataType="sc:Text"),
     ]
     rows = [{"classes/id": n, "classes/name": name} for n, name in enumerate(CLASSES)]
-    return _node(
-        "RecordSet", "classes", dataType="sc:Enumeration", key=key, field=fields, data=rows
-    )
+    return _node("RecordSet", "classes", **facts, field=fields, data=rows)
 
 
 def _clips(clips_csv: Path) -> dict:
@@ -194,12 +192,11 @@ def _clips(clips_csv: Path) -> dict:
 def _table(name: str, description: str, columns: list[str], meanings: Mapping[str, str]) -> dict:
     """A record set over the tables of one name in all clips; the folder tells the clip."""
     files = {"fileSet": {"@id": f"{name}.csv"}}
-    folder = {
-        "extract": {"fileProperty": "fullpath"},
-        "transform": {"regex": f"^(.*)/{name}[.]csv$"},
-    }
-    clip = {"description": CLIP_MEANINGS["clip"], "dataType": TYPES["clip"]}
-    fields = [_node("Field", f"{name}/clip", **clip, source={**files, **folder})]
+    folder = {"regex": f"^(.*)/{name}[.]csv$"}
+    source = {**files, "extract": {"fileProperty": "fullpath"}, "transform": folder}
+    clip = {"description": CLIP_MEANINGS["clip"], "dataType": TYPES["clip"], "source": source}
+
+    fields = [_node("Field", f"{name}/clip", **clip)]
     fields += [_column(f"{name}/{column}", meanings[column], files) for column in columns]
     return _node("RecordSet", name, description=description, field=fields)
 

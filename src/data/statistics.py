@@ -5,7 +5,7 @@ three denominators: the labelled voxels, those whose center lies in the front im
 grid (App. B of the paper, "SkyShield Dataset and Generation Details").
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,8 +74,8 @@ class Statistics:
 
     def by_town_and_weather(self, table: pd.DataFrame) -> pd.DataFrame:
         """Number of rows of ``clips`` or of ``frames``, town by weather, in order of appearance."""
+        # crosstab sorts its keys, and the clips have the plan's order.
         towns, weathers = (self.clips[key].unique() for key in ("town", "weather"))
-        # crosstab sorts its keys; the plan's order is restored below.
         counts = pd.crosstab(table["town"], table["weather"])
         return counts.reindex(index=towns, columns=weathers, fill_value=0)
 
@@ -93,12 +93,8 @@ class Statistics:
         visible.columns = visible.columns.str.replace("/", "_")
         shares.columns = shares.columns.str.replace("voxels/", "share_")
 
-        table = (
-            self.clips.set_index("clip")
-            .assign(frames=of_clip.size())
-            .join([means, visible, shares])
-        )
-
+        clips = self.clips.set_index("clip").assign(frames=of_clip.size())
+        table = clips.join([means, visible, shares])
         return table[[*table.columns.drop("bytes"), "bytes"]].reset_index()
 
 
@@ -108,7 +104,10 @@ def statistics_of(root: Path) -> Statistics:
     Raises `UserError` where the dataset is unfinished or a file cannot be read.
     """
     manifest = read_manifest(root)
-    clip_ids = sorted(manifest["clips"], key=_place_in(manifest["sim"]["towns"]))
+    # In the order in which they were planned: the manifest's keys are in alphabetical order.
+    towns = manifest["sim"]["towns"]
+    clip_ids = sorted(manifest["clips"], key=lambda clip: towns.index(clip.partition("/")[0]))
+
     if missing := missing_clips(root, clip_ids):
         raise UserError(
             f"{root}: {len(missing)} of {len(clip_ids)} clips are missing, {missing[0]} first; "
@@ -136,12 +135,6 @@ def statistics_of_clips(
         tables = tracked(pool.map(read, clip_ids), f"reading {root.name}", len(clip_ids))
         frames, clips = zip(*tables)
     return Statistics(pd.concat(frames, ignore_index=True), pd.DataFrame(clips))
-
-
-def _place_in(towns: Sequence[str]) -> Callable[[str], tuple]:
-    """Sorts clips as they were planned: the manifest's keys are in alphabetical order."""
-    place = {town: n for n, town in enumerate(towns)}
-    return lambda clip_id: (place.get(clip_id.partition("/")[0], len(place)), clip_id)
 
 
 def _summary_of(clip: Clip, role: str) -> dict:
@@ -193,13 +186,12 @@ def _visible_actors(clip: Clip) -> pd.DataFrame:
 def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:
     """Voxels of each frame whose center projects into the front image."""
     meta = clip.meta
-    chain = camera_from_occ(clip.world_from_body, meta.body_from_camera)
     # Intrinsics and chain as one 3x4 matrix: a voxel then costs a few products.
+    chain = camera_from_occ(clip.world_from_body, meta.body_from_camera)
     pix_from_occ = (meta.pix_from_camera @ chain[:, :3]).numpy()
-    place = np.array(meta.grid.lower_m), meta.grid.voxel_m, meta.grid.shape
 
-    size_pix = (meta.width, meta.height)
-    counts = [_count_in_image(matrix, *place, *size_pix) for matrix in pix_from_occ]
+    space = np.array(meta.grid.lower_m), meta.grid.voxel_m, meta.grid.shape
+    counts = [_count_in_image(each, *space, meta.width, meta.height) for each in pix_from_occ]
     return np.array(counts, dtype=np.int64)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import torch
 
-from ..errors import UserError
+from ..bounds import require_choice
 from ..geometry import VoxelGrid, camera_from_occ, inverse, world_from_occ
 from .batch import Batch
 from .clip import Clip
@@ -30,9 +30,7 @@ class SkyShieldTruth:
         part: str = "test",
         held_out: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
-        if part not in PARTS:
-            raise UserError(f"task.part: {part!r}; there are {', '.join(PARTS)}")
-
+        require_choice("task.part", part, PARTS)
         self.root = Path(root)
         manifest = read_manifest(self.root)
         self.clips = {clip: Clip(self.root / clip) for clip in manifest["clips"]}
