@@ -152,9 +152,11 @@ class ClipWriter:
             with writing(self._part / name):
                 archive.close()
         self._write("clip.json", json.dumps(self.meta.to_json(), indent=1) + "\n")
+
         names = sorted(path.name for path in self._part.iterdir())
         sums = "".join(f"{sha256_of(self._part / name)}  {name}\n" for name in names)
         self._write(SUMS, sums)
+
         # The rename says that the clip is whole, so its bytes must be on the disk before.
         for path in (*self._part.iterdir(), self._part):
             flush_to_disk(path)
@@ -186,13 +188,18 @@ class Clip:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
+        self._opened_by, self._archives = -1, {}
         with reading(self.folder / "clip.json") as path:
             self.meta = ClipMeta.from_json(json.loads(path.read_text()))
+
         self.frames = self._table("frames.csv", FRAME_COLUMNS)
         with reading(self.folder / "frames.csv"):
-            _require_all_frames(self.frames, round(CLIP_SECONDS * self.meta.capture_hz))
+            count = round(CLIP_SECONDS * self.meta.capture_hz)
+            if self.frames["frame"].tolist() != list(range(count)):
+                raise ValueError(f"it does not hold the frames 0 to {count - 1}")
+            if not np.isfinite(self.frames.to_numpy(np.float64)).all():
+                raise ValueError("it holds values that are no numbers")
             self.world_from_body = poses_of(self.frames)
-        self._opened_by, self._archives = -1, {}
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -264,10 +271,3 @@ def recorded_sums(folder: Path) -> dict[str, str]:
 def damaged_files(folder: Path) -> list[str]:
     """Names of the clip's files that are missing or whose bytes are not the ones written."""
     return differing_files(folder, recorded_sums(folder))
-
-
-def _require_all_frames(frames: pd.DataFrame, count: int) -> None:
-    if frames["frame"].tolist() != list(range(count)):
-        raise ValueError(f"it does not hold the frames 0 to {count - 1}")
-    if not np.isfinite(frames.to_numpy(np.float64)).all():
-        raise ValueError("it holds values that are no numbers")

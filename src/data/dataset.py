@@ -38,14 +38,10 @@ class OccupancyDataset(Dataset):
         held_out: Sequence[str] = (),
         images: bool = True,
     ) -> None:
-        self.clips = clips
-        self.samples = list(samples)
-        self.frames = frames
-        self.history = history
-        self.held_out = frozenset(held_out)
-        self.images = images
         require_choice("data.history", history, HISTORY)
-
+        self.clips, self.samples = clips, list(samples)
+        self.frames, self.images = frames, images
+        self.history, self.held_out = history, frozenset(held_out)
         self.step = history_stride(history_step_s, clips[self.samples[0][0]].meta.capture_hz)
 
     def __len__(self) -> int:
@@ -60,11 +56,13 @@ class OccupancyDataset(Dataset):
         clip = self.clips[clip_id]
         ages = range(self.frames - 1, -1, -1)
         wanted = [now - self.step * age for age in ages]
+
         # What lies before the clip, or in another part, is not there for the network.
         may_see = [self._may_see(clip_id, now, frame) for frame in wanted]
         valid = [ok and (past is None or age <= past) for ok, age in zip(may_see, ages)]
         # The current frame fills the gaps, so that every tensor has its shape.
         window = [frame if ok else now for frame, ok in zip(wanted, valid)]
+
         read = window if self.images else [now]
         images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(read)}
         motion = ego_motion(clip.world_from_body[window], velocity_world_mps(clip, now))

@@ -90,7 +90,6 @@ def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split
 def read_manifest(root: Path) -> dict:
     """The manifest of a dataset; `UserError` where there is none or it cannot be read."""
     path = root / MANIFEST
-
     try:
         manifest = json.loads(path.read_text())
         if missing := MANIFEST_KEYS - set(manifest):

@@ -25,8 +25,7 @@ def make_split(
     does not exist or is named twice.
     """
     held_out = [*val_clips, *test_clips]
-    unknown = [clip for clip in held_out if clip not in set(clip_ids)]
-    if unknown:
+    if unknown := [clip for clip in held_out if clip not in set(clip_ids)]:
         raise UserError(
             f"data.val_clips/data.test_clips: no clip {unknown[0]!r}; there are "
             f"{clip_ids[0]} to {clip_ids[-1]} ({len(clip_ids)} clips)"
@@ -35,17 +34,12 @@ def make_split(
         raise UserError("data.val_clips/data.test_clips: a clip is held out twice; name it once")
 
     split: Split = {"train": [], "val": [], "test": []}
+    whole = dict.fromkeys(val_clips, "val") | dict.fromkeys(test_clips, "test")
     # Clips and frames keep their order: a score of the test split depends on no shuffle.
     for clip in clip_ids:
         for frame in range(frames_per_clip):
-            if clip in val_clips:
-                part = "val"
-            elif clip in test_clips:
-                part = "test"
-            else:
-                part = part_of_time(frame / capture_hz)
+            part = whole.get(clip) or part_of_time(frame / capture_hz)
             split[part].append((clip, frame))
-
     return split
 
 

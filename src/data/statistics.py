@@ -88,9 +88,11 @@ class Statistics:
         of_clip = self.frames.groupby("clip", sort=False)
         means = of_clip[["altitude_m", "speed_mps"]].mean().add_prefix("mean_").round(4)
         visible = of_clip[[f"visible/{name}" for name in ACTOR_TYPES]].sum()
+        visible.columns = visible.columns.str.replace("/", "_")
+
+        # A clip without a label has no share of any class.
         voxels = of_clip[[f"voxels/{name}" for name in CLASSES]].sum()
         shares = voxels.div(of_clip["voxels/labelled"].sum().clip(lower=1), axis=0).round(8)
-        visible.columns = visible.columns.str.replace("/", "_")
         shares.columns = shares.columns.str.replace("voxels/", "share_")
 
         clips = self.clips.set_index("clip").assign(frames=of_clip.size())
@@ -152,12 +154,11 @@ def _frames_of(clip: Clip, role: str) -> pd.DataFrame:
     """A row a frame, as in `Statistics.frames`."""
     rows, meta = clip.frames, clip.meta
     parts = [part_of_time(n / meta.capture_hz) if role == "split" else role for n in rows["frame"]]
-    velocity_mps = rows[["vx_mps", "vy_mps", "vz_mps"]].to_numpy()
     names = {"clip": clip.clip_id, "town": meta.town, "weather": meta.weather, "part": parts}
-    speed_mps = np.linalg.norm(velocity_mps, axis=1)
-    motion = rows[["altitude_m", "roll_rad", "pitch_rad"]]
-    table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
 
+    motion = rows[["altitude_m", "roll_rad", "pitch_rad"]]
+    speed_mps = np.linalg.norm(rows[["vx_mps", "vy_mps", "vz_mps"]].to_numpy(), axis=1)
+    table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
     return pd.concat([table, _voxel_counts(clip), _visible_actors(clip)], axis=1)
 
 
@@ -217,5 +218,4 @@ def _count_in_image(
                 u, v = column[0] + pix_from_occ[0, 2] * z, column[1] + pix_from_occ[1, 2] * z
                 inside = 0 <= u < width * depth and 0 <= v < height * depth
                 count += depth > MIN_DEPTH_M and inside
-
     return count

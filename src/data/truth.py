@@ -31,21 +31,17 @@ class SkyShieldTruth:
         held_out: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         require_choice("task.part", part, PARTS)
-        self.root = Path(root)
-        manifest = read_manifest(self.root)
-        self.clips = {clip: Clip(self.root / clip) for clip in manifest["clips"]}
+        self.name = root.name
+        manifest = read_manifest(root)
+        self.clips = {clip: Clip(root / clip) for clip in manifest["clips"]}
         first = next(iter(self.clips.values()))
-        # A study may hold out other clips than the dataset's default.
-        held_out = held_out or manifest["held_out"]
-        split = make_split(
-            list(self.clips), len(first), first.meta.capture_hz, held_out["val"], held_out["test"]
-        )
-        self.samples, self.unseen = split[part], frozenset(held_out["test"])
         self.grid: VoxelGrid = first.meta.grid
 
-    @property
-    def name(self) -> str:
-        return self.root.name
+        # A study may hold out other clips than the dataset's default.
+        held_out = held_out or manifest["held_out"]
+        of_parts = held_out["val"], held_out["test"]
+        split = make_split(list(self.clips), len(first), first.meta.capture_hz, *of_parts)
+        self.samples, self.unseen = split[part], frozenset(held_out["test"])
 
     def truth(self, clip_id: str, frame: int) -> dict:
         """One frame as a batch of one."""
