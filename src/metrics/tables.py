@@ -144,14 +144,37 @@ class VoxelMetric(TableMetric):
         return CLASSES if is_ontology else list(map(str, range(self.num_classes)))
 
     def check(self, preds: Tensor, target: Tensor, **masks: Tensor | None) -> None:
-        """Raises `UserError` for tensors on another device, and as `functional.check_shapes`."""
+        """Raises `UserError` for tensors on another device than the metric, for shapes that do not
+        fit each other or the grid, and for dtypes of neither labels nor logits, or of no mask."""
+        masks = {name: mask for name, mask in masks.items() if mask is not None}
         for name, tensor in {"preds": preds, "target": target, **masks}.items():
-            if tensor is not None and tensor.device != self.shell.device:
+            if tensor.device != self.shell.device:
                 raise UserError(
                     f"{name}: on {tensor.device}, but the metric is on {self.shell.device}; "
                     "move the metric with .to(device)"
                 )
-        F.check_shapes(preds, target, masks, self.grid.shape, self.num_classes)
+
+        shape = self.grid.shape
+        if target.ndim != 4 or tuple(target.shape[1:]) != shape:
+            raise UserError(
+                f"target: shape {list(target.shape)} is not [B, X, Y, Z] of the grid {list(shape)}"
+            )
+        if target.is_floating_point() or target.dtype == torch.bool:
+            raise UserError(f"target: {target.dtype} holds no class ids; give an integer dtype")
+        for name, mask in masks.items():
+            if mask.dtype != torch.bool or mask.shape != target.shape:
+                raise UserError(
+                    f"{name}: {mask.dtype} {list(mask.shape)} must be bool {list(target.shape)}, "
+                    "as the target"
+                )
+
+        if preds.dtype == torch.bool or preds.is_complex():
+            raise UserError(f"preds: {preds.dtype} is neither integer labels nor float logits")
+        of_logits = preds.is_floating_point()
+        kind, classes = ("logits", [self.num_classes]) if of_logits else ("labels", [])
+        wanted = [len(target), *classes, *shape]
+        if list(preds.shape) != wanted:
+            raise UserError(f"preds: {kind} of shape {list(preds.shape)} must be {wanted}")
 
     def codes(
         self, preds: F.Preds, target: F.Labels, mask: F.Mask | None

@@ -7,15 +7,9 @@ from src.geometry import VoxelGrid
 from src.ontology import FREE
 
 CLIPS = ["town/clip00", "town/clip01", "town/clip02"]
-METRIC = {
-    "num_classes": 9,
-    "free_index": 8,
-    "ignore_index": 255,
-    "horizon_s": 5.0,
-    "decay_per_s": 0.5,
-    "penalty_scale": 2.0,
-    "min_speed_mps": 5.0,
-}
+PAPER_METRIC = OmegaConf.to_container(OmegaConf.load("conf/metric/occupancy.yaml"))
+METRIC = {key: value for key, value in PAPER_METRIC.items() if not key.startswith("_")}
+FOUR_CLASSES = {"num_classes": 4, "free_index": 0, "ignore_index": -100}
 SHARED = {
     "ttc_edges_s": [1.0, 5.0],
     "distance_edges_m": [5.0, 10.0],

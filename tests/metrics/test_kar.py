@@ -6,7 +6,7 @@ import torch
 from src.metrics import KARMeanIoU, OccupancyScores
 from src.metrics.functional import kar_mean_iou
 from src.ontology import CLASSES
-from tests.metrics.inputs import assert_same, coins, random_logits, updated
+from tests.metrics.inputs import FOUR_CLASSES, assert_same, coins, random_logits, updated
 from tests.metrics.loops import OTHER, PAPER, class_shares, counted_voxels, occupied_mean
 
 
@@ -109,12 +109,9 @@ def test_batches_add_up_to_the_definition_of_all_their_frames(grid, random_batch
     assert_same(updated(KARMeanIoU(grid), *batches).compute(), score.float())
 
 
-def test_other_classes_free_and_unknown_labels(grid, random_batch):
-    preds, target, velocity = random_batch(0, num_classes=4)
-    target = torch.where(target == 255, -100, target.long())
-    labels = {"num_classes": 4, "free_index": 0, "ignore_index": -100}
-    score, by_class = kar_mean_iou(preds, target, velocity, grid, **labels)
-    kar = updated(KARMeanIoU(grid, **labels), (preds, target, velocity))
+def test_other_classes_free_and_unknown_labels(grid, four_classes):
+    score, by_class = kar_mean_iou(*four_classes, grid, **FOUR_CLASSES)
+    kar = updated(KARMeanIoU(grid, **FOUR_CLASSES), four_classes)
     assert_same(kar.compute(), score.float())
     assert_same(score, by_class[1:].nanmean())
 

@@ -3,12 +3,11 @@
 from itertools import product
 
 import pytest
-import torch
 
 from src.errors import UserError
 from src.metrics import KARMeanIoU, KARSensitivity
 from src.metrics.sensitivity import GRID, PARAMETERS
-from tests.metrics.inputs import scores_of, updated
+from tests.metrics.inputs import FOUR_CLASSES, scores_of, updated
 
 FEW = {"horizon_s": (1.5, 5.0), "penalty_scale": (0.0, 2.0, 7.0)}
 
@@ -52,13 +51,10 @@ def test_without_values_there_is_the_setting_of_the_paper(grid, random_batch):
     assert float(*metric.compute().values()) == pytest.approx(float(kar.compute()), abs=1e-7)
 
 
-def test_other_classes_free_and_unknown_labels(grid, random_batch):
-    preds, target, velocity = random_batch(0, num_classes=4)
-    target = torch.where(target == 255, -100, target.long())
-    labels = {"num_classes": 4, "free_index": 0, "ignore_index": -100}
-    batch = (preds, target, velocity)
-    metric = updated(KARSensitivity(grid, {"penalty_scale": (3.0,)}, **labels), batch)
-    kar = updated(KARMeanIoU(grid, penalty_scale=3.0, **labels), batch)
+def test_other_classes_free_and_unknown_labels(grid, four_classes):
+    sensitivity = KARSensitivity(grid, {"penalty_scale": (3.0,)}, **FOUR_CLASSES)
+    metric = updated(sensitivity, four_classes)
+    kar = updated(KARMeanIoU(grid, penalty_scale=3.0, **FOUR_CLASSES), four_classes)
     assert float(*metric.compute().values()) == pytest.approx(float(kar.compute()), abs=1e-6)
 
 

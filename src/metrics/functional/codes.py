@@ -41,37 +41,6 @@ def encode(
     return (known << 4) | labels | (known >> 4)
 
 
-def check_shapes(
-    preds: Tensor,
-    target: Tensor,
-    masks: dict[str, Tensor | None],
-    shape: tuple[int, int, int],
-    num_classes: int,
-) -> None:
-    """Raises `UserError` for shapes that do not fit each other or the grid's ``shape``, and for
-    dtypes that are neither labels nor logits, or of a mask that is not bool."""
-    if target.ndim != 4 or tuple(target.shape[1:]) != shape:
-        raise UserError(
-            f"target: shape {list(target.shape)} is not [B, X, Y, Z] of the grid {list(shape)}"
-        )
-    if target.is_floating_point() or target.dtype == torch.bool:
-        raise UserError(f"target: {target.dtype} holds no class ids; give an integer dtype")
-    if preds.dtype == torch.bool or preds.is_complex():
-        raise UserError(f"preds: {preds.dtype} is neither integer labels nor float logits")
-
-    kind, classes = ("logits", [num_classes]) if preds.is_floating_point() else ("labels", [])
-    asked = [len(target), *classes, *shape]
-    if list(preds.shape) != asked:
-        raise UserError(f"preds: {kind} of shape {list(preds.shape)} must be {asked}")
-
-    for name, mask in masks.items():
-        if mask is not None and (mask.dtype != torch.bool or mask.shape != target.shape):
-            raise UserError(
-                f"{name}: {mask.dtype} {list(mask.shape)} must be bool {list(target.shape)}, "
-                "as the target"
-            )
-
-
 def labels_of(preds: Preds) -> Labels:
     """Returns labels as they are, and of logits the class of the highest.
 

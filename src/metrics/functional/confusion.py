@@ -23,7 +23,7 @@ Tables = tuple[Int64[Tensor, "b m k c c"], Int64[Tensor, "b m k c c"]]
 
 @dataclass(frozen=True)
 class Frames:
-    """A batch of frames to count, whose shapes fit each other (`check_shapes`).
+    """A batch of frames to count, whose shapes fit each other.
 
     ``shell`` names each voxel's distance from the UAV, and ``excess`` is what an error at each
     distance weighs more than 1 (`Penalty.excess_table`). ``bins`` sorts the distances of each frame
