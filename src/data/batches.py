@@ -63,7 +63,7 @@ def frames_in_order(batches: int, length: int, batch_size: int, processes: int) 
 
 
 def _parts(length: int, batch_size: int, processes: int) -> list[np.ndarray]:
-    """The samples in order, in equally many parts for every process."""
+    """Returns the samples in order, in equally many parts for every process."""
     # Rounded up, so that no sample is left over.
     steps = -(-length // (batch_size * processes))
     return np.array_split(np.arange(length), steps * processes)
@@ -90,11 +90,11 @@ class TrainingBatches(Sampler[list[Key]]):
 
     @property
     def sampler(self) -> "TrainingBatches":
-        """The object on which Lightning calls `set_epoch`."""
+        """This sampler itself, on which Lightning calls `set_epoch`."""
         return self
 
     def set_epoch(self, epoch: int) -> None:
-        """Called by the trainer at the start of every epoch."""
+        """Takes the number of the epoch, which the trainer says at its start."""
         self.epoch = epoch
 
     def __len__(self) -> int:
@@ -154,7 +154,7 @@ class StreamBatches(TrainingBatches):
 
 
 def runs_of(samples: Sequence[tuple[str, int]], stride: int, run_frames: int) -> list[list[int]]:
-    """Numbers of the samples, in runs of at most ``run_frames`` frames that follow each other."""
+    """Numbers the samples, in runs of at most ``run_frames`` frames that follow each other."""
     number = {sample: index for index, sample in enumerate(samples)}
     runs: list[list[int]] = []
     for clip, frame in number:

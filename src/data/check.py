@@ -78,7 +78,7 @@ def _angle_problems(clip: Clip) -> Iterator[str]:
 
 
 def _frustum_problems(clip: Clip, frame: int, centers: Float[Tensor, "X Y Z 3"]) -> Iterator[str]:
-    """Labels stand exactly where the projection chain puts the image: a wrong attitude shows."""
+    """Finds labels outside the image of the projection chain: a wrong attitude makes some."""
     meta = clip.meta
     chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
 

@@ -81,14 +81,14 @@ class ClipMeta:
 
 
 def poses_of(frames: pd.DataFrame) -> Float[Tensor, "t 4 4"]:
-    """``world_from_body`` (float64) of the rows of a ``frames.csv``."""
+    """Returns ``world_from_body`` (float64) of the rows of a ``frames.csv``."""
     quat_xyzw = torch.from_numpy(frames[["qx", "qy", "qz", "qw"]].to_numpy(np.float64, copy=True))
     position_m = torch.from_numpy(frames[["x_m", "y_m", "z_m"]].to_numpy(np.float64, copy=True))
     return rigid(rotation_from_quat(quat_xyzw), position_m)
 
 
 def unfinished(folder: Path) -> Path:
-    """The folder in which a clip lies until it is whole."""
+    """Returns the folder in which a clip lies until it is whole."""
     return folder.with_name(f".{folder.name}.part")
 
 
@@ -125,7 +125,7 @@ class ClipWriter:
         self._add_array("occupancy.npz", f"visible_{frame:06d}", visible)
 
     def add_aux(self, frame: int, **images: np.ndarray) -> None:
-        """Annotation signals (depth, class, instance) for those who ask for them."""
+        """Adds annotation signals (depth, class, instance), for those who ask for them."""
         for name, image in images.items():
             self._add_array("aux.npz", f"{name}_{frame:06d}", image)
 
@@ -228,7 +228,7 @@ class Clip:
         return self._array("occupancy.npz", f"visible_{frame:06d}")
 
     def aux(self, name: str, frame: int) -> np.ndarray:
-        """``depth`` (m, inf at the sky), ``class`` or ``instance`` image; needs sim.save_aux."""
+        """Returns a ``depth`` (m, inf at the sky), ``class`` or ``instance`` image, if saved."""
         return self._array("aux.npz", f"{name}_{frame:06d}")
 
     def _array(self, archive: str, name: str) -> np.ndarray:
@@ -236,7 +236,7 @@ class Clip:
             return self._archive(archive)[name]
 
     def _archive(self, name: str) -> Any:
-        """An open archive of this process: a file position shared with a fork would be corrupt."""
+        """Returns an archive that this process opened: a fork would move a shared file position."""
         if self._opened_by != os.getpid():
             self._opened_by, self._archives = os.getpid(), {}
         if name not in self._archives:
@@ -261,7 +261,7 @@ class Clip:
 
 
 def recorded_sums(folder: Path) -> dict[str, str]:
-    """File name to SHA-256, as the clip's own ``SHA256SUMS`` says."""
+    """Returns the SHA-256 of each file by its name, as the clip's own ``SHA256SUMS`` says."""
     with reading(folder / SUMS) as path:
         # Not splitlines(), for which a damaged line feed may end a line too.
         lines = path.read_text().removesuffix("\n").split("\n")

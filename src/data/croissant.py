@@ -108,7 +108,7 @@ TYPES = {
 
 
 def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Path) -> dict:
-    """The metadata as plain data, to be written to ``<root>/croissant.json``.
+    """Returns the metadata as plain data, to be written to ``<root>/croissant.json``.
 
     ``clips_csv`` is a table with a row a clip, somewhere under ``root``. Every clip's files are
     covered by the manifest's hashes, and the manifest by its own here.
@@ -149,7 +149,7 @@ def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Pat
 
 
 def _node(kind: str, name: str, **facts: object) -> dict:
-    """A part of the metadata; before the last slash of its name stands the part that holds it."""
+    """Returns a part of the metadata; its name begins with that of the part that holds it."""
     return {"@type": f"cr:{kind}", "@id": name, "name": name.rpartition("/")[2], **facts}
 
 
@@ -165,13 +165,13 @@ def _file_object(root: Path, path: Path) -> dict:
 
 
 def _file_set(name: str) -> dict:
-    """The files of one name, one in the folder of each clip."""
+    """Describes the files of one name, one in the folder of each clip."""
     facts = {"description": FILE_SETS[name], "encodingFormat": ENCODINGS[Path(name).suffix]}
     return _node("FileSet", name, **facts, includes=f"*/*/{name}")
 
 
 def _classes() -> dict:
-    """The class ids of the voxels, as an enumeration."""
+    """Lists the class ids of the voxels, as an enumeration."""
     facts = {"dataType": "sc:Enumeration", "key": {"@id": "classes/id"}}
     fields = [
         _node("Field", "classes/id", description="value of a voxel", dataType="sc:Integer"),
@@ -190,7 +190,7 @@ def _clips(clips_csv: Path) -> dict:
 
 
 def _table(name: str, description: str, columns: list[str], meanings: Mapping[str, str]) -> dict:
-    """A record set over the tables of one name in all clips; the folder tells the clip."""
+    """Describes the tables of one name in all clips; the folder says which clip it is."""
     files = {"fileSet": {"@id": f"{name}.csv"}}
     folder = {"regex": f"^(.*)/{name}[.]csv$"}
     source = {**files, "extract": {"fileProperty": "fullpath"}, "transform": folder}
@@ -202,7 +202,7 @@ def _table(name: str, description: str, columns: list[str], meanings: Mapping[st
 
 
 def _column(name: str, meaning: str, files: Mapping) -> dict:
-    """A field that is a column of tables, its unit beside its meaning."""
+    """Describes a column of tables, its unit beside its meaning."""
     column = name.rpartition("/")[2]
     unit = UNITS.get(column.rpartition("_")[2]) if "_" in column else None
     return _node(

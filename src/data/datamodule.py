@@ -84,7 +84,7 @@ class SkyShieldData(LightningDataModule):
         return next(iter(self.clips.values())).meta.grid
 
     def dataset(self, part: str, images: bool = True) -> OccupancyDataset:
-        """The samples of ``train``, ``val`` or ``test``; see `OccupancyDataset` for ``images``."""
+        """Returns the samples of a part of the split; ``images`` is that of `OccupancyDataset`."""
         return OccupancyDataset(
             self.clips,
             self.split[part],
@@ -112,13 +112,12 @@ class SkyShieldData(LightningDataModule):
         return self.in_order("test")
 
     def in_order(self, part: str) -> DataLoader:
-        """Every frame of a part once, clip by clip; shared among the processes, if there are
-        several."""
+        """Loads every frame of a part once, clip by clip; several processes share the frames."""
         dataset = self.dataset(part)
         return self.loader(dataset, BatchesInOrder(len(dataset), self.batch_size, self._rank()))
 
     def labels(self, part: str) -> Iterator[tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"]]]:
-        """Labels and world velocity in m/s of every frame of a part, without its images."""
+        """Yields labels and world velocity in m/s of every frame of a part, without its images."""
         for clip_id, frame in tracked(self.split[part], f"reading {part} labels"):
             clip = self.clips[clip_id]
             yield torch.from_numpy(clip.semantics(frame)), velocity_world_mps(clip, frame)

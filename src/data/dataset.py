@@ -98,7 +98,7 @@ def require_loading(data: Mapping) -> None:
 
 
 def history_stride(history_step_s: float, capture_hz: float) -> int:
-    """Frames between two of a window; `UserError` where the step falls between frames."""
+    """Returns the step in frames. Raises `UserError` where it falls between frames."""
     stride = history_step_s * capture_hz
     if abs(stride - round(stride)) > 1e-6 or round(stride) < 1:
         raise UserError(
@@ -109,6 +109,6 @@ def history_stride(history_step_s: float, capture_hz: float) -> int:
 
 
 def velocity_world_mps(clip: Clip, frame: int) -> Float[Tensor, "3"]:
-    """The UAV's velocity (float64) in the world frame."""
+    """Returns the UAV's velocity (float64) in the world frame."""
     row = clip.frames.loc[frame, ["vx_mps", "vy_mps", "vz_mps"]]
     return torch.from_numpy(row.to_numpy(np.float64, copy=True))

@@ -56,7 +56,7 @@ def labels_of_pixels(
     size_pix: tuple[int, int],
     stride: int,
 ) -> tuple[Int64[Tensor, "h w"], Float[Tensor, "h w"]]:
-    """Class and z-depth in metres at the centers of squares of ``stride`` pixels.
+    """Returns class and z-depth in metres at the centers of squares of ``stride`` pixels.
 
     ``size_pix`` is the image's width and height.
     """

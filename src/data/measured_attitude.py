@@ -58,7 +58,7 @@ class MeasuredAttitude:
             self.roll_pitch_rad[clip_id] = reported + math.radians(noise_deg) * noise
 
     def __call__(self, batch: Batch) -> Batch:
-        """The batch as the autopilot would have reported it."""
+        """Returns the batch as the autopilot would have reported it."""
         queue = batch["occ_from_body"].shape[1]
         ages = torch.arange(queue - 1, -1, -1) * self.step
         # What lies before the clip does not exist for the network either.
@@ -78,14 +78,14 @@ class MeasuredAttitude:
 
 
 def roll_pitch_of(clip: Clip) -> Float[Tensor, "t 2"]:
-    """True roll and pitch of every frame in radians."""
+    """Returns the true roll and pitch of every frame in radians."""
     return torch.stack(euler_from_rotation(clip.world_from_body[:, :3, :3])[:2], dim=-1)
 
 
 def delayed(
     values: Float[Tensor, "t 2"], capture_hz: float, delay_s: float
 ) -> Float[Tensor, "t 2"]:
-    """Values as they were ``delay_s`` before each frame, interpolated linearly between frames."""
+    """Returns values of ``delay_s`` before each frame, interpolated linearly between frames."""
     place = torch.arange(len(values), dtype=values.dtype) - delay_s * capture_hz
     # So that a delay of whole frames takes them as they are.
     place = place.mul(1e6).round().div(1e6).clamp(min=0)

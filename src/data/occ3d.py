@@ -56,8 +56,10 @@ class Occ3DFolder:
             raise UserError(f"{self.root}: holds no <scene>/<token>/{LABELS}")
 
     def labels(self, scene: str, token: str) -> UInt8[Tensor, "X Y Z"]:
-        """A frame in our classes. Raises `UserError` for a file that cannot be read or does not
-        fit the grid or the class map."""
+        """Returns a frame in our classes.
+
+        Raises `UserError` for a file that cannot be read or does not fit the grid or the class map.
+        """
         path = self.root / scene / token / LABELS
         stored = self._read(scene, token, "semantics")
         if stored.shape != self.grid.shape:
@@ -73,7 +75,7 @@ class Occ3DFolder:
         return torch.from_numpy(self._map[stored.astype(np.uint8)])
 
     def mask(self, scene: str, token: str, name: str) -> Tensor:
-        """``mask_camera`` or ``mask_lidar`` as bool [X, Y, Z]."""
+        """Returns ``mask_camera`` or ``mask_lidar`` as bool [X, Y, Z]."""
         return torch.from_numpy(self._read(scene, token, name).astype(bool))
 
     def inventory(self, samples: Sequence[Sample]) -> Inventory:

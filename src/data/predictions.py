@@ -22,7 +22,7 @@ from .files import BROKEN
 
 FACTS = "predictions.json"
 LABELS, LOGITS = "occupancy.npz", "logits.npz"
-SHOWN = 3
+MOST_NAMED = 3
 Sample = tuple[str, int]
 
 
@@ -52,7 +52,7 @@ class PredictionWriter:
         labels: UInt8[Tensor, "X Y Z"],
         logits: Float[Tensor, "c X Y Z"] | None = None,
     ) -> None:
-        """Keep one frame; ``logits`` are stored with half precision."""
+        """Keeps one frame; ``logits`` are stored with half precision."""
         # An archive is written at once, so a clip's frames are kept until the next clip comes.
         if clip != self._clip:
             self._flush()
@@ -90,7 +90,7 @@ class Inventory:
     def __str__(self) -> str:
         parts = []
         for kind, frames in vars(self).items():
-            named = [*frames[:SHOWN], "..."] if len(frames) > SHOWN else frames
+            named = [*frames[:MOST_NAMED], "..."] if len(frames) > MOST_NAMED else frames
             if frames:
                 parts.append(f"{len(frames)} {kind}: {', '.join(named)}")
         return "; ".join(parts)
@@ -122,7 +122,7 @@ class Predictions:
         return torch.from_numpy(self._read(clip, LABELS, f"semantics_{frame:06d}"))
 
     def logits(self, clip: str, frame: int) -> Float[Tensor, "c X Y Z"] | None:
-        """The class scores of a frame as float32, where they were written."""
+        """Returns the class scores of a frame as float32, where they were written."""
         if not (self.folder / clip / LOGITS).is_file():
             return None
         return torch.from_numpy(self._read(clip, LOGITS, f"logits_{frame:06d}").astype(np.float32))

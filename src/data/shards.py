@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 def share_of(items: Sequence[T], shard: int, shards: int) -> list[T]:
-    """The items that one of several shards makes: every ``shards``-th, so that all get as many.
+    """Returns the items that one of several shards makes: every ``shards``-th item.
 
     Raises `UserError` for a shard that there is not.
     """
@@ -33,7 +33,7 @@ def share_of(items: Sequence[T], shard: int, shards: int) -> list[T]:
 
 
 def record_of(data_folder: Path, scale: str) -> Path:
-    """The file that says which dataset of a scale is being made in shards."""
+    """Returns the file that says which dataset of a scale is being made in shards."""
     return data_folder / f".{scale}.shards.json"
 
 

@@ -18,7 +18,7 @@ def make_split(
     val_clips: Sequence[str],
     test_clips: Sequence[str],
 ) -> Split:
-    """The frames of every part.
+    """Returns the frames of every part.
 
     Of a clip, [0, 10) s are for training, [10, 11) s for validation and [11, 12) s for test; a
     held-out clip belongs whole to validation or test. Raises `UserError` for a held-out clip that
@@ -44,7 +44,7 @@ def make_split(
 
 
 def held_out_clips(split: Split) -> dict[str, list[str]]:
-    """The clips that belong whole to ``val`` or to ``test``, in the order of the split."""
+    """Returns the clips that belong whole to ``val`` or to ``test``, in the order of the split."""
     # A clip with a training frame is split by time; all others belong to one part.
     trained_on = {clip for clip, _ in split["train"]}
     return {
@@ -54,7 +54,7 @@ def held_out_clips(split: Split) -> dict[str, list[str]]:
 
 
 def part_of_time(time_s: float) -> str:
-    """The part of a frame of a clip that is not held out."""
+    """Returns the part of a frame of a clip that is not held out."""
     if time_s < TRAIN_UNTIL_S:
         return "train"
     return "val" if time_s < VAL_UNTIL_S else "test"

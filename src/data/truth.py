@@ -44,12 +44,12 @@ class SkyShieldTruth:
         self.samples, self.unseen = split[part], frozenset(held_out["test"])
 
     def truth(self, clip_id: str, frame: int) -> dict:
-        """One frame as a batch of one."""
+        """Returns one frame as a batch of one."""
         return truth_at(self.clips[clip_id], frame)
 
 
 def truth_at(clip: Clip, frame: int) -> dict:
-    """A frame's labels, velocity and camera as a batch of one; a `metrics.suite.GroundTruth`."""
+    """Returns a frame's labels, velocity and camera, as a `metrics.suite.GroundTruth` of one."""
     meta, world_from_body = clip.meta, clip.world_from_body[frame]
     occ_from_world = inverse(world_from_occ(world_from_body))
     velocity_mps = occ_from_world[:3, :3] @ velocity_world_mps(clip, frame)
@@ -66,7 +66,7 @@ def truth_at(clip: Clip, frame: int) -> dict:
 
 
 def truth_of(batch: Batch) -> dict:
-    """The current frames of a loader's batch, as `truth_at` gives one."""
+    """Returns the current frames of a loader's batch, as `truth_at` gives one."""
     return {
         **{key: batch[key] for key in ("clip", "semantics", "visible", "velocity_mps")},
         "camera_from_occ": camera_from_occ(

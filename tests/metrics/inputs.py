@@ -101,6 +101,6 @@ def scores_of(metric, *batches):
     return {name: float(score) for name, score in scores.items()}
 
 
-def assert_same(found, expected):
+def assert_same(actual, expected):
     """Of tables or scores: the same to the last bit, NaN included."""
-    torch.testing.assert_close(found, expected, rtol=0, atol=0, equal_nan=True)
+    torch.testing.assert_close(actual, expected, rtol=0, atol=0, equal_nan=True)

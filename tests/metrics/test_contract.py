@@ -88,8 +88,8 @@ def test_cuda_gives_the_same_bits(grid, random_batch):
     batch = random_batch(0)
     on_cuda = OccupancyScores(grid).cuda()
     on_cuda.update(*(tensor.cuda() for tensor in batch))
-    found = {name: table.cpu() for name, table in on_cuda.tables.items()}
-    assert_same(found, counted(OccupancyScores, grid, batch).tables)
+    actual = {name: table.cpu() for name, table in on_cuda.tables.items()}
+    assert_same(actual, counted(OccupancyScores, grid, batch).tables)
 
 
 @of(CONFUSIONS)

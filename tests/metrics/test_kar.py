@@ -77,9 +77,9 @@ def test_the_definition_is_that_of_plain_loops(grid, batch, parameters):
 def test_a_logit_counts_as_its_class_and_a_mask_as_unknown(grid, random_batch):
     _, target, velocity = random_batch(0)
     logits, mask = random_logits(1, target), coins(2, target)
-    found = kar_mean_iou(logits, target, velocity, grid, mask)
+    actual = kar_mean_iou(logits, target, velocity, grid, mask)
     unknown = target.masked_fill(~mask, 255)
-    assert_same(found, kar_mean_iou(logits.argmax(1), unknown, velocity, grid))
+    assert_same(actual, kar_mean_iou(logits.argmax(1), unknown, velocity, grid))
 
 
 # ------------------------------------------------------------------------ what computes it faster
@@ -99,8 +99,8 @@ def test_the_metrics_have_the_bits_of_the_definition(grid, batch, backend, param
         assert_same(updated(KARMeanIoU(grid, **options), given).compute(), score.float())
         scores = updated(OccupancyScores(grid, **options), given).compute()
         assert_same(scores["kar_miou"], score.float())
-        found = torch.stack([scores[f"kar_iou/{name}"] for name in CLASSES])
-        assert_same(found, by_class.float())
+        actual = torch.stack([scores[f"kar_iou/{name}"] for name in CLASSES])
+        assert_same(actual, by_class.float())
 
 
 def test_batches_add_up_to_the_definition_of_all_their_frames(grid, random_batch):

@@ -86,8 +86,8 @@ def test_what_rays_meet_first_matches_tiny_steps(grid, sparse_batch, seed):
     expected = iter(met_in_batch(grid, preds, target, origin_m, directions))
     codes = F.encode(preds, target, None, num_classes=9, ignore_index=255)
     for b in range(len(target)):
-        found = F.first_met(codes[b], origin_m[b], directions[b], grid, free_index=FREE)
-        for classes, distances_m in zip(found[0].T, found[1].T):
+        actual = F.first_met(codes[b], origin_m[b], directions[b], grid, free_index=FREE)
+        for classes, distances_m in zip(actual[0].T, actual[1].T):
             for class_id, distance_m, (other, other_m) in zip(classes, distances_m, next(expected)):
                 assert class_id == (255 if other is None else other)
                 assert distance_m == pytest.approx(other_m, abs=2 * STEP_M)
@@ -98,8 +98,8 @@ def test_every_score_matches_tiny_steps(grid, sparse_batch, thresholds_m):
     batches = [(*sparse_batch(seed), *random_rays(seed)) for seed in range(2)]
     rays = [ray for batch in batches for ray in met_in_batch(grid, *batch)]
     expected = expected_scores(rays, thresholds_m)
-    found = scores_of(RayIoU(grid, thresholds_m=thresholds_m), *batches)
-    assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
+    actual = scores_of(RayIoU(grid, thresholds_m=thresholds_m), *batches)
+    assert actual == pytest.approx(expected, abs=1e-6, nan_ok=True)
     assert 0 < expected["ray_iou"] < 1
     assert 0 < expected["ray_phantom_rate"] < 1
 
@@ -114,8 +114,8 @@ def test_rays_along_an_axis_match_tiny_steps(grid, sparse_batch, axis, sign):
         origin_m = torch.tensor([9.0, 0.5, -0.7], dtype=torch.float64).expand(len(target), 3)
         origin_m = origin_m if inside else origin_m - 30.0 * direction[:, 0]
         expected = expected_scores(met_in_batch(grid, preds, target, origin_m, direction))
-        found = scores_of(RayIoU(grid), (preds, target, origin_m, direction))
-        assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
+        actual = scores_of(RayIoU(grid), (preds, target, origin_m, direction))
+        assert actual == pytest.approx(expected, abs=1e-6, nan_ok=True)
 
 
 # ------------------------------------------------------------------------------------- by hand
@@ -123,8 +123,8 @@ def test_rays_along_an_axis_match_tiny_steps(grid, sparse_batch, axis, sign):
 
 def met_on_line(preds, target, origin_m=HERE, directions=AHEAD):
     codes = F.encode(preds, target, None, num_classes=9, ignore_index=255)
-    found = F.first_met(codes[0], origin_m[0], directions[0], LINE, free_index=FREE)
-    return [row[:, 0].tolist() for row in found]
+    actual = F.first_met(codes[0], origin_m[0], directions[0], LINE, free_index=FREE)
+    return [row[:, 0].tolist() for row in actual]
 
 
 def test_a_ray_that_starts_in_an_occupied_voxel_meets_it_at_once():
@@ -142,8 +142,8 @@ def test_a_ray_looks_ahead_only():
 def test_unknown_voxels_are_passed_through_even_where_something_is_predicted():
     target = line(x2=255, x4=CAR)
     for anything in (CAR, BUILDING, 255):
-        found = met_on_line(line(x2=anything, x4=CAR), target)
-        assert found == [[CAR, CAR], [8.0, 8.0]]
+        actual = met_on_line(line(x2=anything, x4=CAR), target)
+        assert actual == [[CAR, CAR], [8.0, 8.0]]
 
 
 @pytest.mark.parametrize(("index", "hits"), [(4, 3), (3, 1), (5, 1), (2, 0), (6, 0)])
