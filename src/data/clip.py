@@ -116,10 +116,7 @@ class ClipWriter:
         self._add("rgb.zip", f"{frame:06d}.jpg", encoded.getvalue(), zipfile.ZIP_STORED)
 
     def add_labels(
-        self,
-        frame: int,
-        semantics: UInt8[np.ndarray, "X Y Z"],
-        visible: Bool[np.ndarray, "X Y Z"],
+        self, frame: int, semantics: UInt8[np.ndarray, "X Y Z"], visible: Bool[np.ndarray, "X Y Z"]
     ) -> None:
         self._add_array("occupancy.npz", f"semantics_{frame:06d}", semantics)
         self._add_array("occupancy.npz", f"visible_{frame:06d}", visible)

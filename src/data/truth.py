@@ -25,10 +25,7 @@ class SkyShieldTruth:
     """
 
     def __init__(
-        self,
-        root: Path,
-        part: str = "test",
-        held_out: Mapping[str, Sequence[str]] | None = None,
+        self, root: Path, part: str = "test", held_out: Mapping[str, Sequence[str]] | None = None
     ) -> None:
         require_choice("task.part", part, PARTS)
         self.name = root.name

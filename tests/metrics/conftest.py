@@ -7,15 +7,7 @@ from src.geometry import VoxelGrid
 from src.metrics import Calibration, KARBreakdown, RayIoU
 from src.metrics.suite import ScoreSuite
 from src.ontology import CAR, FREE
-from tests.metrics.inputs import (
-    CLIPS,
-    SUITE,
-    coins,
-    one_hot,
-    random_logits,
-    random_rays,
-    truth_of,
-)
+from tests.metrics.inputs import CLIPS, SUITE, coins, one_hot, random_logits, random_rays, truth_of
 
 SHAPE = (6, 5, 3)
 

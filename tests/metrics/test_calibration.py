@@ -59,13 +59,7 @@ def expected_scores(grid, logits, target, velocity, bins=15, horizon_s=5.0, min_
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        {},
-        {"bins": 1},
-        {"bins": 4},
-        {"horizon_s": 1.0},
-        {"horizon_s": 0.7, "min_speed_mps": 14.0},
-    ],
+    [{}, {"bins": 1}, {"bins": 4}, {"horizon_s": 1.0}, {"horizon_s": 0.7, "min_speed_mps": 14.0}],
 )
 def test_every_score_matches_the_loops(grid, batch, arguments):
     expected = expected_scores(grid, *batch, **arguments)

@@ -40,15 +40,7 @@ def far_too_fast(preds, target, velocity):
     return preds, target, 1e6 * velocity
 
 
-EDGES = [
-    absent_classes,
-    one_voxel,
-    all_unknown,
-    all_free,
-    all_wrong,
-    standing_still,
-    far_too_fast,
-]
+EDGES = [absent_classes, one_voxel, all_unknown, all_free, all_wrong, standing_still, far_too_fast]
 
 # A UAV at rest then has voxels exactly at the horizon, 6 m away.
 AT_THE_HORIZON = PAPER | {"horizon_s": 1.2}
