@@ -46,15 +46,15 @@ def ego_motion(
     """
     # The chain goes through the world, which the past and the current frame share.
     occ_now_from_world = inverse(world_from_occ(world_from_body[-1]))
-    roll_rad, pitch_rad, _ = euler_from_rotation(world_from_body[-1, :3, :3])
+    roll_pitch_yaw_rad = torch.stack(euler_from_rotation(world_from_body[-1, :3, :3]))
+
     motion = {
         "occ_from_body": occ_from_body(world_from_body),
         "occ_from_past_occ": occ_now_from_world @ world_from_occ(world_from_body),
         "velocity_mps": occ_now_from_world[:3, :3] @ velocity_world_mps,
-        "attitude_rad": torch.stack([roll_rad, pitch_rad]),
+        "attitude_rad": roll_pitch_yaw_rad[:2],
         "height_m": world_from_body[-1, 2, 3],
     }
-
     return {name: value.float() for name, value in motion.items()}
 
 
@@ -67,11 +67,12 @@ def mirrored(sample: Batch) -> Batch:
     # Left is y in the occ and body frames, and x in the camera's.
     swap_y = sample["body_from_camera"].new_tensor([1, -1, 1, 1])
     swap_x = swap_y.new_tensor([-1, 1, 1, 1])
-    pix_from_camera = sample["pix_from_camera"].clone()
+    sides = swap_y[:, None] * swap_y
+
     # Skew changes its sign with u; the principal point moves to the other side.
+    pix_from_camera = sample["pix_from_camera"].clone()
     pix_from_camera[..., 0, 1] *= -1
     pix_from_camera[..., 0, 2] = sample["image"].shape[-1] - pix_from_camera[..., 0, 2]
-    sides = swap_y[:, None] * swap_y
 
     return {
         **sample,

@@ -63,7 +63,7 @@ def frames_in_order(batches: int, length: int, batch_size: int, processes: int) 
 
 
 def _parts(length: int, batch_size: int, processes: int) -> list[np.ndarray]:
-    """The samples in order, in equally many parts for every process."""
+    """Returns the samples in order, in equally many parts for every process."""
     # Rounded up, so that no sample is left over.
     steps = -(-length // (batch_size * processes))
     return np.array_split(np.arange(length), steps * processes)
@@ -90,11 +90,11 @@ class TrainingBatches(Sampler[list[Key]]):
 
     @property
     def sampler(self) -> "TrainingBatches":
-        """The object on which Lightning calls `set_epoch`."""
+        """This sampler itself, on which Lightning calls `set_epoch`."""
         return self
 
     def set_epoch(self, epoch: int) -> None:
-        """Called by the trainer at the start of every epoch."""
+        """Takes the number of the epoch, which the trainer says at its start."""
         self.epoch = epoch
 
     def __len__(self) -> int:
@@ -104,15 +104,13 @@ class TrainingBatches(Sampler[list[Key]]):
         # No state is kept between epochs: a resumed run draws what the first would have drawn.
         rng = np.random.default_rng([self.seed, self.epoch])
         order = rng.permutation(self.length)
-        coins = self._coins(rng, self.length)
-        keys = [Key(index, coin) for index, coin in zip(order.tolist(), coins)]
+        coins = (rng.random(self.length) < 0.5) & self.mirror
+        keys = [Key(*drawn) for drawn in zip(order.tolist(), coins.tolist())]
+
         for step in range(len(self)):
             # Step by step, the ranks take neighboring batches of one order.
             start = (step * self.rank.of + self.rank.number) * self.batch_size
             yield keys[start : start + self.batch_size]
-
-    def _coins(self, rng: np.random.Generator, count: int) -> list[bool]:
-        return (rng.random(count) < 0.5 if self.mirror else np.zeros(count, bool)).tolist()
 
 
 class StreamBatches(TrainingBatches):
@@ -143,15 +141,12 @@ class StreamBatches(TrainingBatches):
         rng = np.random.default_rng([self.seed, self.epoch])
         # Whole runs are shuffled: the frames of one must stay in their order.
         order = rng.permutation(len(self.runs)).tolist()
-        coins = self._coins(rng, len(self.runs))
-        keys = [
-            Key(index, coins[run], past)
-            for run in order
-            for past, index in enumerate(self.runs[run])
-        ]
-        steps = len(self)
-        first = self.rank.number * self.places
+        coins = ((rng.random(len(self.runs)) < 0.5) & self.mirror).tolist()
+        keys = []
+        for run in order:
+            keys += [Key(index, coins[run], past) for past, index in enumerate(self.runs[run])]
 
+        steps, first = len(self), self.rank.number * self.places
         for step in range(steps):
             batch = [keys[place * steps + step] for place in range(first, first + self.places)]
             # A run that was cut by the border between two places begins anew there.
@@ -159,7 +154,7 @@ class StreamBatches(TrainingBatches):
 
 
 def runs_of(samples: Sequence[tuple[str, int]], stride: int, run_frames: int) -> list[list[int]]:
-    """Numbers of the samples, in runs of at most ``run_frames`` frames that follow each other."""
+    """Numbers the samples, in runs of at most ``run_frames`` frames that follow each other."""
     number = {sample: index for index, sample in enumerate(samples)}
     runs: list[list[int]] = []
     for clip, frame in number:

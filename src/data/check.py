@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -59,6 +58,7 @@ def problems_of(clip_folder: Path) -> Iterator[str]:
     # Damaged files cannot be read to be checked further.
     if damaged:
         return
+
     clip = Clip(clip_folder)
     yield from _angle_problems(clip)
     centers = clip.meta.grid.centers(torch.float64)
@@ -70,6 +70,7 @@ def _angle_problems(clip: Clip) -> Iterator[str]:
     """Compares the table's angles with the quaternion, from which every transform is made."""
     angles = torch.stack(euler_from_rotation(clip.world_from_body[:, :3, :3]), dim=-1)
     table = torch.tensor(clip.frames[["roll_rad", "pitch_rad", "yaw_rad"]].to_numpy())
+
     # Angles that differ by a whole turn are equal.
     turn = torch.remainder(angles - table + torch.pi, 2 * torch.pi) - torch.pi
     for frame in (turn.abs().amax(dim=-1) > 1e-6).nonzero().flatten().tolist():
@@ -77,9 +78,10 @@ def _angle_problems(clip: Clip) -> Iterator[str]:
 
 
 def _frustum_problems(clip: Clip, frame: int, centers: Float[Tensor, "X Y Z 3"]) -> Iterator[str]:
-    """Labels stand exactly where the projection chain puts the image: a wrong attitude shows."""
+    """Finds labels outside the image of the projection chain: a wrong attitude makes some."""
     meta = clip.meta
     chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
+
     # App. A.3 supervises only voxels whose center projects into the image.
     labelled = torch.from_numpy(clip.semantics(frame) != UNKNOWN)
     pix, depth_m = project(centers[labelled], chain, meta.pix_from_camera)
@@ -91,29 +93,28 @@ def _frustum_problems(clip: Clip, frame: int, centers: Float[Tensor, "X Y Z 3"])
 def agreement_of(clip: Clip, frame: int, total: DepthAgreement) -> None:
     """Adds one frame's depth pixels to the counts; the clip must have been made with aux images."""
     meta = clip.meta
-    depth_m = torch.from_numpy(clip.aux("depth", frame).astype(np.float64)).reshape(-1)
-    class_id = clip.aux("class", frame).reshape(-1)
-    hit = torch.from_numpy(class_id != SKY)
-    pix = pixel_centers(meta.width, meta.height).reshape(-1, 2)[hit]
-    points_camera = unproject(pix, depth_m[hit], meta.pix_from_camera)
+    depth_m, class_id = (torch.from_numpy(clip.aux(name, frame)) for name in ("depth", "class"))
+    hit = class_id != SKY
+    pix = pixel_centers(meta.width, meta.height)[hit]
+    points_camera = unproject(pix, depth_m[hit].double(), meta.pix_from_camera)
+
     # In the occ frame neither place nor yaw matters, so roll and pitch are enough.
     tilt = occ_from_body(clip.world_from_body[frame])
     points_occ = transform(tilt @ meta.body_from_camera, points_camera)
     index, inside = meta.grid.index_of(points_occ)
-    index, own = index[inside], class_id[hit.numpy()][inside.numpy()]
+    index, own = index[inside], class_id[hit][inside]
 
     # A voxel is labelled by its center, which may be outside where the point is inside.
     centers = meta.grid.centers(torch.float64)[tuple(index.T)]
     chain = inverse(meta.body_from_camera) @ inverse(tilt)
     in_view = in_image(*project(centers, chain, meta.pix_from_camera), meta.width, meta.height)
-    index, own = index[in_view], own[in_view.numpy()]
-    semantics = clip.semantics(frame)
-    label = semantics[tuple(index.T.numpy())]
-    holds_point = np.zeros(meta.grid.shape, dtype=bool)
-    holds_point[tuple(index.T.numpy())] = True
+    voxels, own = tuple(index[in_view].T), own[in_view]
 
-    total.pixels += len(label)
-    total.occupied += int((label < FREE).sum())
-    total.own_class += int((label == own).sum())
+    semantics = torch.from_numpy(clip.semantics(frame))
+    holds_point = torch.zeros(meta.grid.shape, dtype=torch.bool)
+    holds_point[voxels] = True
+    total.pixels += len(own)
+    total.occupied += int((semantics[voxels] < FREE).sum())
+    total.own_class += int((semantics[voxels] == own).sum())
     total.free_voxels += int((semantics == FREE).sum())
     total.free_with_point += int(((semantics == FREE) & holds_point).sum())

@@ -81,14 +81,14 @@ class ClipMeta:
 
 
 def poses_of(frames: pd.DataFrame) -> Float[Tensor, "t 4 4"]:
-    """``world_from_body`` (float64) of the rows of a ``frames.csv``."""
+    """Returns ``world_from_body`` (float64) of the rows of a ``frames.csv``."""
     quat_xyzw = torch.from_numpy(frames[["qx", "qy", "qz", "qw"]].to_numpy(np.float64, copy=True))
     position_m = torch.from_numpy(frames[["x_m", "y_m", "z_m"]].to_numpy(np.float64, copy=True))
     return rigid(rotation_from_quat(quat_xyzw), position_m)
 
 
 def unfinished(folder: Path) -> Path:
-    """The folder in which a clip lies until it is whole."""
+    """Returns the folder in which a clip lies until it is whole."""
     return folder.with_name(f".{folder.name}.part")
 
 
@@ -116,16 +116,13 @@ class ClipWriter:
         self._add("rgb.zip", f"{frame:06d}.jpg", encoded.getvalue(), zipfile.ZIP_STORED)
 
     def add_labels(
-        self,
-        frame: int,
-        semantics: UInt8[np.ndarray, "X Y Z"],
-        visible: Bool[np.ndarray, "X Y Z"],
+        self, frame: int, semantics: UInt8[np.ndarray, "X Y Z"], visible: Bool[np.ndarray, "X Y Z"]
     ) -> None:
         self._add_array("occupancy.npz", f"semantics_{frame:06d}", semantics)
         self._add_array("occupancy.npz", f"visible_{frame:06d}", visible)
 
     def add_aux(self, frame: int, **images: np.ndarray) -> None:
-        """Annotation signals (depth, class, instance) for those who ask for them."""
+        """Adds annotation signals (depth, class, instance), for those who ask for them."""
         for name, image in images.items():
             self._add_array("aux.npz", f"{name}_{frame:06d}", image)
 
@@ -152,9 +149,11 @@ class ClipWriter:
             with writing(self._part / name):
                 archive.close()
         self._write("clip.json", json.dumps(self.meta.to_json(), indent=1) + "\n")
+
         names = sorted(path.name for path in self._part.iterdir())
         sums = "".join(f"{sha256_of(self._part / name)}  {name}\n" for name in names)
         self._write(SUMS, sums)
+
         # The rename says that the clip is whole, so its bytes must be on the disk before.
         for path in (*self._part.iterdir(), self._part):
             flush_to_disk(path)
@@ -186,13 +185,18 @@ class Clip:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
+        self._opened_by, self._archives = -1, {}
         with reading(self.folder / "clip.json") as path:
             self.meta = ClipMeta.from_json(json.loads(path.read_text()))
+
         self.frames = self._table("frames.csv", FRAME_COLUMNS)
         with reading(self.folder / "frames.csv"):
-            _require_all_frames(self.frames, round(CLIP_SECONDS * self.meta.capture_hz))
+            count = round(CLIP_SECONDS * self.meta.capture_hz)
+            if self.frames["frame"].tolist() != list(range(count)):
+                raise ValueError(f"it does not hold the frames 0 to {count - 1}")
+            if not np.isfinite(self.frames.to_numpy(np.float64)).all():
+                raise ValueError("it holds values that are no numbers")
             self.world_from_body = poses_of(self.frames)
-        self._opened_by, self._archives = -1, {}
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -221,7 +225,7 @@ class Clip:
         return self._array("occupancy.npz", f"visible_{frame:06d}")
 
     def aux(self, name: str, frame: int) -> np.ndarray:
-        """``depth`` (m, inf at the sky), ``class`` or ``instance`` image; needs sim.save_aux."""
+        """Returns a ``depth`` (m, inf at the sky), ``class`` or ``instance`` image, if saved."""
         return self._array("aux.npz", f"{name}_{frame:06d}")
 
     def _array(self, archive: str, name: str) -> np.ndarray:
@@ -229,7 +233,7 @@ class Clip:
             return self._archive(archive)[name]
 
     def _archive(self, name: str) -> Any:
-        """An open archive of this process: a file position shared with a fork would be corrupt."""
+        """Returns an archive that this process opened: a fork would move a shared file position."""
         if self._opened_by != os.getpid():
             self._opened_by, self._archives = os.getpid(), {}
         if name not in self._archives:
@@ -254,7 +258,7 @@ class Clip:
 
 
 def recorded_sums(folder: Path) -> dict[str, str]:
-    """File name to SHA-256, as the clip's own ``SHA256SUMS`` says."""
+    """Returns the SHA-256 of each file by its name, as the clip's own ``SHA256SUMS`` says."""
     with reading(folder / SUMS) as path:
         # Not splitlines(), for which a damaged line feed may end a line too.
         lines = path.read_text().removesuffix("\n").split("\n")
@@ -264,10 +268,3 @@ def recorded_sums(folder: Path) -> dict[str, str]:
 def damaged_files(folder: Path) -> list[str]:
     """Names of the clip's files that are missing or whose bytes are not the ones written."""
     return differing_files(folder, recorded_sums(folder))
-
-
-def _require_all_frames(frames: pd.DataFrame, count: int) -> None:
-    if frames["frame"].tolist() != list(range(count)):
-        raise ValueError(f"it does not hold the frames 0 to {count - 1}")
-    if not np.isfinite(frames.to_numpy(np.float64)).all():
-        raise ValueError("it holds values that are no numbers")

@@ -34,35 +34,26 @@ _OTHER_NAMES = {
 }
 CONTEXT = dict(sorted({**{n: f"cr:{n}" for n in _CROISSANT_NAMES}, **_OTHER_NAMES}.items()))
 
+# The files of a clip: what is in them, and by their endings how it is written.
 FILE_SETS = {
-    "clip.json": ("application/json", "town, weather, seed, camera and voxel grid of a clip"),
-    "frames.csv": (
-        "text/csv",
-        "time, place, quaternion, velocity, attitude and height of every frame",
-    ),
-    "actors.csv": ("text/csv", "class, place, velocity, size of every moving actor, every frame"),
-    "rgb.zip": ("application/zip", "front images, 000000.jpg and so on"),
-    "occupancy.npz": (
-        "application/zip",
-        "NumPy arrays [X, Y, Z] of each frame: semantics_000000 (uint8, 255 is unknown) and "
-        "visible_000000 (bool)",
-    ),
-    "aux.npz": (
-        "application/zip",
-        "NumPy arrays [H, W] of each frame: depth_000000 (float32, metres), class_000000 (uint8), "
-        "instance_000000 (int32)",
-    ),
-    SUMS: ("text/plain", "SHA-256 of every other file of the clip"),
+    "clip.json": "town, weather, seed, camera and voxel grid of a clip",
+    "frames.csv": "time, place, quaternion, velocity, attitude and height of every frame",
+    "actors.csv": "class, place, velocity, size of every moving actor, every frame",
+    "rgb.zip": "front images, 000000.jpg and so on",
+    "occupancy.npz": "NumPy arrays [X, Y, Z] of each frame: semantics_000000 (uint8, 255 is "
+    "unknown) and visible_000000 (bool)",
+    "aux.npz": "NumPy arrays [H, W] of each frame: depth_000000 (float32, metres), class_000000 "
+    "(uint8), instance_000000 (int32)",
+    SUMS: "SHA-256 of every other file of the clip",
 }
-IMAGES = {
-    "@type": "cr:FileSet",
-    "@id": "images",
-    "name": "images",
-    "description": "the front images in each rgb.zip",
-    "containedIn": {"@id": "rgb.zip"},
-    "encodingFormat": "image/jpeg",
-    "includes": "*.jpg",
+ENCODINGS = {
+    ".json": "application/json",
+    ".csv": "text/csv",
+    ".zip": "application/zip",
+    ".npz": "application/zip",
+    "": "text/plain",
 }
+
 UNITS = {"m": "metres", "s": "seconds", "rad": "radians", "mps": "m/s", "radps": "rad/s"}
 POSES = {
     "x_m": "position, east",
@@ -109,13 +100,15 @@ CLIP_MEANINGS = {
     **{f"share_{name}": f"share of {name} among the labelled voxels" for name in CLASSES},
     "bytes": "size of all files",
 }
-COUNTS = [f"visible_{name}" for name in ("pixels", *ACTOR_TYPES)]
-INTEGERS = ("frame", "actor_id", "class_id", "frames", "bytes", *COUNTS)
-TEXTS = ("clip", "type", "town", "weather", "role")
+INTEGERS = ("frame", "actor_id", "class_id", "frames", "bytes", "visible_pixels")
+TYPES = {
+    **dict.fromkeys(("clip", "type", "town", "weather", "role"), "sc:Text"),
+    **dict.fromkeys((*INTEGERS, *(f"visible_{name}" for name in ACTOR_TYPES)), "sc:Integer"),
+}
 
 
 def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Path) -> dict:
-    """The metadata as plain data, to be written to ``<root>/croissant.json``.
+    """Returns the metadata as plain data, to be written to ``<root>/croissant.json``.
 
     ``clips_csv`` is a table with a row a clip, somewhere under ``root``. Every clip's files are
     covered by the manifest's hashes, and the manifest by its own here.
@@ -134,105 +127,88 @@ def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Pat
         "keywords": ["UAV", "semantic occupancy", "3-D scene understanding", "synthetic data"],
         "citeAs": "SkyShield: Occupancy as a Safety Interface for Low-Altitude UAV Autonomy",
         "distribution": [
-            _file_object(root, root / MANIFEST, "application/json"),
-            _file_object(root, clips_csv, "text/csv"),
+            _file_object(root, root / MANIFEST),
+            _file_object(root, clips_csv),
             *(_file_set(name) for name in FILE_SETS if name in files or name == SUMS),
-            IMAGES,
+            _node(
+                "FileSet",
+                "images",
+                description="the front images in each rgb.zip",
+                containedIn={"@id": "rgb.zip"},
+                encodingFormat="image/jpeg",
+                includes="*.jpg",
+            ),
         ],
         "recordSet": [
             _classes(),
             _clips(clips_csv),
-            _table("frames.csv", "A record a frame.", FRAME_COLUMNS, FRAME_MEANINGS),
-            _table(
-                "actors.csv", "A record a moving actor and frame.", ACTOR_COLUMNS, ACTOR_MEANINGS
-            ),
+            _table("frames", "A record a frame.", FRAME_COLUMNS, FRAME_MEANINGS),
+            _table("actors", "A record a moving actor and frame.", ACTOR_COLUMNS, ACTOR_MEANINGS),
         ],
     }
 
 
-def _file_object(root: Path, path: Path, encoding: str) -> dict:
-    return {
-        "@type": "cr:FileObject",
-        "@id": path.name,
-        "name": path.name,
-        "contentUrl": path.relative_to(root).as_posix(),
-        "contentSize": f"{path.stat().st_size} B",
-        "encodingFormat": encoding,
-        "sha256": sha256_of(path),
-    }
+def _node(kind: str, name: str, **facts: object) -> dict:
+    """Returns a part of the metadata; its name begins with that of the part that holds it."""
+    return {"@type": f"cr:{kind}", "@id": name, "name": name.rpartition("/")[2], **facts}
+
+
+def _file_object(root: Path, path: Path) -> dict:
+    return _node(
+        "FileObject",
+        path.name,
+        contentUrl=path.relative_to(root).as_posix(),
+        contentSize=f"{path.stat().st_size} B",
+        encodingFormat=ENCODINGS[path.suffix],
+        sha256=sha256_of(path),
+    )
 
 
 def _file_set(name: str) -> dict:
-    """The files of one name, one in the folder of each clip."""
-    encoding, description = FILE_SETS[name]
-    return {
-        "@type": "cr:FileSet",
-        "@id": name,
-        "name": name,
-        "description": description,
-        "encodingFormat": encoding,
-        "includes": f"*/*/{name}",
-    }
+    """Describes the files of one name, one in the folder of each clip."""
+    facts = {"description": FILE_SETS[name], "encodingFormat": ENCODINGS[Path(name).suffix]}
+    return _node("FileSet", name, **facts, includes=f"*/*/{name}")
 
 
 def _classes() -> dict:
-    """The class ids of the voxels, as an enumeration."""
+    """Lists the class ids of the voxels, as an enumeration."""
     facts = {"dataType": "sc:Enumeration", "key": {"@id": "classes/id"}}
     fields = [
-        _field("classes", "id", "sc:Integer", "value of a voxel"),
-        _field("classes", "name", "sc:Text", "name of the class"),
+        _node("Field", "classes/id", description="value of a voxel", dataType="sc:Integer"),
+        _node("Field", "classes/name", description="name of the class", dataType="sc:Text"),
     ]
     rows = [{"classes/id": n, "classes/name": name} for n, name in enumerate(CLASSES)]
-    return _record_set("classes", facts, fields, data=rows)
+    return _node("RecordSet", "classes", **facts, field=fields, data=rows)
 
 
 def _clips(clips_csv: Path) -> dict:
-    fields = [
-        _column("clips", name, CLIP_MEANINGS[name], {"fileObject": {"@id": clips_csv.name}})
-        for name in pd.read_csv(clips_csv, nrows=0).columns
-    ]
-    key = {"key": {"@id": "clips/clip"}}
-    return _record_set("clips", {"description": "A record a clip.", **key}, fields)
+    files = {"fileObject": {"@id": clips_csv.name}}
+    columns = pd.read_csv(clips_csv, nrows=0).columns
+    fields = [_column(f"clips/{name}", CLIP_MEANINGS[name], files) for name in columns]
+    facts = {"description": "A record a clip.", "key": {"@id": "clips/clip"}}
+    return _node("RecordSet", "clips", **facts, field=fields)
 
 
-def _table(file: str, description: str, columns: list[str], meanings: Mapping[str, str]) -> dict:
-    """A record set over the tables of one name in all clips; the folder tells the clip."""
-    name, files = file.removesuffix(".csv"), {"fileSet": {"@id": file}}
-    folder = f"^(.*)/{file.replace('.', '[.]')}$"
-    clip = {**files, "extract": {"fileProperty": "fullpath"}, "transform": {"regex": folder}}
+def _table(name: str, description: str, columns: list[str], meanings: Mapping[str, str]) -> dict:
+    """Describes the tables of one name in all clips; the folder says which clip it is."""
+    files = {"fileSet": {"@id": f"{name}.csv"}}
+    folder = {"regex": f"^(.*)/{name}[.]csv$"}
+    source = {**files, "extract": {"fileProperty": "fullpath"}, "transform": folder}
+    clip = {"description": CLIP_MEANINGS["clip"], "dataType": TYPES["clip"], "source": source}
 
-    fields = [_field(name, "clip", "sc:Text", "the clip's folder, <town>/<clip>", clip)]
-    fields += [_column(name, column, meanings[column], files) for column in columns]
-    return _record_set(name, {"description": description}, fields)
-
-
-def _record_set(name: str, facts: Mapping, fields: list[dict], **data: list) -> dict:
-    names = {"@type": "cr:RecordSet", "@id": name, "name": name}
-    return {**names, **facts, "field": fields, **data}
+    fields = [_node("Field", f"{name}/clip", **clip)]
+    fields += [_column(f"{name}/{column}", meanings[column], files) for column in columns]
+    return _node("RecordSet", name, description=description, field=fields)
 
 
-def _column(record_set: str, name: str, meaning: str, files: Mapping) -> dict:
-    """A field that is a column of tables, its unit beside its meaning."""
-    unit = UNITS.get(name.rpartition("_")[2]) if "_" in name else None
-    meaning = f"{meaning} ({unit})" if unit else meaning
-    source = {**files, "extract": {"column": name}}
-    return _field(record_set, name, _type_of(name), meaning, source)
-
-
-def _field(
-    record_set: str, name: str, data_type: str, description: str, source: Mapping | None = None
-) -> dict:
-    field = {
-        "@type": "cr:Field",
-        "@id": f"{record_set}/{name}",
-        "name": name,
-        "description": description,
-        "dataType": data_type,
-    }
-    return field | ({"source": source} if source else {})
-
-
-def _type_of(column: str) -> str:
-    if column in TEXTS:
-        return "sc:Text"
-    return "sc:Integer" if column in INTEGERS else "sc:Float"
+def _column(name: str, meaning: str, files: Mapping) -> dict:
+    """Describes a column of tables, its unit beside its meaning."""
+    column = name.rpartition("/")[2]
+    unit = UNITS.get(column.rpartition("_")[2]) if "_" in column else None
+    return _node(
+        "Field",
+        name,
+        description=f"{meaning} ({unit})" if unit else meaning,
+        dataType=TYPES.get(column, "sc:Float"),
+        source={**files, "extract": {"column": column}},
+    )

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from multiprocessing import get_all_start_methods
 from pathlib import Path
-from typing import Any
 
 import torch
 from jaxtyping import Float, UInt8
@@ -11,6 +10,7 @@ from lightning import LightningDataModule
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
+from ..bounds import require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..terminal import tracked
@@ -49,12 +49,11 @@ class SkyShieldData(LightningDataModule):
         allow_missing: bool = False,
     ) -> None:
         super().__init__()
+        require_choice("data.order", order, ORDERS)
         self.root = Path(root)
-        self.val_clips, self.test_clips = tuple(val_clips), tuple(test_clips)
+        self.held_out = (*val_clips, *test_clips)
         self.frames, self.history_step_s, self.history = frames, history_step_s, history
         self.order, self.run_frames = order, run_frames
-        if order not in ORDERS:
-            raise UserError(f"data.order: {order!r}; there are {', '.join(ORDERS)}")
         self.mirror, self.batch_size, self.workers, self.seed = mirror, batch_size, workers, seed
 
         clip_ids = list(read_manifest(self.root)["clips"])
@@ -64,18 +63,15 @@ class SkyShieldData(LightningDataModule):
             raise UserError(f"{self.root}: none of its clips is there; run task=generate")
         self.clips = {clip_id: Clip(self.root / clip_id) for clip_id in present}
 
-        first = self.clips[present[0]]
         # Clips that are missing count as well: the split must not depend on what is here.
-        split = make_split(
-            clip_ids, len(first), first.meta.capture_hz, self.val_clips, self.test_clips
-        )
-        self.split = {
-            part: [(clip, frame) for clip, frame in samples if clip in self.clips]
-            for part, samples in split.items()
-        }
+        first = self.clips[present[0]]
+        split = make_split(clip_ids, len(first), first.meta.capture_hz, val_clips, test_clips)
+        self.split = {}
         for part, samples in split.items():
             if not samples:
                 raise UserError(f"data.val_clips/data.test_clips: they leave no frame for {part}")
+            self.split[part] = [sample for sample in samples if sample[0] in self.clips]
+
         # A mirrored voxel must be a voxel of the same grid.
         if mirror and self.grid.lower_m[1] != -self.grid.upper_m[1]:
             raise UserError(
@@ -88,26 +84,25 @@ class SkyShieldData(LightningDataModule):
         return next(iter(self.clips.values())).meta.grid
 
     def dataset(self, part: str, images: bool = True) -> OccupancyDataset:
-        """The samples of ``train``, ``val`` or ``test``; see `OccupancyDataset` for ``images``."""
+        """Returns the samples of a part of the split; ``images`` is that of `OccupancyDataset`."""
         return OccupancyDataset(
             self.clips,
             self.split[part],
             self.frames,
             self.history_step_s,
             self.history,
-            held_out=self.val_clips + self.test_clips,
+            held_out=self.held_out,
             images=images,
         )
 
     def train_dataloader(self) -> DataLoader:
+        dataset = self.dataset("train", images=self.order == "shuffled")
+        drawing = {"batch_size": self.batch_size, "seed": self.seed, "mirror": self.mirror}
+        drawing["rank"] = self._rank()
         if self.order == "shuffled":
-            dataset = self.dataset("train")
-            batches = TrainingBatches(len(dataset), **self._drawing())
-        else:
-            dataset = self.dataset("train", images=False)
-            batches = StreamBatches(
-                dataset.samples, dataset.step, self.run_frames, **self._drawing()
-            )
+            return self.loader(dataset, TrainingBatches(len(dataset), **drawing))
+
+        batches = StreamBatches(dataset.samples, dataset.step, self.run_frames, **drawing)
         return self.loader(dataset, batches)
 
     def val_dataloader(self) -> DataLoader:
@@ -117,20 +112,15 @@ class SkyShieldData(LightningDataModule):
         return self.in_order("test")
 
     def in_order(self, part: str) -> DataLoader:
-        """Every frame of a part once, clip by clip; shared among the processes, if there are
-        several."""
+        """Loads every frame of a part once, clip by clip; several processes share the frames."""
         dataset = self.dataset(part)
         return self.loader(dataset, BatchesInOrder(len(dataset), self.batch_size, self._rank()))
 
     def labels(self, part: str) -> Iterator[tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"]]]:
-        """Labels and world velocity in m/s of every frame of a part, without its images."""
+        """Yields labels and world velocity in m/s of every frame of a part, without its images."""
         for clip_id, frame in tracked(self.split[part], f"reading {part} labels"):
             clip = self.clips[clip_id]
             yield torch.from_numpy(clip.semantics(frame)), velocity_world_mps(clip, frame)
-
-    def _drawing(self) -> dict[str, Any]:
-        shared = {"batch_size": self.batch_size, "seed": self.seed, "mirror": self.mirror}
-        return {**shared, "rank": self._rank()}
 
     def _rank(self) -> Rank:
         trainer = self.trainer

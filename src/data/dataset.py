@@ -38,14 +38,10 @@ class OccupancyDataset(Dataset):
         held_out: Sequence[str] = (),
         images: bool = True,
     ) -> None:
-        self.clips = clips
-        self.samples = list(samples)
-        self.frames = frames
-        self.history = history
-        self.held_out = frozenset(held_out)
-        self.images = images
         require_choice("data.history", history, HISTORY)
-
+        self.clips, self.samples = clips, list(samples)
+        self.frames, self.images = frames, images
+        self.history, self.held_out = history, frozenset(held_out)
         self.step = history_stride(history_step_s, clips[self.samples[0][0]].meta.capture_hz)
 
     def __len__(self) -> int:
@@ -60,11 +56,13 @@ class OccupancyDataset(Dataset):
         clip = self.clips[clip_id]
         ages = range(self.frames - 1, -1, -1)
         wanted = [now - self.step * age for age in ages]
+
         # What lies before the clip, or in another part, is not there for the network.
         may_see = [self._may_see(clip_id, now, frame) for frame in wanted]
         valid = [ok and (past is None or age <= past) for ok, age in zip(may_see, ages)]
         # The current frame fills the gaps, so that every tensor has its shape.
         window = [frame if ok else now for frame, ok in zip(wanted, valid)]
+
         read = window if self.images else [now]
         images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(read)}
         motion = ego_motion(clip.world_from_body[window], velocity_world_mps(clip, now))
@@ -100,7 +98,7 @@ def require_loading(data: Mapping) -> None:
 
 
 def history_stride(history_step_s: float, capture_hz: float) -> int:
-    """Frames between two of a window; `UserError` where the step falls between frames."""
+    """Returns the step in frames. Raises `UserError` where it falls between frames."""
     stride = history_step_s * capture_hz
     if abs(stride - round(stride)) > 1e-6 or round(stride) < 1:
         raise UserError(
@@ -111,6 +109,6 @@ def history_stride(history_step_s: float, capture_hz: float) -> int:
 
 
 def velocity_world_mps(clip: Clip, frame: int) -> Float[Tensor, "3"]:
-    """The UAV's velocity (float64) in the world frame."""
+    """Returns the UAV's velocity (float64) in the world frame."""
     row = clip.frames.loc[frame, ["vx_mps", "vy_mps", "vz_mps"]]
     return torch.from_numpy(row.to_numpy(np.float64, copy=True))

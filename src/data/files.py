@@ -40,7 +40,7 @@ def writing(path: Path) -> Iterator[Path]:
 
 
 def flush_to_disk(path: Path) -> None:
-    """Else a new name of the file could outlast a power cut that its contents do not."""
+    """Waits for the disk: the file's name could outlast a power cut that its contents do not."""
     with writing(path):
         handle = os.open(path, os.O_RDONLY)
         try:
@@ -50,7 +50,7 @@ def flush_to_disk(path: Path) -> None:
 
 
 def sha256_of(path: Path) -> str:
-    """The SHA-256 of a file, in hexadecimal digits."""
+    """Returns the SHA-256 of a file, in hexadecimal digits."""
     with open(path, "rb") as file:
         digest = hashlib.sha256()
         while block := file.read(1 << 20):

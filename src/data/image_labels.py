@@ -40,17 +40,12 @@ class ImageLabelDataset(Dataset):
 
     def __getitem__(self, key: int | Key) -> ImageLabels:
         sample = self.frames[key]
+        image, semantics = sample["image"][-1], sample["semantics"].numpy()
         chain = camera_from_occ(sample["occ_from_body"][-1], sample["body_from_camera"])
-        image = sample["image"][-1]
-        classes, depth_m = labels_of_pixels(
-            sample["semantics"].numpy(),
-            self.grid,
-            chain,
-            sample["pix_from_camera"][-1],
-            (image.shape[-1], image.shape[-2]),
-            self.stride,
-        )
-        return {"image": image, "classes": classes, "depth_m": depth_m}
+        lens, size_pix = sample["pix_from_camera"][-1], (image.shape[-1], image.shape[-2])
+
+        seen = labels_of_pixels(semantics, self.grid, chain, lens, size_pix, self.stride)
+        return {"image": image, "classes": seen[0], "depth_m": seen[1]}
 
 
 def labels_of_pixels(
@@ -61,23 +56,20 @@ def labels_of_pixels(
     size_pix: tuple[int, int],
     stride: int,
 ) -> tuple[Int64[Tensor, "h w"], Float[Tensor, "h w"]]:
-    """Class and z-depth in metres at the centers of squares of ``stride`` pixels.
+    """Returns class and z-depth in metres at the centers of squares of ``stride`` pixels.
 
     ``size_pix`` is the image's width and height.
     """
-    width, height = (side // stride for side in size_pix)
     # Centers of the coarse squares, in pixels of the image.
+    width, height = (side // stride for side in size_pix)
     pix = stride * pixel_centers(width, height).flatten(0, 1)
     origin, directions = rays_in_grid(pix, camera_from_occ, pix_from_camera, grid)
-    classes = np.full(len(pix), FREE, np.int64)
-    depth_m = np.zeros(len(pix), np.float32)
     rays = origin.numpy(), directions.contiguous().numpy()
-    _march(semantics, semantics < FREE, *rays, classes, depth_m)
 
-    return (
-        torch.from_numpy(classes).view(height, width),
-        torch.from_numpy(depth_m).view(height, width),
-    )
+    classes = np.full((height, width), FREE, np.int64)
+    depth_m = np.zeros((height, width), np.float32)
+    _march(semantics, semantics < FREE, *rays, classes.reshape(-1), depth_m.reshape(-1))
+    return torch.from_numpy(classes), torch.from_numpy(depth_m)
 
 
 @njit(error_model="numpy")

@@ -34,7 +34,7 @@ class DatasetSpec:
 
     @classmethod
     def of(cls, scale: str, sim: Mapping) -> "DatasetSpec":
-        """The specification of what the code at hand would generate."""
+        """Describes what the code at hand would generate."""
         shaping = {key: _plain(value) for key, value in sim.items() if key not in NOT_SHAPING}
         if "weather" in shaping:
             # The values of a weather that no clip has shape nothing.
@@ -49,12 +49,12 @@ class DatasetSpec:
         return digest_of([self.sim, self.generator])
 
     def root(self, data_folder: Path) -> Path:
-        """``<data folder>/<scale>-<hash of everything that shapes the data>``."""
+        """Returns ``<data folder>/<scale>-<hash of everything that shapes the data>``."""
         return data_folder / f"{self.scale}-{self.digest}"
 
 
 def package_versions() -> dict[str, str]:
-    """Versions of the packages that shape a dataset; absent ones are left out."""
+    """Returns the versions of the packages that shape a dataset; absent ones are left out."""
     versions = {}
     for name in PACKAGES:
         with suppress(PackageNotFoundError):
@@ -63,7 +63,7 @@ def package_versions() -> dict[str, str]:
 
 
 def missing_clips(root: Path, clip_ids: Sequence[str]) -> list[str]:
-    """Clips that are not on disk yet. A clip folder that exists is complete."""
+    """Returns the clips that are not on disk yet. A clip folder that exists is complete."""
     return [clip for clip in clip_ids if not (root / clip).is_dir()]
 
 
@@ -90,9 +90,8 @@ def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split
 
 
 def read_manifest(root: Path) -> dict:
-    """The manifest of a dataset; `UserError` where there is none or it cannot be read."""
+    """Reads the manifest of a dataset. Raises `UserError` where that fails."""
     path = root / MANIFEST
-
     try:
         manifest = json.loads(path.read_text())
         if missing := MANIFEST_KEYS - set(manifest):
@@ -130,7 +129,7 @@ def require_same_data(root: Path, spec: DatasetSpec) -> None:
 def different_setting(
     before: Mapping, after: Mapping, prefix: str = ""
 ) -> tuple[str, str, str] | None:
-    """The first dotted key of ``sim`` whose values differ, and both, shortened; None for none."""
+    """Returns the first dotted key whose values differ and both values, shortened, if any do."""
     for key in sorted(before.keys() | after.keys()):
         old, new = before.get(key), after.get(key)
         if isinstance(old, Mapping) and isinstance(new, Mapping):

@@ -44,13 +44,13 @@ class MeasuredAttitude:
         for name, value in {"noise_deg": noise_deg, "delay_s": delay_s}.items():
             if not (math.isfinite(value) and value >= 0):
                 raise UserError(f"task.{name}: {value}; give 0 or more")
+
         self.step = step
         # Drawn once for every clip in sorted order, not as batches come.
         generator = torch.Generator().manual_seed(seed)
         self.roll_pitch_rad = {}
-
-        for clip_id in sorted(clips):
-            reported = delayed(*roll_pitch_of(clips[clip_id]), delay_s)
+        for clip_id, clip in sorted(clips.items()):
+            reported = delayed(roll_pitch_of(clip), clip.meta.capture_hz, delay_s)
             # A level UAV is the baseline's belief: the camera never rolls (Eq. 5).
             if level:
                 reported = torch.zeros_like(reported)
@@ -58,16 +58,14 @@ class MeasuredAttitude:
             self.roll_pitch_rad[clip_id] = reported + math.radians(noise_deg) * noise
 
     def __call__(self, batch: Batch) -> Batch:
-        """The batch as the autopilot would have reported it."""
+        """Returns the batch as the autopilot would have reported it."""
         queue = batch["occ_from_body"].shape[1]
         ages = torch.arange(queue - 1, -1, -1) * self.step
         # What lies before the clip does not exist for the network either.
-        reported = torch.stack(
-            [
-                self.roll_pitch_rad[clip][(int(now) - ages).clamp(min=0)]
-                for clip, now in zip(batch["clip"], batch["frame"])
-            ]
-        )
+        frames = (torch.as_tensor(batch["frame"])[:, None] - ages).clamp(min=0)
+        windows = zip(batch["clip"], frames)
+        reported = torch.stack([self.roll_pitch_rad[clip][window] for clip, window in windows])
+
         roll_rad, pitch_rad = reported.unbind(-1)
         rotation = rotation_from_euler(roll_rad, pitch_rad, torch.zeros_like(roll_rad))
         occ_from_body = rigid(rotation, torch.zeros_like(rotation[..., 0]))
@@ -79,16 +77,15 @@ class MeasuredAttitude:
         }
 
 
-def roll_pitch_of(clip: Clip) -> tuple[Float[Tensor, "t 2"], float]:
-    """True roll and pitch of every frame in radians, and frames per second."""
-    roll_rad, pitch_rad, _ = euler_from_rotation(clip.world_from_body[:, :3, :3])
-    return torch.stack([roll_rad, pitch_rad], dim=-1), clip.meta.capture_hz
+def roll_pitch_of(clip: Clip) -> Float[Tensor, "t 2"]:
+    """Returns the true roll and pitch of every frame in radians."""
+    return torch.stack(euler_from_rotation(clip.world_from_body[:, :3, :3])[:2], dim=-1)
 
 
 def delayed(
     values: Float[Tensor, "t 2"], capture_hz: float, delay_s: float
 ) -> Float[Tensor, "t 2"]:
-    """Values as they were ``delay_s`` before each frame, interpolated linearly between frames."""
+    """Returns values of ``delay_s`` before each frame, interpolated linearly between frames."""
     place = torch.arange(len(values), dtype=values.dtype) - delay_s * capture_hz
     # So that a delay of whole frames takes them as they are.
     place = place.mul(1e6).round().div(1e6).clamp(min=0)

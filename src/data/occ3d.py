@@ -35,9 +35,8 @@ class Occ3DFolder:
     """
 
     def __init__(self, root: Path, class_map: Sequence[str], grid: VoxelGrid) -> None:
-        self.root, self.grid = Path(root), grid
-        strange = [name for name in class_map if name not in (*CLASSES, "unknown")]
-        if strange:
+        self.root, self.name, self.grid = root, root.name, grid
+        if strange := [name for name in class_map if name not in (*CLASSES, "unknown")]:
             raise UserError(
                 f"layout.class_map: {strange[0]!r} is no class; there are {', '.join(CLASSES)}, "
                 "and unknown"
@@ -48,23 +47,21 @@ class Occ3DFolder:
         self._map = np.full(256, UNKNOWN, dtype=np.uint8)
         self._map[: len(ids)] = ids
         self._known = len(ids)
-        paths = sorted(self.root.rglob(LABELS)) if self.root.is_dir() else []
+
         self.samples: list[Sample] = [
             (path.parent.parent.relative_to(self.root).as_posix(), path.parent.name)
-            for path in paths
+            for path in sorted(self.root.rglob(LABELS))
         ]
         if not self.samples:
             raise UserError(f"{self.root}: holds no <scene>/<token>/{LABELS}")
 
-    @property
-    def name(self) -> str:
-        return self.root.name
-
     def labels(self, scene: str, token: str) -> UInt8[Tensor, "X Y Z"]:
-        """A frame in our classes. Raises `UserError` for a file that cannot be read or does not
-        fit the grid or the class map."""
-        stored = self._read(scene, token, "semantics")
+        """Returns a frame in our classes.
+
+        Raises `UserError` for a file that cannot be read or does not fit the grid or the class map.
+        """
         path = self.root / scene / token / LABELS
+        stored = self._read(scene, token, "semantics")
         if stored.shape != self.grid.shape:
             raise UserError(
                 f"{path}: semantics are {list(stored.shape)}, and the grid is "
@@ -75,11 +72,10 @@ class Occ3DFolder:
             raise UserError(
                 f"{path}: class {stored.max()} is not in layout.class_map, which has {self._known}"
             )
-
         return torch.from_numpy(self._map[stored.astype(np.uint8)])
 
     def mask(self, scene: str, token: str, name: str) -> Tensor:
-        """``mask_camera`` or ``mask_lidar`` as bool [X, Y, Z]."""
+        """Returns ``mask_camera`` or ``mask_lidar`` as bool [X, Y, Z]."""
         return torch.from_numpy(self._read(scene, token, name).astype(bool))
 
     def inventory(self, samples: Sequence[Sample]) -> Inventory:

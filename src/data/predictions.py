@@ -7,7 +7,7 @@ as ``logits_<frame>``, floats [C, X, Y, Z]. ``predictions.json`` says whose they
 import json
 import os
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from .files import BROKEN
 
 FACTS = "predictions.json"
 LABELS, LOGITS = "occupancy.npz", "logits.npz"
-SHOWN = 3
+MOST_NAMED = 3
 Sample = tuple[str, int]
 
 
@@ -52,13 +52,12 @@ class PredictionWriter:
         labels: UInt8[Tensor, "X Y Z"],
         logits: Float[Tensor, "c X Y Z"] | None = None,
     ) -> None:
-        """Keep one frame; ``logits`` are stored with half precision."""
+        """Keeps one frame; ``logits`` are stored with half precision."""
         # An archive is written at once, so a clip's frames are kept until the next clip comes.
         if clip != self._clip:
             self._flush()
             self._clip = clip
         self._labels[f"semantics_{frame:06d}"] = labels.cpu().numpy().astype(np.uint8)
-
         if logits is not None:
             self._logits[f"logits_{frame:06d}"] = logits.cpu().numpy().astype(np.float16)
 
@@ -89,18 +88,16 @@ class Inventory:
     corrupt: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        kinds = {"missing": self.missing, "extra": self.extra, "corrupt": self.corrupt}
-        lines = []
-        for kind, frames in kinds.items():
-            named = [*frames[:SHOWN], "..."] if len(frames) > SHOWN else frames
+        parts = []
+        for kind, frames in vars(self).items():
+            named = [*frames[:MOST_NAMED], "..."] if len(frames) > MOST_NAMED else frames
             if frames:
-                lines.append(f"{len(frames)} {kind}: {', '.join(named)}")
-
-        return "; ".join(lines)
+                parts.append(f"{len(frames)} {kind}: {', '.join(named)}")
+        return "; ".join(parts)
 
     @property
     def sound(self) -> bool:
-        return not (self.missing or self.extra or self.corrupt)
+        return not any(vars(self).values())
 
 
 class Predictions:
@@ -125,47 +122,39 @@ class Predictions:
         return torch.from_numpy(self._read(clip, LABELS, f"semantics_{frame:06d}"))
 
     def logits(self, clip: str, frame: int) -> Float[Tensor, "c X Y Z"] | None:
-        """The class scores of a frame as float32, where they were written."""
+        """Returns the class scores of a frame as float32, where they were written."""
         if not (self.folder / clip / LOGITS).is_file():
             return None
         return torch.from_numpy(self._read(clip, LOGITS, f"logits_{frame:06d}").astype(np.float32))
 
     def inventory(self, samples: Sequence[Sample], shape: tuple[int, int, int]) -> Inventory:
         """Compares what is there with the frames that are asked for, and opens every array."""
-        names = self._names()
-        wanted = {(clip, f"semantics_{frame:06d}") for clip, frame in samples}
-        present = {(clip, name) for clip, arrays in names.items() for name in arrays or ()}
-        unreadable = {clip for clip, arrays in names.items() if arrays is None}
+        wanted = {(clip, f"semantics_{frame:06d}"): frame for clip, frame in samples}
+        present, unreadable = set(), []
+        for path in sorted(self.folder.rglob(LABELS)):
+            clip = path.parent.relative_to(self.folder).as_posix()
+            try:
+                with np.load(path, allow_pickle=False) as archive:
+                    present |= {(clip, array) for array in archive.files}
+            except BROKEN:
+                unreadable.append(clip)
 
+        # Of a file that cannot be opened nobody knows which frames it holds.
+        missing = [each for each in sorted(wanted.keys() - present) if each[0] not in unreadable]
         unsound = [
-            f"{clip} semantics_{frame:06d}"
-            for clip, frame in samples
-            if (clip, f"semantics_{frame:06d}") in present
-            and not self._is_sound(clip, frame, shape)
+            (clip, array)
+            for (clip, array), frame in wanted.items()
+            if (clip, array) in present and not self._is_sound(clip, frame, shape)
         ]
         return Inventory(
-            missing=[
-                f"{clip} {a}" for clip, a in sorted(wanted - present) if clip not in unreadable
-            ],
-            extra=[f"{clip} {array}" for clip, array in sorted(present - wanted)],
-            corrupt=[f"{clip}/{LABELS}" for clip in sorted(unreadable)] + unsound,
+            missing=[" ".join(each) for each in missing],
+            extra=[" ".join(each) for each in sorted(present - wanted.keys())],
+            corrupt=[f"{clip}/{LABELS}" for clip in unreadable] + [" ".join(e) for e in unsound],
         )
 
     def has(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
         """Tells whether a frame is on the disk and can be scored."""
         return (self.folder / clip / LABELS).is_file() and self._is_sound(clip, frame, shape)
-
-    def _names(self) -> dict[str, Iterable[str] | None]:
-        """The arrays of every clip; ``None`` for a file that cannot be opened."""
-        names: dict[str, Iterable[str] | None] = {}
-        for path in sorted(self.folder.rglob(LABELS)):
-            clip = path.parent.relative_to(self.folder).as_posix()
-            try:
-                with np.load(path, allow_pickle=False) as archive:
-                    names[clip] = tuple(archive.files)
-            except BROKEN:
-                names[clip] = None
-        return names
 
     def _is_sound(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
         try:
@@ -178,7 +167,6 @@ class Predictions:
 
     def _read(self, clip: str, name: str, array: str) -> np.ndarray:
         path = self.folder / clip / name
-
         try:
             # Frames come clip by clip, so one open archive is enough.
             if self._open is None or self._open[0] != path:
@@ -186,5 +174,6 @@ class Predictions:
             return self._open[1][array]
         except BROKEN as error:
             self._open = None
-            message = f"{path}: {array} cannot be read ({error}); predict it again"
-            raise UserError(message) from error
+            raise UserError(
+                f"{path}: {array} cannot be read ({error}); predict it again"
+            ) from error

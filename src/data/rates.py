@@ -20,5 +20,5 @@ def require_rates(sim: Mapping) -> None:
 
 
 def frames_per_clip(capture_hz: float) -> int:
-    """Frames in one clip."""
+    """Returns the number of frames in one clip."""
     return round(CLIP_SECONDS * capture_hz)

@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 def share_of(items: Sequence[T], shard: int, shards: int) -> list[T]:
-    """The items that one of several shards makes: every ``shards``-th, so that all get as many.
+    """Returns the items that one of several shards makes: every ``shards``-th item.
 
     Raises `UserError` for a shard that there is not.
     """
@@ -33,7 +33,7 @@ def share_of(items: Sequence[T], shard: int, shards: int) -> list[T]:
 
 
 def record_of(data_folder: Path, scale: str) -> Path:
-    """The file that says which dataset of a scale is being made in shards."""
+    """Returns the file that says which dataset of a scale is being made in shards."""
     return data_folder / f".{scale}.shards.json"
 
 
@@ -42,7 +42,6 @@ def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
     path = record_of(data_folder, spec.scale)
     joining = {"sim": spec.sim, "generator": spec.generator, "shards": shards}
     _write_first(path, joining)
-
     try:
         changed = _difference(json.loads(path.read_text()), joining)
     except FileNotFoundError:
@@ -72,6 +71,7 @@ def _write_first(path: Path, record: dict) -> None:
     candidate = path.with_name(f"{path.name}.{os.getpid()}")
     with replacing(candidate) as temporary:
         temporary.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
+
     try:
         # A link fails where the file exists, and so only one shard is the first.
         os.link(candidate, path)
@@ -82,15 +82,9 @@ def _write_first(path: Path, record: dict) -> None:
 
 
 def _difference(under_way: dict, joining: dict) -> str | None:
-    if changed := different_setting(under_way["sim"], joining["sim"]):
-        key, old, new = changed
-        return f"sim.{key}: this shard has {new}, and the shards under way have {old}"
-
-    old, new = under_way["shards"], joining["shards"]
-    if old != new:
-        return f"sim.shards: this is one of {new} shards, and those under way are of {old}"
-
-    old, new = under_way["generator"], joining["generator"]
-    if old != new:
-        return f"sim: this shard's code is {new}, and that of those under way {old}"
+    """Says in which setting two records differ, in the number of shards, or in the code."""
+    for key, name in (("sim", "sim"), ("shards", "sim.shards"), ("generator", "code of sim")):
+        if changed := different_setting({name: under_way[key]}, {name: joining[key]}):
+            setting, old, new = changed
+            return f"{setting}: this shard has {new}, and the shards under way have {old}"
     return None

@@ -18,15 +18,14 @@ def make_split(
     val_clips: Sequence[str],
     test_clips: Sequence[str],
 ) -> Split:
-    """The frames of every part.
+    """Returns the frames of every part.
 
     Of a clip, [0, 10) s are for training, [10, 11) s for validation and [11, 12) s for test; a
     held-out clip belongs whole to validation or test. Raises `UserError` for a held-out clip that
     does not exist or is named twice.
     """
     held_out = [*val_clips, *test_clips]
-    unknown = [clip for clip in held_out if clip not in set(clip_ids)]
-    if unknown:
+    if unknown := [clip for clip in held_out if clip not in set(clip_ids)]:
         raise UserError(
             f"data.val_clips/data.test_clips: no clip {unknown[0]!r}; there are "
             f"{clip_ids[0]} to {clip_ids[-1]} ({len(clip_ids)} clips)"
@@ -35,22 +34,17 @@ def make_split(
         raise UserError("data.val_clips/data.test_clips: a clip is held out twice; name it once")
 
     split: Split = {"train": [], "val": [], "test": []}
+    whole = dict.fromkeys(val_clips, "val") | dict.fromkeys(test_clips, "test")
     # Clips and frames keep their order: a score of the test split depends on no shuffle.
     for clip in clip_ids:
         for frame in range(frames_per_clip):
-            if clip in val_clips:
-                part = "val"
-            elif clip in test_clips:
-                part = "test"
-            else:
-                part = part_of_time(frame / capture_hz)
+            part = whole.get(clip) or part_of_time(frame / capture_hz)
             split[part].append((clip, frame))
-
     return split
 
 
 def held_out_clips(split: Split) -> dict[str, list[str]]:
-    """The clips that belong whole to ``val`` or to ``test``, in the order of the split."""
+    """Returns the clips that belong whole to ``val`` or to ``test``, in the order of the split."""
     # A clip with a training frame is split by time; all others belong to one part.
     trained_on = {clip for clip, _ in split["train"]}
     return {
@@ -60,7 +54,7 @@ def held_out_clips(split: Split) -> dict[str, list[str]]:
 
 
 def part_of_time(time_s: float) -> str:
-    """The part of a frame of a clip that is not held out."""
+    """Returns the part of a frame of a clip that is not held out."""
     if time_s < TRAIN_UNTIL_S:
         return "train"
     return "val" if time_s < VAL_UNTIL_S else "test"

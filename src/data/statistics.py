@@ -5,7 +5,7 @@ three denominators: the labelled voxels, those whose center lies in the front im
 grid (App. B of the paper, "SkyShield Dataset and Generation Details").
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,38 +49,38 @@ class Statistics:
     clips: pd.DataFrame
 
     def class_shares(self) -> pd.DataFrame:
-        """Share of the voxels, a row a class, a column for each of `DENOMINATORS`."""
+        """Returns shares of the voxels, a row a class, a column for each of `DENOMINATORS`."""
         total = self.frames.filter(like="voxels/").sum()
         counts = total[[f"voxels/{name}" for name in CLASSES]].to_numpy()
         shares = {of: counts / max(1, total[f"voxels/{of}"]) for of in DENOMINATORS}
         return pd.DataFrame(shares, index=pd.Index(CLASSES, name="class"))
 
     def thin_car_vru(self) -> tuple[float, float, float]:
-        """Voxels of thin structures, cars and VRUs, for one of VRUs (NaN where there is none)."""
+        """Returns the voxels of thin structures, cars and VRUs for one of VRUs; NaN without any."""
         thin, car, vru = self.class_shares()["all"][["thin_structure", "car", "vru"]]
         return (thin / vru, car / vru, 1.0) if vru else (np.nan, np.nan, np.nan)
 
     def visible_per_frame(self) -> pd.Series:
-        """Mean number of visible actors in a frame, by type."""
+        """Returns the mean number of visible actors in a frame, by type."""
         return self.frames[[f"visible/{name}" for name in ACTOR_TYPES]].mean().set_axis(ACTOR_TYPES)
 
     def share_below(self, height_m: float = LOW_FLIGHT_M) -> float:
-        """Share of the frames that were taken below a height above the ground."""
+        """Returns the share of the frames that were taken below a height above the ground."""
         return float((self.frames["altitude_m"] < height_m).mean())
 
     def part_sizes(self) -> dict[str, int]:
-        """Frames of training, validation and test."""
+        """Counts the frames of training, validation and test."""
         return {part: int((self.frames["part"] == part).sum()) for part in PARTS}
 
     def by_town_and_weather(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Number of rows of ``clips`` or of ``frames``, town by weather, in order of appearance."""
+        """Counts rows of ``clips`` or ``frames``, town by weather, in order of appearance."""
+        # crosstab sorts its keys, and the clips have the plan's order.
         towns, weathers = (self.clips[key].unique() for key in ("town", "weather"))
-        # crosstab sorts its keys; the plan's order is restored below.
         counts = pd.crosstab(table["town"], table["weather"])
         return counts.reindex(index=towns, columns=weathers, fill_value=0)
 
     def clip_table(self) -> pd.DataFrame:
-        """A row a clip: ``clips``, means over its frames, sums of visible actors, class shares.
+        """Returns a row a clip: ``clips``, means over its frames, visible actors, class shares.
 
         ``visible_<type>`` sums the visible actors over the frames, ``share_<class>`` is of the
         clip's labelled voxels.
@@ -88,27 +88,28 @@ class Statistics:
         of_clip = self.frames.groupby("clip", sort=False)
         means = of_clip[["altitude_m", "speed_mps"]].mean().add_prefix("mean_").round(4)
         visible = of_clip[[f"visible/{name}" for name in ACTOR_TYPES]].sum()
+        visible.columns = visible.columns.str.replace("/", "_")
+
+        # A clip without a label has no share of any class.
         voxels = of_clip[[f"voxels/{name}" for name in CLASSES]].sum()
         shares = voxels.div(of_clip["voxels/labelled"].sum().clip(lower=1), axis=0).round(8)
-        visible.columns = visible.columns.str.replace("/", "_")
         shares.columns = shares.columns.str.replace("voxels/", "share_")
 
-        table = (
-            self.clips.set_index("clip")
-            .assign(frames=of_clip.size())
-            .join([means, visible, shares])
-        )
-
+        clips = self.clips.set_index("clip").assign(frames=of_clip.size())
+        table = clips.join([means, visible, shares])
         return table[[*table.columns.drop("bytes"), "bytes"]].reset_index()
 
 
 def statistics_of(root: Path) -> Statistics:
-    """Statistics of a finished dataset.
+    """Reads the statistics of a finished dataset.
 
     Raises `UserError` where the dataset is unfinished or a file cannot be read.
     """
     manifest = read_manifest(root)
-    clip_ids = sorted(manifest["clips"], key=_place_in(manifest["sim"]["towns"]))
+    # In the order in which they were planned: the manifest's keys are in alphabetical order.
+    towns = manifest["sim"]["towns"]
+    clip_ids = sorted(manifest["clips"], key=lambda clip: towns.index(clip.partition("/")[0]))
+
     if missing := missing_clips(root, clip_ids):
         raise UserError(
             f"{root}: {len(missing)} of {len(clip_ids)} clips are missing, {missing[0]} first; "
@@ -121,7 +122,7 @@ def statistics_of(root: Path) -> Statistics:
 def statistics_of_clips(
     root: Path, clip_ids: Sequence[str], roles: Mapping[str, str] | None = None
 ) -> Statistics:
-    """Statistics of some clips, also of a dataset that is still being made.
+    """Reads the statistics of some clips, also of a dataset that is still being made.
 
     ``roles`` gives the part (``val`` or ``test``) of the clips that are held out.
     """
@@ -138,12 +139,6 @@ def statistics_of_clips(
     return Statistics(pd.concat(frames, ignore_index=True), pd.DataFrame(clips))
 
 
-def _place_in(towns: Sequence[str]) -> Callable[[str], tuple]:
-    """Sorts clips as they were planned: the manifest's keys are in alphabetical order."""
-    place = {town: n for n, town in enumerate(towns)}
-    return lambda clip_id: (place.get(clip_id.partition("/")[0], len(place)), clip_id)
-
-
 def _summary_of(clip: Clip, role: str) -> dict:
     return {
         "clip": clip.clip_id,
@@ -156,20 +151,19 @@ def _summary_of(clip: Clip, role: str) -> dict:
 
 
 def _frames_of(clip: Clip, role: str) -> pd.DataFrame:
-    """A row a frame, as in `Statistics.frames`."""
+    """Returns a row a frame, as in `Statistics.frames`."""
     rows, meta = clip.frames, clip.meta
     parts = [part_of_time(n / meta.capture_hz) if role == "split" else role for n in rows["frame"]]
-    velocity_mps = rows[["vx_mps", "vy_mps", "vz_mps"]].to_numpy()
     names = {"clip": clip.clip_id, "town": meta.town, "weather": meta.weather, "part": parts}
-    speed_mps = np.linalg.norm(velocity_mps, axis=1)
-    motion = rows[["altitude_m", "roll_rad", "pitch_rad"]]
-    table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
 
+    motion = rows[["altitude_m", "roll_rad", "pitch_rad"]]
+    speed_mps = np.linalg.norm(rows[["vx_mps", "vy_mps", "vz_mps"]].to_numpy(), axis=1)
+    table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
     return pd.concat([table, _voxel_counts(clip), _visible_actors(clip)], axis=1)
 
 
 def _voxel_counts(clip: Clip) -> pd.DataFrame:
-    """Voxels of each class and of each denominator, a row a frame."""
+    """Counts the voxels of each class and of each denominator, a row a frame."""
     labels = (clip.semantics(n).reshape(-1) for n in range(len(clip)))
     counts = np.stack([np.bincount(ids, minlength=UNKNOWN + 1) for ids in labels])
     table = pd.DataFrame(counts[:, : len(CLASSES)], columns=[f"voxels/{name}" for name in CLASSES])
@@ -181,7 +175,7 @@ def _voxel_counts(clip: Clip) -> pd.DataFrame:
 
 
 def _visible_actors(clip: Clip) -> pd.DataFrame:
-    """Visible actors of each type, a row a frame."""
+    """Counts the visible actors of each type, a row a frame."""
     # A share of the image, so that the count means the same at every resolution.
     pixels = clip.meta.width * clip.meta.height
     visible = clip.actors[clip.actors["visible_pixels"] >= MIN_VISIBLE_SHARE * pixels]
@@ -191,15 +185,14 @@ def _visible_actors(clip: Clip) -> pd.DataFrame:
 
 
 def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:
-    """Voxels of each frame whose center projects into the front image."""
+    """Counts the voxels of each frame whose center projects into the front image."""
     meta = clip.meta
-    chain = camera_from_occ(clip.world_from_body, meta.body_from_camera)
     # Intrinsics and chain as one 3x4 matrix: a voxel then costs a few products.
+    chain = camera_from_occ(clip.world_from_body, meta.body_from_camera)
     pix_from_occ = (meta.pix_from_camera @ chain[:, :3]).numpy()
-    place = np.array(meta.grid.lower_m), meta.grid.voxel_m, meta.grid.shape
 
-    size_pix = (meta.width, meta.height)
-    counts = [_count_in_image(matrix, *place, *size_pix) for matrix in pix_from_occ]
+    space = np.array(meta.grid.lower_m), meta.grid.voxel_m, meta.grid.shape
+    counts = [_count_in_image(each, *space, meta.width, meta.height) for each in pix_from_occ]
     return np.array(counts, dtype=np.int64)
 
 
@@ -212,7 +205,7 @@ def _count_in_image(
     width: int,
     height: int,
 ) -> int:
-    """Voxels whose center is in the image: `project` and `in_image`, without an array of points."""
+    """Counts voxels in the image as `project` and `in_image`, without an array of points."""
     count = 0
     for i in range(shape[0]):
         x = lower_m[0] + (i + 0.5) * voxel_m
@@ -225,5 +218,4 @@ def _count_in_image(
                 u, v = column[0] + pix_from_occ[0, 2] * z, column[1] + pix_from_occ[1, 2] * z
                 inside = 0 <= u < width * depth and 0 <= v < height * depth
                 count += depth > MIN_DEPTH_M and inside
-
     return count

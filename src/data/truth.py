@@ -5,7 +5,7 @@ from pathlib import Path
 
 import torch
 
-from ..errors import UserError
+from ..bounds import require_choice
 from ..geometry import VoxelGrid, camera_from_occ, inverse, world_from_occ
 from .batch import Batch
 from .clip import Clip
@@ -25,37 +25,28 @@ class SkyShieldTruth:
     """
 
     def __init__(
-        self,
-        root: Path,
-        part: str = "test",
-        held_out: Mapping[str, Sequence[str]] | None = None,
+        self, root: Path, part: str = "test", held_out: Mapping[str, Sequence[str]] | None = None
     ) -> None:
-        if part not in PARTS:
-            raise UserError(f"task.part: {part!r}; there are {', '.join(PARTS)}")
-
-        self.root = Path(root)
-        manifest = read_manifest(self.root)
-        self.clips = {clip: Clip(self.root / clip) for clip in manifest["clips"]}
+        require_choice("task.part", part, PARTS)
+        self.name = root.name
+        manifest = read_manifest(root)
+        self.clips = {clip: Clip(root / clip) for clip in manifest["clips"]}
         first = next(iter(self.clips.values()))
-        # A study may hold out other clips than the dataset's default.
-        held_out = held_out or manifest["held_out"]
-        split = make_split(
-            list(self.clips), len(first), first.meta.capture_hz, held_out["val"], held_out["test"]
-        )
-        self.samples, self.unseen = split[part], frozenset(held_out["test"])
         self.grid: VoxelGrid = first.meta.grid
 
-    @property
-    def name(self) -> str:
-        return self.root.name
+        # A study may hold out other clips than the dataset's default.
+        held_out = held_out or manifest["held_out"]
+        of_parts = held_out["val"], held_out["test"]
+        split = make_split(list(self.clips), len(first), first.meta.capture_hz, *of_parts)
+        self.samples, self.unseen = split[part], frozenset(held_out["test"])
 
     def truth(self, clip_id: str, frame: int) -> dict:
-        """One frame as a batch of one."""
+        """Returns one frame as a batch of one."""
         return truth_at(self.clips[clip_id], frame)
 
 
 def truth_at(clip: Clip, frame: int) -> dict:
-    """A frame's labels, velocity and camera as a batch of one; a `metrics.suite.GroundTruth`."""
+    """Returns a frame's labels, velocity and camera, as a `metrics.suite.GroundTruth` of one."""
     meta, world_from_body = clip.meta, clip.world_from_body[frame]
     occ_from_world = inverse(world_from_occ(world_from_body))
     velocity_mps = occ_from_world[:3, :3] @ velocity_world_mps(clip, frame)
@@ -72,7 +63,7 @@ def truth_at(clip: Clip, frame: int) -> dict:
 
 
 def truth_of(batch: Batch) -> dict:
-    """The current frames of a loader's batch, as `truth_at` gives one."""
+    """Returns the current frames of a loader's batch, as `truth_at` gives one."""
     return {
         **{key: batch[key] for key in ("clip", "semantics", "visible", "velocity_mps")},
         "camera_from_occ": camera_from_occ(

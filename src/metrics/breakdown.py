@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from ..errors import UserError
@@ -18,6 +18,8 @@ from .tables import Scores, Tables
 
 TTC_EDGES_S = (1.0, 2.0, 3.0, 4.0, 5.0)
 DISTANCE_EDGES_M = (5.0, 10.0, 25.0)
+# The part of space that leaves none out.
+WHOLE = "whole"
 
 # The tables ``count`` and ``excess`` of a part of space.
 Pair = tuple[Int64[Tensor, "*n c c"], Int64[Tensor, "*n c c"]]
@@ -73,23 +75,23 @@ class KARBreakdown(PenalizedConfusion):
     def scores(self, tables: Tables) -> Scores:
         """Returns the scores of tables ``count`` and ``excess`` [*n, 2, ttc * distance, c, c]."""
         scores = {}
-        for scope, parts in self._scopes(tables).items():
-            count, excess = parts.pop("whole")
-            occupied, kar = self._mean(count), self._mean(count, excess)
-            whole = {
-                "miou_occupied": occupied,
-                "kar_miou": kar,
-                "ttc_cost": occupied - kar,
-                "kar_miou_fp": self._mean(count, excess, false_negatives=False),
-                "kar_miou_fn": self._mean(count, excess, false_positives=False),
-                "kar_precision": self._occupied(F.precision_compute(count, excess)),
-                "kar_recall": self._occupied(F.recall_compute(count, excess)),
-            }
-            scores |= {f"{scope}/{name}": score for name, score in whole.items()}
+        for (scope, part), (count, excess) in self._parts(tables).items():
+            prefix = scope if part == WHOLE else f"{scope}/{part}"
+            occupied = self._mean(F.iou_compute(count))
+            kar = self._mean(F.iou_compute(count, excess))
+            scores |= {f"{prefix}/miou_occupied": occupied, f"{prefix}/kar_miou": kar}
+            if part != WHOLE:
+                continue
 
-            for part, (count, excess) in parts.items():
-                scores[f"{scope}/{part}/miou_occupied"] = self._mean(count)
-                scores[f"{scope}/{part}/kar_miou"] = self._mean(count, excess)
+            of_fp = F.iou_compute(count, excess, false_negatives=False)
+            of_fn = F.iou_compute(count, excess, false_positives=False)
+            scores |= {
+                f"{scope}/ttc_cost": occupied - kar,
+                f"{scope}/kar_miou_fp": self._mean(of_fp),
+                f"{scope}/kar_miou_fn": self._mean(of_fn),
+                f"{scope}/kar_precision": self._mean(F.precision_compute(count, excess)),
+                f"{scope}/kar_recall": self._mean(F.recall_compute(count, excess)),
+            }
         return scores
 
     def table(self, tables: Tables | None = None) -> pd.DataFrame:
@@ -98,11 +100,10 @@ class KARBreakdown(PenalizedConfusion):
         They are those of everything counted so far, or of other ``tables``.
         """
         rows = []
-        for scope, parts in self._scopes(tables or self.tables).items():
-            for part, (count, excess) in parts.items():
-                columns = (count.sum(-1), F.iou_compute(count), F.iou_compute(count, excess))
-                of_classes = zip(self.class_names, *(column.tolist() for column in columns))
-                rows += [(scope, part, *row) for row in of_classes]
+        for names, (count, excess) in self._parts(tables or self.tables).items():
+            columns = (count.sum(-1), F.iou_compute(count), F.iou_compute(count, excess))
+            of_classes = zip(self.class_names, *(column.tolist() for column in columns))
+            rows += [(*names, *row) for row in of_classes]
         columns = ["scope", "part", "class", "true_voxels", "iou", "kar_iou"]
         return pd.DataFrame(rows, columns=columns)
 
@@ -110,36 +111,29 @@ class KARBreakdown(PenalizedConfusion):
         sooner = _bin_of(self.penalty.ttc_s(self.shell_m, speed_mps), self.ttc_edges_s)
         return self.sides[1] * sooner + _bin_of(self.shell_m, self.distance_edges_m)
 
-    def _scopes(self, tables: Tables) -> dict[str, dict[str, Pair]]:
-        """Returns the tables of every part of space, of all voxels and of the visible ones."""
-        # [*n, 2, t, d, c, c]: not visible and visible, by time to collision and distance.
-        apart = [tables[name].unflatten(-3, self.sides) for name in ("count", "excess")]
-        return {
-            "all": self._parts([table.sum(-5) for table in apart]),
-            "visible": self._parts([table.select(-5, 1) for table in apart]),
-        }
-
-    def _parts(self, apart: list[Int64[Tensor, "*n t d c c"]]) -> dict[str, Pair]:
-        """Returns the tables of the whole, of every bin, and of every near range."""
-        by_ttc, by_distance = ([table.sum(dim) for table in apart] for dim in (-3, -4))
-        parts = {"whole": tuple(table.sum((-4, -3)) for table in apart)}
-        for kind, unit, edges, tables in (
-            ("ttc", "s", self.ttc_edges_s, by_ttc),
-            ("distance", "m", self.distance_edges_m, by_distance),
-        ):
-            for n, (lower, upper) in enumerate(pairwise([0.0, *edges, math.inf])):
-                name = f"{kind}_{lower:g}_{upper:g}{unit}"
-                parts[name] = tuple(table.select(-3, n) for table in tables)
-
-        for n, edge in enumerate(self.distance_edges_m):
-            near = tuple(table[..., : n + 1, :, :].sum(-3) for table in by_distance)
-            parts[f"within_{edge:g}m"] = near
+    def _parts(self, tables: Tables) -> dict[tuple[str, str], Pair]:
+        """Returns ``count`` and ``excess`` of every scope and part of space."""
+        parts = {}
+        for scope, seen in {"all": [0, 1], "visible": [1]}.items():
+            # Visible voxels are the second half of the tables.
+            of_scope = [tables[name][..., seen, :, :, :].sum(-4) for name in ("count", "excess")]
+            for part, bins in self._bins_of_parts().items():
+                parts[scope, part] = tuple(table[..., bins, :, :].sum(-3) for table in of_scope)
         return parts
 
-    def _mean(self, *tables: Tensor, **options: bool) -> Float[Tensor, "*n"]:
-        return self._occupied(F.iou_compute(*tables, **options))
+    def _bins_of_parts(self) -> dict[str, Bool[Tensor, "k"]]:
+        """Returns which bins belong to the whole, and to every part of space."""
+        ttc, distance = torch.unravel_index(torch.arange(self.n_bins), self.sides)
+        parts = {WHOLE: ttc >= 0}
+        for n, (lower, upper) in enumerate(pairwise([0.0, *self.ttc_edges_s, math.inf])):
+            parts[f"ttc_{lower:g}_{upper:g}s"] = ttc == n
+        for n, (lower, upper) in enumerate(pairwise([0.0, *self.distance_edges_m, math.inf])):
+            parts[f"distance_{lower:g}_{upper:g}m"] = distance == n
+        for n, edge in enumerate(self.distance_edges_m):
+            parts[f"within_{edge:g}m"] = distance <= n
+        return parts
 
-    def _occupied(self, of_classes: Float[Tensor, "*n c"]) -> Float[Tensor, "*n"]:
+    def _mean(self, of_classes: Float[Tensor, "*n c"]) -> Float[Tensor, "*n"]:
         return F.mean_iou(of_classes, without=self.free_index)
 
 

@@ -4,15 +4,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
-from jaxtyping import Int64
-from torch import Tensor
-from torchmetrics import Metric
 
 from ..errors import UserError
-from .tables import Scores, TableMetric, Tables
+from .tables import Accumulator, Scores, TableMetric, Tables
 
 
-class ByClip(Metric):
+class ByClip(Accumulator):
     """A metric over a dataset whose clips can be told apart afterwards.
 
     Frames of one clip are alike, so intervals resample clips (`bootstrap`), and the parts of a
@@ -26,46 +23,31 @@ class ByClip(Metric):
     changed.
     """
 
-    is_differentiable = False
-    full_state_update = False
-
     def __init__(self, metric: TableMetric, clips: Sequence[str], **kwargs: Any) -> None:
-        super().__init__(**kwargs)
+        shapes = {name: (len(clips), *shape) for name, shape in metric.shapes.items()}
+        super().__init__(shapes, **kwargs)
         self.metric = metric
         self.clips = list(clips)
         self.row = {clip: n for n, clip in enumerate(self.clips)}
-        for name, shape in metric.shapes.items():
-            table = torch.zeros((len(self.clips), *shape), dtype=torch.int64)
-            self.add_state(name, default=table, dist_reduce_fx="sum")
 
-    def update(self, clip: Sequence[str], *batch: Any, **options: Any) -> None:
-        """Counts a batch; ``clip`` names the clip of every frame, the rest is the metric's own."""
-        try:
-            rows, tables = self._frames(clip, *batch, **options)
-        except Exception:
-            # The framework has counted this call already.
-            self._update_count -= 1
-            raise
-        for name, table in tables.items():
-            setattr(self, name, getattr(self, name).index_add(0, rows.to(table.device), table))
+    def added(self, clip: Sequence[str], *batch: Any, **options: Any) -> Tables:
+        """Returns the tables of every clip for a batch.
 
-    def forward(self, clip: Sequence[str], *batch: Any, **options: Any) -> Scores:
-        """Updates, and returns the scores of this batch alone."""
-        # As in `TableMetric`: the framework clears the state before it updates.
-        self._frames(clip, *batch, **options)
-        return super().forward(clip, *batch, **options)
-
-    def _frames(
-        self, clip: Sequence[str], *batch: Any, **options: Any
-    ) -> tuple[Int64[Tensor, "b"], Tables]:
-        """Returns the row of every frame's clip, and its tables."""
+        ``clip`` names the clip of every frame, the rest is the metric's own.
+        """
         if unknown := [name for name in clip if name not in self.row]:
             raise UserError(f"clip: {unknown[0]} is none of the {len(self.clips)} clips to score")
+
         tables = self.metric.frame_tables(*batch, **options)
         frames = len(next(iter(tables.values())))
         if len(clip) != frames:
             raise UserError(f"clip: names {len(clip)} frames, and the batch has {frames}")
-        return torch.tensor([self.row[name] for name in clip], dtype=torch.int64), tables
+
+        rows = torch.tensor([self.row[name] for name in clip], dtype=torch.int64)
+        return {
+            name: torch.zeros_like(getattr(self, name)).index_add(0, rows.to(table.device), table)
+            for name, table in tables.items()
+        }
 
     def tables(self, chosen: Callable[[str], bool] = lambda clip: True) -> Tables:
         """Returns the tables of every chosen clip, [clips, ...]."""

@@ -3,12 +3,13 @@
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, Int, Int64
+from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
+from .functional.codes import UNCOUNTED
 from .tables import Scores, Tables, VoxelMetric
 
 # The columns of the table ``reliability``.
@@ -72,16 +73,10 @@ class Calibration(VoxelMetric):
         ``likelihood`` [true class, (voxels, sum of NLL)] of every frame."""
         if not logits.is_floating_point():
             raise UserError(f"preds: calibration needs logits, and {logits.dtype} are labels")
-        F.check_shapes(logits, target, {"mask": mask}, self.grid.shape, self.num_classes)
-        if logits.isnan().any():
-            raise UserError("preds: the logits hold NaN; look for a loss that diverged")
-        # Refuses the targets that the other metrics refuse, also beyond the bubble.
-        F.encode(torch.zeros_like(target), target, mask, self.num_classes, self.ignore_index)
-
+        # Refuses what the other metrics refuse, also beyond the bubble.
+        codes = self.codes(logits, target, mask).flatten(1)
         speeds_mps = F.speeds(velocity, batch=len(target))
-        known = target != self.ignore_index
-        known = known if mask is None else known & mask
-        frames = [self._frame(*frame) for frame in zip(logits, target, known, speeds_mps)]
+        frames = [self._frame(*frame) for frame in zip(logits, codes, speeds_mps)]
         return self.stacked(("reliability", "likelihood"), frames)
 
     def scores(self, tables: Tables) -> Scores:
@@ -95,16 +90,12 @@ class Calibration(VoxelMetric):
         return scores
 
     def _frame(
-        self,
-        logits: Float[Tensor, "c X Y Z"],
-        target: Int[Tensor, "X Y Z"],
-        known: Bool[Tensor, "X Y Z"],
-        speed_mps: float,
+        self, logits: Float[Tensor, "c X Y Z"], codes: UInt8[Tensor, "v"], speed_mps: float
     ) -> tuple[Int64[Tensor, "c bins 3"], Int64[Tensor, "c 2"]]:
         # Distances ascend, so the bubble is the first so many of them.
         near = (self.bubble.ttc_s(self.shell_m, speed_mps) <= self.bubble.horizon_s).sum()
-        voxels = torch.nonzero(known.flatten() & (self.shell < near.item())).squeeze(1)
-        true = target.flatten()[voxels].long()
+        voxels = torch.nonzero((codes != UNCOUNTED) & (self.shell < near.item())).squeeze(1)
+        true = codes[voxels].long() >> 4
 
         log_p = logits.detach().flatten(1).index_select(1, voxels).double().log_softmax(dim=0)
         if log_p.isnan().any():  # of infinities

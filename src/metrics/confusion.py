@@ -7,7 +7,6 @@ import torch
 from jaxtyping import Int
 from torch import Tensor
 
-from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
 from .tables import Tables, VoxelMetric
@@ -71,7 +70,7 @@ class PenalizedConfusion(VoxelMetric):
         shapes that fit neither each other nor the grid, class ids out of range at counted voxels,
         and NaN in logits or velocities. A batch without a counted voxel is no error.
         """
-        self._check(preds, target, {"mask": mask, "visible": visible})
+        self.check(preds, target, mask=mask, visible=visible)
         speeds_mps = F.speeds(velocity, batch=len(target))
         if not self.by_visible:
             visible = None
@@ -101,12 +100,3 @@ class PenalizedConfusion(VoxelMetric):
     def _bins(self, speed_mps: float) -> Int[Tensor, "s"]:
         """Returns the bin of every distance at this speed."""
         raise NotImplementedError
-
-    def _check(self, preds: Tensor, target: Tensor, masks: Mapping[str, Tensor | None]) -> None:
-        for name, tensor in {"preds": preds, "target": target, **masks}.items():
-            if tensor is not None and tensor.device != self.shell.device:
-                raise UserError(
-                    f"{name}: on {tensor.device}, but the metric is on {self.shell.device}; "
-                    "move the metric with .to(device)"
-                )
-        F.check_shapes(preds, target, masks, self.grid.shape, self.num_classes)

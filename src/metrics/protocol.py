@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import pandas as pd
+
 from ..errors import UserError
 from ..geometry import VoxelGrid
 
@@ -77,10 +79,12 @@ class Protocol:
     def difference(self, other: "Protocol") -> tuple[str, object, object] | None:
         """Returns the first key in which two protocols differ, and both values; ``None`` if they
         are equal."""
-        first, second = (_flat(json.loads(each.to_json())) for each in (self, other))
+        plain = (json.loads(each.to_json()) for each in (self, other))
+        # One row with dotted keys each, such as ``metric.horizon_s``.
+        first, second = (pd.json_normalize(each).to_dict("records")[0] for each in plain)
+
         # Last what a metric says of itself: a shared setting is named where it is set.
-        keys = sorted(first | second, key=lambda key: (key.startswith("suite.metrics."), key))
-        for key in keys:
+        for key in sorted(first | second, key=lambda key: (key.startswith("suite.metrics."), key)):
             if first.get(key) != second.get(key):
                 return key, first.get(key), second.get(key)
         return None
@@ -95,14 +99,3 @@ def require_same_protocol(protocols: Mapping[str, Protocol]) -> None:
             raise UserError(
                 f"{name}: was scored with {key}={other}, and {first} with {one}; score both alike"
             )
-
-
-def _flat(data: Mapping, prefix: str = "") -> dict[str, object]:
-    """Returns nested data as one mapping with dotted keys."""
-    flat: dict[str, object] = {}
-    for key, value in data.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat

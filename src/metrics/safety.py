@@ -4,21 +4,20 @@ import math
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, Int, Int64
+from jaxtyping import Bool, Float, Int64, UInt8
 from torch import Tensor
+from torch.nn.functional import max_pool3d
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import THIN_STRUCTURE
 from . import functional as F
 from .confusion import PenalizedConfusion
+from .functional.codes import UNCOUNTED
 from .tables import Scores, Tables
 
 # The columns of the table ``frames``: what the tube of a frame truly was, and what was predicted.
 BLOCKED, MISSED, CLEAR, STOPPED = range(4)
-
-# Of one frame: class ids.
-Volume = Int[Tensor, "X Y Z"]
 
 
 class SafetyScores(PenalizedConfusion):
@@ -99,16 +98,12 @@ class SafetyScores(PenalizedConfusion):
                 f"velocity: shape {list(velocity.shape)} is not [{len(target)}, 3]; the tube needs "
                 "velocities in the occ frame, not speeds"
             )
-        self._check(preds, target, {"mask": mask})
-        labels = F.labels_of(preds)
-        tables = super().frame_tables(labels, target, velocity, mask)
-
-        known = target != self.ignore_index
-        known = known if mask is None else known & mask
-        frames = zip(labels, target, known, velocity)
-        tables |= self.stacked(("tube",), [(self._tube(*frame),) for frame in frames])
+        codes = self.codes(preds, target, mask)
+        tables = super().frame_tables(preds, target, velocity, mask)
+        tubes = [(self._tube(*frame),) for frame in zip(codes, velocity)]
+        tables |= self.stacked(("tube",), tubes)
         tables["frames"] = _outcomes(tables["tube"])
-        tables["thin"] = self._thin(labels, target, known)
+        tables["thin"] = self._thin(codes)
         return tables
 
     def scores(self, tables: Tables) -> Scores:
@@ -133,21 +128,17 @@ class SafetyScores(PenalizedConfusion):
         return self.penalty.ttc_s(self.shell_m, speed_mps) > self.penalty.horizon_s
 
     def _tube(
-        self,
-        labels: Volume,
-        target: Volume,
-        known: Bool[Tensor, "X Y Z"],
-        velocity: Float[Tensor, "3"],
+        self, codes: UInt8[Tensor, "X Y Z"], velocity: Float[Tensor, "3"]
     ) -> Int64[Tensor, "2 2"]:
         box, inside = swept_tube(self.grid, velocity, self.tube_s, self.tube_radius_m)
-        inside = inside.to(target.device) & known[box]
-        truly = target[box][inside] != self.free_index
-        predicted = labels[box][inside] != self.free_index
+        in_tube = codes[box][inside.to(codes.device)]
+        counted = in_tube[in_tube != UNCOUNTED]
+        truly, predicted = (counted >> 4) != self.free_index, (counted & 15) != self.free_index
         return torch.bincount(2 * truly.long() + predicted, minlength=4).view(2, 2)
 
-    def _thin(self, labels: F.Labels, target: F.Labels, known: F.Mask) -> Int64[Tensor, "b 3"]:
-        true = known & (target == self.thin_index)
-        predicted = known & (labels == self.thin_index)
+    def _thin(self, codes: UInt8[Tensor, "b X Y Z"]) -> Int64[Tensor, "b 3"]:
+        # No class is 15, which both halves of an uncounted voxel's code say.
+        true, predicted = (codes >> 4) == self.thin_index, (codes & 15) == self.thin_index
         near = grown(predicted, self.thin_tolerance)
         voxels = (true, true & predicted, true & near)
         return torch.stack([each.sum((1, 2, 3)) for each in voxels], dim=1)
@@ -197,11 +188,6 @@ def swept_tube(
 
 def grown(shape: F.Mask, voxels: int) -> F.Mask:
     """Returns all within some voxels of a shape, diagonals included."""
-    for _ in range(voxels):
-        # One axis after the other: the corners follow from the faces.
-        for axis in (1, 2, 3):
-            wider, size = shape.clone(), shape.shape[axis]
-            wider.narrow(axis, 1, size - 1).logical_or_(shape.narrow(axis, 0, size - 1))
-            wider.narrow(axis, 0, size - 1).logical_or_(shape.narrow(axis, 1, size - 1))
-            shape = wider
-    return shape
+    # The maximum over a cube is 1 where any of its voxels belongs to the shape.
+    cube = max_pool3d(shape[:, None].float(), 2 * voxels + 1, stride=1, padding=voxels)
+    return cube[:, 0].bool()

@@ -9,15 +9,51 @@ from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 from torchmetrics import Metric
 
+from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES, NUM_CLASSES
 from . import functional as F
+from .functional.codes import MAX_CLASSES
 
 Tables = dict[str, Int64[Tensor, "..."]]
 Scores = dict[str, Float[Tensor, "..."]]
 
 
-class TableMetric(Metric, ABC):
+class Accumulator(Metric, ABC):
+    """A metric that adds up int64 tables of some ``shapes``, and is unchanged by what raises."""
+
+    is_differentiable = False
+    full_state_update = False
+
+    def __init__(self, shapes: Mapping[str, tuple[int, ...]], **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        for name, shape in shapes.items():
+            table = torch.zeros(shape, dtype=torch.int64)
+            self.add_state(name, default=table, dist_reduce_fx="sum")
+
+    @abstractmethod
+    def added(self, *batch: Any, **options: Any) -> Tables:
+        """Returns what a batch adds to the tables."""
+
+    def update(self, *batch: Any, **options: Any) -> None:
+        """Counts a batch."""
+        try:
+            tables = self.added(*batch, **options)
+        except Exception:
+            # The framework has counted this call already.
+            self._update_count -= 1
+            raise
+        for name, table in tables.items():
+            setattr(self, name, getattr(self, name) + table)
+
+    def forward(self, *batch: Any, **options: Any) -> Any:
+        """Counts a batch, and returns the scores of this batch alone."""
+        # The framework clears the state before it updates: a batch that raises then would lose it.
+        self.added(*batch, **options)
+        return super().forward(*batch, **options)
+
+
+class TableMetric(Accumulator):
     """A metric that adds up int64 tables over the frames of a dataset.
 
     So its scores are those of the dataset, not means of frames, and equal to the last bit whatever
@@ -30,9 +66,7 @@ class TableMetric(Metric, ABC):
     feed it with (`ScoreSuite.update`).
     """
 
-    is_differentiable = False
     higher_is_better = True
-    full_state_update = False
 
     # Whether its scores stand in the table of a run's scores. Many numbers that are to be read
     # together, as a sensitivity, have a table of their own.
@@ -40,11 +74,8 @@ class TableMetric(Metric, ABC):
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]], **kwargs: Any) -> None:
         """``shapes`` are those of the tables, by name."""
-        super().__init__(**kwargs)
+        super().__init__(shapes, **kwargs)
         self.shapes = dict(shapes)
-        for name, shape in self.shapes.items():
-            table = torch.zeros(shape, dtype=torch.int64)
-            self.add_state(name, default=table, dist_reduce_fx="sum")
 
     @abstractmethod
     def frame_tables(self, *batch: Any, **options: Any) -> Tables:
@@ -62,22 +93,9 @@ class TableMetric(Metric, ABC):
         """The tables of everything counted so far."""
         return {name: getattr(self, name) for name in self.shapes}
 
-    def update(self, *batch: Any, **options: Any) -> None:
-        """Counts a batch; the arguments are those of `frame_tables`."""
-        try:
-            tables = self.frame_tables(*batch, **options)
-        except Exception:
-            # The framework has counted this call already.
-            self._update_count -= 1
-            raise
-        for name, table in tables.items():
-            setattr(self, name, getattr(self, name) + table.sum(0))
-
-    def forward(self, *batch: Any, **options: Any) -> Any:
-        """Counts a batch, and returns the scores of this batch alone."""
-        # The framework clears the state before it updates: a batch that raises then would lose it.
-        self.frame_tables(*batch, **options)
-        return super().forward(*batch, **options)
+    def added(self, *batch: Any, **options: Any) -> Tables:
+        """Returns what a batch adds to the tables; the arguments are those of `frame_tables`."""
+        return {name: each.sum(0) for name, each in self.frame_tables(*batch, **options).items()}
 
     def compute(self) -> Any:
         """Returns the scores of everything counted so far."""
@@ -102,7 +120,13 @@ class VoxelMetric(TableMetric):
         free_index: int | None = None,
         **kwargs: Any,
     ) -> None:
-        F.check_classes(num_classes, ignore_index, free_index)
+        if not 2 <= num_classes <= MAX_CLASSES:
+            raise UserError(f"num_classes: {num_classes} must be 2 to {MAX_CLASSES}")
+        if free_index is not None and not 0 <= free_index < num_classes:
+            raise UserError(f"free_index: {free_index} must be 0 to {num_classes - 1}")
+        if 0 <= ignore_index < num_classes:
+            raise UserError(f"ignore_index: {ignore_index} is a class; give another number")
+
         super().__init__(shapes, **kwargs)
         self.grid = grid
         self.num_classes = num_classes
@@ -119,11 +143,44 @@ class VoxelMetric(TableMetric):
         is_ontology = self.num_classes == NUM_CLASSES
         return CLASSES if is_ontology else list(map(str, range(self.num_classes)))
 
+    def check(self, preds: Tensor, target: Tensor, **masks: Tensor | None) -> None:
+        """Raises `UserError` for tensors on another device than the metric, for shapes that do not
+        fit each other or the grid, and for dtypes of neither labels nor logits, or of no mask."""
+        masks = {name: mask for name, mask in masks.items() if mask is not None}
+        for name, tensor in {"preds": preds, "target": target, **masks}.items():
+            if tensor.device != self.shell.device:
+                raise UserError(
+                    f"{name}: on {tensor.device}, but the metric is on {self.shell.device}; "
+                    "move the metric with .to(device)"
+                )
+
+        shape = self.grid.shape
+        if target.ndim != 4 or tuple(target.shape[1:]) != shape:
+            raise UserError(
+                f"target: shape {list(target.shape)} is not [B, X, Y, Z] of the grid {list(shape)}"
+            )
+        if target.is_floating_point() or target.dtype == torch.bool:
+            raise UserError(f"target: {target.dtype} holds no class ids; give an integer dtype")
+        for name, mask in masks.items():
+            if mask.dtype != torch.bool or mask.shape != target.shape:
+                raise UserError(
+                    f"{name}: {mask.dtype} {list(mask.shape)} must be bool {list(target.shape)}, "
+                    "as the target"
+                )
+
+        if preds.dtype == torch.bool or preds.is_complex():
+            raise UserError(f"preds: {preds.dtype} is neither integer labels nor float logits")
+        of_logits = preds.is_floating_point()
+        kind, classes = ("logits", [self.num_classes]) if of_logits else ("labels", [])
+        wanted = [len(target), *classes, *shape]
+        if list(preds.shape) != wanted:
+            raise UserError(f"preds: {kind} of shape {list(preds.shape)} must be {wanted}")
+
     def codes(
         self, preds: F.Preds, target: F.Labels, mask: F.Mask | None
     ) -> UInt8[Tensor, "b X Y Z"]:
         """Returns a byte per voxel (`functional.encode`). Raises `UserError` for a bad batch."""
-        F.check_shapes(preds, target, {"mask": mask}, self.grid.shape, self.num_classes)
+        self.check(preds, target, mask=mask)
         labels = F.labels_of(preds)
         return F.encode(labels, target, mask, self.num_classes, self.ignore_index)
 

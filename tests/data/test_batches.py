@@ -29,9 +29,9 @@ def streams(epoch=0, batch_size=4, stride=1, run_frames=10, rank=ALONE, seed=0, 
 
 def epoch_of(batches, epoch):
     batches.set_epoch(epoch)
-    found = list(batches)
-    assert len(found) == len(batches)
-    return found
+    drawn = list(batches)
+    assert len(drawn) == len(batches)
+    return drawn
 
 
 def indices(batches):

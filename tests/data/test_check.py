@@ -140,18 +140,18 @@ def test_a_sound_clip_has_no_problem(tmp_path, attitude):
 )
 def test_labels_made_under_another_attitude_are_found(tmp_path, truth):
     labels = free_labels(table(*truth))
-    found = list(problems_of(write(tmp_path / "c", table(0.3, 0.1, 0.5), labels)))
-    assert len(found) == FRAMES
-    assert all(f"frame {n}:" in line for n, line in enumerate(found))
+    problems = list(problems_of(write(tmp_path / "c", table(0.3, 0.1, 0.5), labels)))
+    assert len(problems) == FRAMES
+    assert all(f"frame {n}:" in line for n, line in enumerate(problems))
 
 
 def test_angles_that_are_not_the_quaternion_s_are_found(tmp_path):
     rows = table(0.3, 0.1, 0.5)
     labels = free_labels(rows)
     rows.loc[4, "roll_rad"] *= -1
-    found = list(problems_of(write(tmp_path / "c", rows, labels)))
-    assert len(found) == 1
-    assert "frame 4" in found[0]
+    problems = list(problems_of(write(tmp_path / "c", rows, labels)))
+    assert len(problems) == 1
+    assert "frame 4" in problems[0]
 
 
 def test_changed_bytes_are_found_before_anything_is_read(tmp_path):
@@ -160,7 +160,7 @@ def test_changed_bytes_are_found_before_anything_is_read(tmp_path):
     data[400] ^= 1
     (folder / "rgb.zip").write_bytes(bytes(data))
     (folder / "frames.csv").unlink()
-    found = list(problems_of(folder))
-    assert len(found) == 2
-    assert str(folder / "frames.csv") in found[0]
-    assert str(folder / "rgb.zip") in found[1]
+    problems = list(problems_of(folder))
+    assert len(problems) == 2
+    assert str(folder / "frames.csv") in problems[0]
+    assert str(folder / "rgb.zip") in problems[1]

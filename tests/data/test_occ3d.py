@@ -70,7 +70,7 @@ def test_missing_extra_and_corrupt_frames_are_named(tmp_path, semantics):
     write(tmp_path, token="unknown", semantics=semantics)
     write(tmp_path, token="cut", semantics=full).write_bytes(b"PK")
     wanted = [("scene-0001", token) for token in ("sound", "missing", "unknown", "cut")]
-    found = Occ3DFolder(tmp_path, CLASS_MAP, GRID).inventory(wanted)
-    assert found.missing == ["scene-0001/missing"]
-    assert found.extra == ["scene-0001/extra"]
-    assert found.corrupt == ["scene-0001/cut", "scene-0001/unknown"]
+    inventory = Occ3DFolder(tmp_path, CLASS_MAP, GRID).inventory(wanted)
+    assert inventory.missing == ["scene-0001/missing"]
+    assert inventory.extra == ["scene-0001/extra"]
+    assert inventory.corrupt == ["scene-0001/cut", "scene-0001/unknown"]

@@ -68,10 +68,10 @@ def test_no_folder_is_one_clear_error(tmp_path):
 
 def test_missing_and_extra_frames_are_named_and_counted(folder):
     rewrite(folder, semantics_000003=None, semantics_000007=labels_at(7).numpy())
-    found = Predictions(folder).inventory(SAMPLES, SHAPE)
-    assert found.missing == ["town/clip00 semantics_000003"]
-    assert found.extra == ["town/clip00 semantics_000007"]
-    assert str(found).startswith("1 missing: town/clip00 semantics_000003; 1 extra: ")
+    inventory = Predictions(folder).inventory(SAMPLES, SHAPE)
+    assert inventory.missing == ["town/clip00 semantics_000003"]
+    assert inventory.extra == ["town/clip00 semantics_000007"]
+    assert str(inventory).startswith("1 missing: town/clip00 semantics_000003; 1 extra: ")
 
 
 @pytest.mark.parametrize(
@@ -89,9 +89,9 @@ def test_missing_and_extra_frames_are_named_and_counted(folder):
 def test_a_frame_that_cannot_be_scored_is_corrupt(folder, broken):
     rewrite(folder, semantics_000003=broken)
     predictions = Predictions(folder)
-    found = predictions.inventory(SAMPLES, SHAPE)
-    assert found.corrupt == ["town/clip00 semantics_000003"]
-    assert not found.missing
+    inventory = predictions.inventory(SAMPLES, SHAPE)
+    assert inventory.corrupt == ["town/clip00 semantics_000003"]
+    assert not inventory.missing
     assert not predictions.has("town/clip00", 3, SHAPE)
     assert predictions.has("town/clip00", 4, SHAPE)
 
@@ -100,8 +100,8 @@ def test_a_frame_that_cannot_be_scored_is_corrupt(folder, broken):
 def test_a_file_that_is_cut_off_is_corrupt(folder, size):
     path = folder / "town/clip00/occupancy.npz"
     path.write_bytes(path.read_bytes()[:size])
-    found = Predictions(folder).inventory(SAMPLES, SHAPE)
-    assert found.corrupt == ["town/clip00/occupancy.npz"]
+    inventory = Predictions(folder).inventory(SAMPLES, SHAPE)
+    assert inventory.corrupt == ["town/clip00/occupancy.npz"]
     assert not Predictions(folder).has("town/clip00", 3, SHAPE)
 
 
@@ -117,7 +117,7 @@ def test_a_flipped_byte_is_found(folder):
 
 def test_more_than_three_are_counted_and_not_all_named(folder):
     samples = [("town/clip09", frame) for frame in range(5)]
-    told = str(Predictions(folder).inventory(samples, SHAPE))
-    assert told.startswith("5 missing: ")
-    assert told.count("town/clip09") == 3
-    assert "..." in told
+    message = str(Predictions(folder).inventory(samples, SHAPE))
+    assert message.startswith("5 missing: ")
+    assert message.count("town/clip09") == 3
+    assert "..." in message

@@ -37,7 +37,7 @@ def test_other_settings_another_number_and_other_code_are_refused(spec, mini_sim
     for joining, shards, message in (
         (other, 4, r"sim\.seed: .* 7\b.* 0\b.*\.mini\.shards\.json"),
         (spec, 2, r"sim\.shards: .* 2\b.* 4\b"),
-        (replace(spec, generator="abc"), 4, r"sim: .*abc"),
+        (replace(spec, generator="abc"), 4, r"code of sim: .*abc"),
     ):
         with pytest.raises(UserError, match=message) as error:
             join_shards(tmp_path, joining, shards)

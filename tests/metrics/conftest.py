@@ -7,15 +7,7 @@ from src.geometry import VoxelGrid
 from src.metrics import Calibration, KARBreakdown, RayIoU
 from src.metrics.suite import ScoreSuite
 from src.ontology import CAR, FREE
-from tests.metrics.inputs import (
-    CLIPS,
-    SUITE,
-    coins,
-    one_hot,
-    random_logits,
-    random_rays,
-    truth_of,
-)
+from tests.metrics.inputs import CLIPS, SUITE, coins, one_hot, random_logits, random_rays, truth_of
 
 SHAPE = (6, 5, 3)
 
@@ -44,6 +36,13 @@ def random_batch():
 
 
 @pytest.fixture
+def four_classes(random_batch):
+    """A `random_batch` whose labels are those of `FOUR_CLASSES`."""
+    preds, target, velocity = random_batch(0, num_classes=4)
+    return preds, torch.where(target == 255, -100, target.long()), velocity
+
+
+@pytest.fixture
 def sparse_batch(random_batch):
     """As `random_batch`, without velocity and mostly free, so that some rays meet nothing."""
 
@@ -66,8 +65,7 @@ def batch_for(random_batch, sparse_batch):
     """
 
     def make(metric, seed=0, frames=4, masked=False):
-        preds, target, velocity = random_batch(seed, frames)
-        batch = preds, target, velocity
+        batch = _, target, velocity = random_batch(seed, frames)
         if metric is Calibration:
             batch = random_logits(seed, target), target, velocity
         if metric is RayIoU:

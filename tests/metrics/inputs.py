@@ -7,15 +7,9 @@ from src.geometry import VoxelGrid
 from src.ontology import FREE
 
 CLIPS = ["town/clip00", "town/clip01", "town/clip02"]
-METRIC = {
-    "num_classes": 9,
-    "free_index": 8,
-    "ignore_index": 255,
-    "horizon_s": 5.0,
-    "decay_per_s": 0.5,
-    "penalty_scale": 2.0,
-    "min_speed_mps": 5.0,
-}
+PAPER_METRIC = OmegaConf.to_container(OmegaConf.load("conf/metric/occupancy.yaml"))
+METRIC = {key: value for key, value in PAPER_METRIC.items() if not key.startswith("_")}
+FOUR_CLASSES = {"num_classes": 4, "free_index": 0, "ignore_index": -100}
 SHARED = {
     "ttc_edges_s": [1.0, 5.0],
     "distance_edges_m": [5.0, 10.0],
@@ -107,6 +101,6 @@ def scores_of(metric, *batches):
     return {name: float(score) for name, score in scores.items()}
 
 
-def assert_same(found, expected):
+def assert_same(actual, expected):
     """Of tables or scores: the same to the last bit, NaN included."""
-    torch.testing.assert_close(found, expected, rtol=0, atol=0, equal_nan=True)
+    torch.testing.assert_close(actual, expected, rtol=0, atol=0, equal_nan=True)

@@ -50,8 +50,8 @@ def check(grid, batch, visible, ttc_s=TTC_S, distance_m=DISTANCE_M, parameters=P
     voxels = counted_voxels(grid, batch, visible, parameters)
     expected = expected_scores(voxels, ttc_s, distance_m)
     parts = KARBreakdown(grid, ttc_edges_s=ttc_s, distance_edges_m=distance_m, **parameters)
-    found = scores_of(parts, (*batch, None, visible))
-    assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
+    actual = scores_of(parts, (*batch, None, visible))
+    assert actual == pytest.approx(expected, abs=1e-6, nan_ok=True)
     return expected
 
 
@@ -145,5 +145,5 @@ def test_the_means_of_the_table_are_the_scores(parts):
     scores = scores_of(parts)
     for (scope, part), row in means.iterrows():
         prefix = scope if part == "whole" else f"{scope}/{part}"
-        found = (scores[f"{prefix}/miou_occupied"], scores[f"{prefix}/kar_miou"])
-        assert tuple(row) == pytest.approx(found, abs=1e-6, nan_ok=True)
+        actual = (scores[f"{prefix}/miou_occupied"], scores[f"{prefix}/kar_miou"])
+        assert tuple(row) == pytest.approx(actual, abs=1e-6, nan_ok=True)

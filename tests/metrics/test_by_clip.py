@@ -53,14 +53,6 @@ def test_chosen_clips_score_as_the_plain_metric_on_their_frames(grid, frames_for
     assert_same(tables, alone.tables)
 
 
-@pytest.mark.parametrize("make", METRICS)
-def test_without_a_choice_all_clips_score(grid, frames_for, make):
-    batch = frames_for(make)
-    metric, alone = by_clip(grid, batch, make), plain(grid, batch, make)
-    assert_same(metric.scores(), scores(alone))
-    assert_same(metric.compute(), scores(alone))
-
-
 def test_the_tables_keep_the_order_of_the_clips(grid, frames_for):
     metric = by_clip(grid, frames_for())
     chosen = metric.tables(lambda clip: clip != "town/b")["count"]
@@ -90,17 +82,15 @@ def test_options_reach_the_metric(grid, frames_for):
     metric, alone = ByClip(KARBreakdown(grid), CLIPS), KARBreakdown(grid)
     metric.update(OF_FRAME, *batch, visible=visible)
     alone.update(*batch, visible=visible)
+    # Without a choice all clips score.
     assert_same(metric.compute(), alone.compute())
+    assert_same(metric.scores(), alone.compute())
     assert float(metric.compute()["visible/kar_miou"]) >= 0
 
 
-def test_the_metric_inside_counts_nothing_itself(grid, frames_for):
+def test_reset_forgets_everything_and_the_metric_inside_never_counts(grid, frames_for):
     metric = by_clip(grid, frames_for())
     assert not metric.metric.count.any()
-
-
-def test_reset_forgets_everything(grid, frames_for):
-    metric = by_clip(grid, frames_for())
     metric.reset()
     assert not metric.count.any()
     metric.update(OF_FRAME, *frames_for())

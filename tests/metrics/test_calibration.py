@@ -59,18 +59,12 @@ def expected_scores(grid, logits, target, velocity, bins=15, horizon_s=5.0, min_
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        {},
-        {"bins": 1},
-        {"bins": 4},
-        {"horizon_s": 1.0},
-        {"horizon_s": 0.7, "min_speed_mps": 14.0},
-    ],
+    [{}, {"bins": 1}, {"bins": 4}, {"horizon_s": 1.0}, {"horizon_s": 0.7, "min_speed_mps": 14.0}],
 )
 def test_every_score_matches_the_loops(grid, batch, arguments):
     expected = expected_scores(grid, *batch, **arguments)
-    found = scores_of(Calibration(grid, **arguments), batch)
-    assert found == pytest.approx(expected, abs=1e-5, nan_ok=True)
+    actual = scores_of(Calibration(grid, **arguments), batch)
+    assert actual == pytest.approx(expected, abs=1e-5, nan_ok=True)
 
 
 # ----------------------------------------------------------------- predictors of known error
@@ -164,6 +158,6 @@ def test_only_voxels_in_the_bubble_count_and_its_edge_does(speed_mps, inside):
 def test_logits_of_any_float_dtype(grid, batch, dtype):
     logits, target, velocity = batch
     logits = logits.to(dtype).requires_grad_()
-    found = updated(Calibration(grid), (logits, target, velocity))
+    actual = updated(Calibration(grid), (logits, target, velocity))
     expected = updated(Calibration(grid), (logits.detach().double(), target, velocity))
-    assert_same(found.compute(), expected.compute())
+    assert_same(actual.compute(), expected.compute())

@@ -5,6 +5,7 @@ import doctest
 import importlib
 import math
 import pickle
+from pathlib import Path
 
 import pytest
 import torch
@@ -31,6 +32,7 @@ CONFUSIONS = (KARMeanIoU, OccupancyScores, KARBreakdown, SafetyScores)
 OF_VELOCITY = (*CONFUSIONS, KARSensitivity, Calibration)
 OF_LABELS = (*CONFUSIONS, KARSensitivity, RayIoU)
 EVERY = (*OF_LABELS, Calibration)
+EXAMPLES = [path for path in Path("src/metrics").rglob("*.py") if ">>>" in path.read_text()]
 
 
 def of(metrics):
@@ -86,8 +88,8 @@ def test_cuda_gives_the_same_bits(grid, random_batch):
     batch = random_batch(0)
     on_cuda = OccupancyScores(grid).cuda()
     on_cuda.update(*(tensor.cuda() for tensor in batch))
-    found = {name: table.cpu() for name, table in on_cuda.tables.items()}
-    assert_same(found, counted(OccupancyScores, grid, batch).tables)
+    actual = {name: table.cpu() for name, table in on_cuda.tables.items()}
+    assert_same(actual, counted(OccupancyScores, grid, batch).tables)
 
 
 @of(CONFUSIONS)
@@ -380,20 +382,9 @@ def test_a_checkpoint_holds_nothing_of_the_metric(grid, make):
     assert not make(grid).state_dict()
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "functional.penalty",
-        "kar",
-        "occupancy",
-        "breakdown",
-        "safety",
-        "calibration",
-        "ray_iou",
-        "sensitivity",
-    ],
-)
-def test_the_examples_run(name):
-    results = doctest.testmod(importlib.import_module(f"src.metrics.{name}"))
+@pytest.mark.parametrize("path", EXAMPLES, ids=str)
+def test_the_examples_run(path):
+    module = importlib.import_module(".".join(path.with_suffix("").parts))
+    results = doctest.testmod(module)
     assert results.attempted > 0
     assert results.failed == 0

@@ -6,7 +6,7 @@ import torch
 from src.metrics import KARMeanIoU, OccupancyScores
 from src.metrics.functional import kar_mean_iou
 from src.ontology import CLASSES
-from tests.metrics.inputs import assert_same, coins, random_logits, updated
+from tests.metrics.inputs import FOUR_CLASSES, assert_same, coins, random_logits, updated
 from tests.metrics.loops import OTHER, PAPER, class_shares, counted_voxels, occupied_mean
 
 
@@ -40,15 +40,7 @@ def far_too_fast(preds, target, velocity):
     return preds, target, 1e6 * velocity
 
 
-EDGES = [
-    absent_classes,
-    one_voxel,
-    all_unknown,
-    all_free,
-    all_wrong,
-    standing_still,
-    far_too_fast,
-]
+EDGES = [absent_classes, one_voxel, all_unknown, all_free, all_wrong, standing_still, far_too_fast]
 
 # A UAV at rest then has voxels exactly at the horizon, 6 m away.
 AT_THE_HORIZON = PAPER | {"horizon_s": 1.2}
@@ -77,9 +69,9 @@ def test_the_definition_is_that_of_plain_loops(grid, batch, parameters):
 def test_a_logit_counts_as_its_class_and_a_mask_as_unknown(grid, random_batch):
     _, target, velocity = random_batch(0)
     logits, mask = random_logits(1, target), coins(2, target)
-    found = kar_mean_iou(logits, target, velocity, grid, mask)
+    actual = kar_mean_iou(logits, target, velocity, grid, mask)
     unknown = target.masked_fill(~mask, 255)
-    assert_same(found, kar_mean_iou(logits.argmax(1), unknown, velocity, grid))
+    assert_same(actual, kar_mean_iou(logits.argmax(1), unknown, velocity, grid))
 
 
 # ------------------------------------------------------------------------ what computes it faster
@@ -99,8 +91,8 @@ def test_the_metrics_have_the_bits_of_the_definition(grid, batch, backend, param
         assert_same(updated(KARMeanIoU(grid, **options), given).compute(), score.float())
         scores = updated(OccupancyScores(grid, **options), given).compute()
         assert_same(scores["kar_miou"], score.float())
-        found = torch.stack([scores[f"kar_iou/{name}"] for name in CLASSES])
-        assert_same(found, by_class.float())
+        actual = torch.stack([scores[f"kar_iou/{name}"] for name in CLASSES])
+        assert_same(actual, by_class.float())
 
 
 def test_batches_add_up_to_the_definition_of_all_their_frames(grid, random_batch):
@@ -109,12 +101,9 @@ def test_batches_add_up_to_the_definition_of_all_their_frames(grid, random_batch
     assert_same(updated(KARMeanIoU(grid), *batches).compute(), score.float())
 
 
-def test_other_classes_free_and_unknown_labels(grid, random_batch):
-    preds, target, velocity = random_batch(0, num_classes=4)
-    target = torch.where(target == 255, -100, target.long())
-    labels = {"num_classes": 4, "free_index": 0, "ignore_index": -100}
-    score, by_class = kar_mean_iou(preds, target, velocity, grid, **labels)
-    kar = updated(KARMeanIoU(grid, **labels), (preds, target, velocity))
+def test_other_classes_free_and_unknown_labels(grid, four_classes):
+    score, by_class = kar_mean_iou(*four_classes, grid, **FOUR_CLASSES)
+    kar = updated(KARMeanIoU(grid, **FOUR_CLASSES), four_classes)
     assert_same(kar.compute(), score.float())
     assert_same(score, by_class[1:].nanmean())
 

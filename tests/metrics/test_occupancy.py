@@ -6,7 +6,7 @@ from torchmetrics.classification import MulticlassJaccardIndex
 
 from src.metrics import OccupancyScores
 from src.ontology import CLASSES
-from tests.metrics.inputs import updated
+from tests.metrics.inputs import FOUR_CLASSES, updated
 
 MEANS = ["miou", "miou_occupied", "kar_miou"]
 
@@ -73,15 +73,11 @@ def test_counts_accumulate_over_frames_instead_of_a_mean_of_scores(grid):
     assert float(scores["iou/car"]) == pytest.approx(2 / 17)
 
 
-def test_other_classes_free_and_unknown_labels(grid, random_batch):
-    preds, target, velocity = random_batch(0, num_classes=4)
-    known = target != 255
-    torch_target = torch.where(known, target.long(), -100)
-    scores = scores_of(
-        grid, (preds, torch_target, velocity), num_classes=4, free_index=0, ignore_index=-100
-    )
+def test_other_classes_free_and_unknown_labels(grid, four_classes):
+    preds, target, _ = four_classes
+    scores = scores_of(grid, four_classes, **FOUR_CLASSES)
     iou = torch.stack([scores[f"iou/{class_id}"] for class_id in range(4)])
-    jaccard = MulticlassJaccardIndex(4, average=None)
-    jaccard.update(preds[known].long(), target[known].long())
+    jaccard = MulticlassJaccardIndex(4, ignore_index=-100, average=None)
+    jaccard.update(preds.long(), target)
     torch.testing.assert_close(iou, jaccard.compute(), atol=1e-6, rtol=0)
     torch.testing.assert_close(scores["miou_occupied"], iou[1:].mean())

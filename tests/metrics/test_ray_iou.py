@@ -86,8 +86,8 @@ def test_what_rays_meet_first_matches_tiny_steps(grid, sparse_batch, seed):
     expected = iter(met_in_batch(grid, preds, target, origin_m, directions))
     codes = F.encode(preds, target, None, num_classes=9, ignore_index=255)
     for b in range(len(target)):
-        found = F.first_met(codes[b], origin_m[b], directions[b], grid, free_index=FREE)
-        for classes, distances_m in zip(found[0].T, found[1].T):
+        actual = F.first_met(codes[b], origin_m[b], directions[b], grid, free_index=FREE)
+        for classes, distances_m in zip(actual[0].T, actual[1].T):
             for class_id, distance_m, (other, other_m) in zip(classes, distances_m, next(expected)):
                 assert class_id == (255 if other is None else other)
                 assert distance_m == pytest.approx(other_m, abs=2 * STEP_M)
@@ -98,8 +98,8 @@ def test_every_score_matches_tiny_steps(grid, sparse_batch, thresholds_m):
     batches = [(*sparse_batch(seed), *random_rays(seed)) for seed in range(2)]
     rays = [ray for batch in batches for ray in met_in_batch(grid, *batch)]
     expected = expected_scores(rays, thresholds_m)
-    found = scores_of(RayIoU(grid, thresholds_m=thresholds_m), *batches)
-    assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
+    actual = scores_of(RayIoU(grid, thresholds_m=thresholds_m), *batches)
+    assert actual == pytest.approx(expected, abs=1e-6, nan_ok=True)
     assert 0 < expected["ray_iou"] < 1
     assert 0 < expected["ray_phantom_rate"] < 1
 
@@ -114,8 +114,8 @@ def test_rays_along_an_axis_match_tiny_steps(grid, sparse_batch, axis, sign):
         origin_m = torch.tensor([9.0, 0.5, -0.7], dtype=torch.float64).expand(len(target), 3)
         origin_m = origin_m if inside else origin_m - 30.0 * direction[:, 0]
         expected = expected_scores(met_in_batch(grid, preds, target, origin_m, direction))
-        found = scores_of(RayIoU(grid), (preds, target, origin_m, direction))
-        assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
+        actual = scores_of(RayIoU(grid), (preds, target, origin_m, direction))
+        assert actual == pytest.approx(expected, abs=1e-6, nan_ok=True)
 
 
 # ------------------------------------------------------------------------------------- by hand
@@ -123,8 +123,8 @@ def test_rays_along_an_axis_match_tiny_steps(grid, sparse_batch, axis, sign):
 
 def met_on_line(preds, target, origin_m=HERE, directions=AHEAD):
     codes = F.encode(preds, target, None, num_classes=9, ignore_index=255)
-    found = F.first_met(codes[0], origin_m[0], directions[0], LINE, free_index=FREE)
-    return [row[:, 0].tolist() for row in found]
+    actual = F.first_met(codes[0], origin_m[0], directions[0], LINE, free_index=FREE)
+    return [row[:, 0].tolist() for row in actual]
 
 
 def test_a_ray_that_starts_in_an_occupied_voxel_meets_it_at_once():
@@ -142,8 +142,8 @@ def test_a_ray_looks_ahead_only():
 def test_unknown_voxels_are_passed_through_even_where_something_is_predicted():
     target = line(x2=255, x4=CAR)
     for anything in (CAR, BUILDING, 255):
-        found = met_on_line(line(x2=anything, x4=CAR), target)
-        assert found == [[CAR, CAR], [8.0, 8.0]]
+        actual = met_on_line(line(x2=anything, x4=CAR), target)
+        assert actual == [[CAR, CAR], [8.0, 8.0]]
 
 
 @pytest.mark.parametrize(("index", "hits"), [(4, 3), (3, 1), (5, 1), (2, 0), (6, 0)])
@@ -235,28 +235,17 @@ def test_camera_rays_are_unit_and_start_at_the_camera(cameras):
     torch.testing.assert_close(origin_m, inverse(cameras[0])[:, :3, 3])
 
 
-def test_the_central_ray_runs_along_the_axis_of_the_camera(cameras):
-    _, directions = F.camera_rays(*cameras, (WIDTH, HEIGHT), rays=(7, 5))
-    axis = inverse(cameras[0])[:, :3, 2]
-    torch.testing.assert_close(directions[:, 17], axis)
-
-
 @pytest.mark.parametrize("depth_m", [0.5, 20.0])
-def test_rays_project_back_to_the_middles_of_their_parts_of_the_image(cameras, depth_m):
-    origin_m, directions = F.camera_rays(*cameras, (WIDTH, HEIGHT), rays=(8, 6))
+@pytest.mark.parametrize("rays", [(8, 6), (7, 5), (WIDTH, HEIGHT)])
+def test_rays_project_back_to_the_middles_of_their_parts_of_the_image(cameras, rays, depth_m):
+    """The central one of odd numbers runs along the axis, and a ray a pixel hits its center."""
+    origin_m, directions = F.camera_rays(*cameras, (WIDTH, HEIGHT), rays)
     pix, z_m = project(origin_m[:, None] + depth_m * directions, *cameras)
-    expected = [(10 * (n % 8) + 5.0, 8 * (n // 8) + 4.0) for n in range(48)]
-    expected = torch.tensor(expected, dtype=torch.float64).expand(3, 48, 2)
-    torch.testing.assert_close(pix, expected)
+    across, down = rays
+    middles = [(n % across + 0.5, n // across + 0.5) for n in range(across * down)]
+    part = torch.tensor([WIDTH / across, HEIGHT / down], dtype=torch.float64)
+    torch.testing.assert_close(pix, (torch.tensor(middles) * part).expand_as(pix))
     assert (z_m > 0).all()
-
-
-def test_as_many_rays_as_pixels_go_through_their_centers(cameras):
-    origin_m, directions = F.camera_rays(*cameras, (WIDTH, HEIGHT), rays=(WIDTH, HEIGHT))
-    pix, _ = project(origin_m[:, None] + directions, *cameras)
-    torch.testing.assert_close(pix[1, 0], torch.tensor([0.5, 0.5], dtype=torch.float64))
-    last = torch.tensor([WIDTH - 0.5, HEIGHT - 0.5], dtype=torch.float64)
-    torch.testing.assert_close(pix[1, -1], last)
 
 
 def test_a_level_camera_ahead_looks_along_x_and_its_upper_rows_up():

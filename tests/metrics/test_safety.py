@@ -81,9 +81,9 @@ def expected_scores(
 
 def check(grid, batch, **arguments):
     expected = expected_scores(grid, *batch, **arguments)
-    found = scores_of(SafetyScores(grid, **arguments), batch)
-    assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
-    assert list(found) == list(expected), "the documented order"
+    actual = scores_of(SafetyScores(grid, **arguments), batch)
+    assert actual == pytest.approx(expected, abs=1e-6, nan_ok=True)
+    assert list(actual) == list(expected), "the documented order"
     return expected
 
 

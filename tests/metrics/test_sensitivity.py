@@ -3,37 +3,36 @@
 from itertools import product
 
 import pytest
-import torch
 
 from src.errors import UserError
 from src.metrics import KARMeanIoU, KARSensitivity
 from src.metrics.sensitivity import GRID, PARAMETERS
-from tests.metrics.inputs import scores_of, updated
+from tests.metrics.inputs import FOUR_CLASSES, scores_of, updated
 
 FEW = {"horizon_s": (1.5, 5.0), "penalty_scale": (0.0, 2.0, 7.0)}
 
 
 def check(grid, *batches, values=GRID):
     metric = KARSensitivity(grid, values)
-    found = list(scores_of(metric, *batches).values())
+    actual = list(scores_of(metric, *batches).values())
     expected = [
         float(updated(KARMeanIoU(grid, **setting), *batches).compute())
         for setting in metric.settings.to_dict("records")
     ]
-    assert found == pytest.approx(expected, abs=1e-6, nan_ok=True)
-    return found
+    assert actual == pytest.approx(expected, abs=1e-6, nan_ok=True)
+    return actual
 
 
 def test_every_setting_is_kar_miou_with_these_parameters(grid, random_batch):
-    found = check(grid, random_batch(0), random_batch(1))
-    assert len(found) == 81
-    assert len(set(found)) > 50
+    actual = check(grid, random_batch(0), random_batch(1))
+    assert len(actual) == 81
+    assert len(set(actual)) > 50
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_random_batches_and_other_values(grid, random_batch, seed):
-    found = check(grid, random_batch(seed), values=FEW)
-    assert found[0] > found[1] > found[2]
+    actual = check(grid, random_batch(seed), values=FEW)
+    assert actual[0] > actual[1] > actual[2]
 
 
 def test_the_settings_are_in_the_order_of_the_scores(grid, random_batch):
@@ -52,13 +51,10 @@ def test_without_values_there_is_the_setting_of_the_paper(grid, random_batch):
     assert float(*metric.compute().values()) == pytest.approx(float(kar.compute()), abs=1e-7)
 
 
-def test_other_classes_free_and_unknown_labels(grid, random_batch):
-    preds, target, velocity = random_batch(0, num_classes=4)
-    target = torch.where(target == 255, -100, target.long())
-    labels = {"num_classes": 4, "free_index": 0, "ignore_index": -100}
-    batch = (preds, target, velocity)
-    metric = updated(KARSensitivity(grid, {"penalty_scale": (3.0,)}, **labels), batch)
-    kar = updated(KARMeanIoU(grid, penalty_scale=3.0, **labels), batch)
+def test_other_classes_free_and_unknown_labels(grid, four_classes):
+    sensitivity = KARSensitivity(grid, {"penalty_scale": (3.0,)}, **FOUR_CLASSES)
+    metric = updated(sensitivity, four_classes)
+    kar = updated(KARMeanIoU(grid, penalty_scale=3.0, **FOUR_CLASSES), four_classes)
     assert float(*metric.compute().values()) == pytest.approx(float(kar.compute()), abs=1e-6)
 
 

@@ -16,7 +16,7 @@ Mask = Bool[Tensor, "b X Y Z"]
 # Four bits hold a class id, and their last value stands for a voxel that is not counted.
 MAX_CLASSES = 15
 CODES = 256
-_UNCOUNTED = 255
+UNCOUNTED = 255
 _NO_CLASS = 254
 
 
@@ -41,47 +41,6 @@ def encode(
     return (known << 4) | labels | (known >> 4)
 
 
-def check_shapes(
-    preds: Tensor,
-    target: Tensor,
-    masks: dict[str, Tensor | None],
-    shape: tuple[int, int, int],
-    num_classes: int,
-) -> None:
-    """Raises `UserError` for shapes that do not fit each other or the grid's ``shape``, and for
-    dtypes that are neither labels nor logits, or of a mask that is not bool."""
-    if target.ndim != 4 or tuple(target.shape[1:]) != shape:
-        raise UserError(
-            f"target: shape {list(target.shape)} is not [B, X, Y, Z] of the grid {list(shape)}"
-        )
-    if target.is_floating_point() or target.dtype == torch.bool:
-        raise UserError(f"target: {target.dtype} holds no class ids; give an integer dtype")
-    if preds.dtype == torch.bool or preds.is_complex():
-        raise UserError(f"preds: {preds.dtype} is neither integer labels nor float logits")
-
-    kind, classes = ("logits", [num_classes]) if preds.is_floating_point() else ("labels", [])
-    asked = [len(target), *classes, *shape]
-    if list(preds.shape) != asked:
-        raise UserError(f"preds: {kind} of shape {list(preds.shape)} must be {asked}")
-
-    for name, mask in masks.items():
-        if mask is not None and (mask.dtype != torch.bool or mask.shape != target.shape):
-            raise UserError(
-                f"{name}: {mask.dtype} {list(mask.shape)} must be bool {list(target.shape)}, "
-                "as the target"
-            )
-
-
-def check_classes(num_classes: int, ignore_index: int, free_index: int | None = None) -> None:
-    """Raises `UserError` for ids that cannot be told apart."""
-    if not 2 <= num_classes <= MAX_CLASSES:
-        raise UserError(f"num_classes: {num_classes} must be 2 to {MAX_CLASSES}")
-    if free_index is not None and not 0 <= free_index < num_classes:
-        raise UserError(f"free_index: {free_index} must be 0 to {num_classes - 1}")
-    if 0 <= ignore_index < num_classes:
-        raise UserError(f"ignore_index: {ignore_index} is a class; give another number")
-
-
 def labels_of(preds: Preds) -> Labels:
     """Returns labels as they are, and of logits the class of the highest.
 
@@ -97,11 +56,11 @@ def labels_of(preds: Preds) -> Labels:
 
 
 def _target_bytes(target: Labels, ignore_index: int) -> UInt8[Tensor, "b X Y Z"]:
-    if ignore_index == _UNCOUNTED:
+    if ignore_index == UNCOUNTED:
         return _bytes(target)
     target = target.long()
-    target = torch.where(target == _UNCOUNTED, _NO_CLASS, target)
-    return _bytes(torch.where(target == ignore_index, _UNCOUNTED, target))
+    target = torch.where(target == UNCOUNTED, _NO_CLASS, target)
+    return _bytes(torch.where(target == ignore_index, UNCOUNTED, target))
 
 
 def _bytes(ids: Int[Tensor, "*v"]) -> UInt8[Tensor, "*v"]:

@@ -23,7 +23,7 @@ Tables = tuple[Int64[Tensor, "b m k c c"], Int64[Tensor, "b m k c c"]]
 
 @dataclass(frozen=True)
 class Frames:
-    """A batch of frames to count, whose shapes fit each other (`check_shapes`).
+    """A batch of frames to count, whose shapes fit each other.
 
     ``shell`` names each voxel's distance from the UAV, and ``excess`` is what an error at each
     distance weighs more than 1 (`Penalty.excess_table`). ``bins`` sorts the distances of each frame
@@ -54,10 +54,13 @@ def confusion_tables(frames: Frames, backend: str = "auto") -> Tables:
     Counted is every voxel whose target is not ``ignore_index`` and which the mask holds. Raises
     `UserError` for class ids at counted voxels outside 0 to ``num_classes - 1``.
     """
-    count = _by_numba if is_compiled(backend, frames.labels.device) else _by_torch
+    device = frames.labels.device
+    fill = _fill_by_numba if is_compiled(backend, device) else _fill_by_torch
+    tables = torch.zeros(2, len(frames.target), *frames.shape, dtype=torch.int64, device=device)
+    fill(frames, *tables.flatten(2))
+
     kept = slice(frames.num_classes)
-    shape = (len(frames.target), *frames.shape)
-    return tuple(table.view(shape)[..., kept, kept] for table in count(frames))
+    return tuple(tables[..., kept, kept])
 
 
 def is_compiled(backend: str, device: torch.device) -> bool:
@@ -69,32 +72,28 @@ def is_compiled(backend: str, device: torch.device) -> bool:
     return backend != "torch" and device.type == "cpu"
 
 
-def _by_torch(frames: Frames) -> tuple[Int64[Tensor, "b t"], Int64[Tensor, "b t"]]:
+def _fill_by_torch(
+    frames: Frames, count: Int64[Tensor, "b t"], penalty: Int64[Tensor, "b t"]
+) -> None:
     codes = _encoded(frames).flatten(1)
-    size = int(np.prod(frames.shape))
-    count = torch.zeros(len(codes), size, dtype=torch.int64, device=codes.device)
-    penalty = torch.zeros_like(count)
-
     for n, code in enumerate(codes):
         cell = code
         if frames.bins is not None:
             cell = cell + CODES * frames.bins[n].index_select(0, frames.shell)
         if frames.marked is not None:
             cell = cell + CODES * frames.n_bins * frames.marked[n].flatten().to(torch.int32)
-        count[n] = torch.bincount(cell, minlength=size)
+        count[n] = torch.bincount(cell, minlength=count.shape[1])
 
         wrong = torch.nonzero((code ^ (code >> 4)) & 15).squeeze(1)
         excess = frames.excess[n].index_select(0, frames.shell.index_select(0, wrong))
         penalty[n].scatter_add_(0, cell.index_select(0, wrong).long(), excess)
-    return count, penalty
 
 
-def _by_numba(frames: Frames) -> tuple[Int64[Tensor, "b t"], Int64[Tensor, "b t"]]:
+def _fill_by_numba(
+    frames: Frames, count: Int64[Tensor, "b t"], penalty: Int64[Tensor, "b t"]
+) -> None:
     # Only here: importing the compiler takes a second.
     from .kernels import count_frame
-
-    size = int(np.prod(frames.shape))
-    count, penalty = torch.zeros(2, len(frames.target), size, dtype=torch.int64)
 
     shell, classes = frames.shell.numpy(), (frames.num_classes, frames.ignore_index)
     for n in range(len(frames.target)):
@@ -103,7 +102,6 @@ def _by_numba(frames: Frames) -> tuple[Int64[Tensor, "b t"], Int64[Tensor, "b t"
         space = (shell, _flat(frames.bins, n), frames.n_bins, frames.excess[n].numpy())
         if not count_frame(*ids, *flags, *space, *classes, count[n].numpy(), penalty[n].numpy()):
             _encoded(frames)  # raises, naming what is wrong
-    return count, penalty
 
 
 def _encoded(frames: Frames) -> Tensor:

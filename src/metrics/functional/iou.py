@@ -37,17 +37,14 @@ def iou_compute(
 
 def precision_compute(count: Table, excess: Table) -> Float[Tensor, "*n c"]:
     """Returns TP / (TP + sum of p_i over FP) of every class; NaN where it was never predicted."""
-    return _share(count, excess, -2)
+    hits = count.diagonal(dim1=-2, dim2=-1).double()
+    return hits / (count.sum(-2).double() + excess.sum(-2).double() / FIXED_POINT)
 
 
 def recall_compute(count: Table, excess: Table) -> Float[Tensor, "*n c"]:
     """Returns TP / (TP + sum of p_i over FN) of every class; NaN where it never was."""
-    return _share(count, excess, -1)
-
-
-def _share(count: Table, excess: Table, dim: int) -> Float[Tensor, "*n c"]:
-    hits = count.diagonal(dim1=-2, dim2=-1).double()
-    return hits / (count.sum(dim).double() + excess.sum(dim).double() / FIXED_POINT)
+    # A transposed table has the false negatives of a class where the false positives were.
+    return precision_compute(count.mT, excess.mT)
 
 
 def mean_iou(iou: Float[Tensor, "*n c"], without: int | None = None) -> Float[Tensor, "*n"]:

@@ -3,8 +3,7 @@
 import numpy as np
 
 from ...jit import njit
-
-CODES = 256
+from .codes import CODES
 
 
 @njit(nogil=True)

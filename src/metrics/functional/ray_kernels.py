@@ -4,8 +4,7 @@ import numpy as np
 
 from ...jit import njit
 from ...voxels import advance, enter, is_inside
-
-UNCOUNTED = 255
+from .codes import UNCOUNTED
 
 
 @njit(nogil=True, error_model="numpy")
@@ -15,20 +14,13 @@ def march(codes, origin, directions, free_index, classes, distances):
     ``codes`` are ``16 * target + prediction``, or 255 where nothing is counted.
     """
     for n in range(len(directions)):
-        _march_one(codes, origin, directions[n], free_index, classes[:, n], distances[:, n])
-
-
-@njit(nogil=True, error_model="numpy")
-def _march_one(codes, origin, direction, free_index, classes, distances):
-    ray = enter(codes.shape, origin, direction)
-    while is_inside(codes.shape, ray):
-        code = codes[ray.cell]
-        if code != UNCOUNTED:
-            predicted, true = code & 15, code >> 4
-            if distances[0] == np.inf and predicted != free_index:
-                classes[0], distances[0] = predicted, ray.distance
-            if distances[1] == np.inf and true != free_index:
-                classes[1], distances[1] = true, ray.distance
-            if distances[0] != np.inf and distances[1] != np.inf:
-                return
-        ray = advance(ray)
+        ray = enter(codes.shape, origin, directions[n])
+        while is_inside(codes.shape, ray) and np.inf in (distances[0, n], distances[1, n]):
+            code = codes[ray.cell]
+            if code != UNCOUNTED:
+                predicted, true = code & 15, code >> 4
+                if distances[0, n] == np.inf and predicted != free_index:
+                    classes[0, n], distances[0, n] = predicted, ray.distance
+                if distances[1, n] == np.inf and true != free_index:
+                    classes[1, n], distances[1, n] = true, ray.distance
+            ray = advance(ray)

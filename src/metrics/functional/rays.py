@@ -5,7 +5,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from ...geometry import VoxelGrid, inverse, rotate, unproject
+from ...geometry import VoxelGrid, inverse, pixel_centers, rotate, unproject
 
 # What a ray meets that leaves the grid.
 NOTHING = 255
@@ -22,12 +22,8 @@ def camera_rays(
     ``size_pix`` is the image's width and height, ``rays`` their number across and down: each goes
     through the center of its part of the image. float64, row by row.
     """
-    across, down = (
-        (torch.arange(count, dtype=torch.float64) + 0.5) * side / count
-        for count, side in zip(rays, size_pix)
-    )
-    v, u = torch.meshgrid(down, across, indexing="ij")
-    pix = torch.stack([u, v], dim=-1).reshape(-1, 2)
+    # The centers of the pixels of an image with a pixel for each ray, on the image's own scale.
+    pix = pixel_centers(*rays).flatten(0, 1) * torch.tensor(size_pix) / torch.tensor(rays)
     pix = pix.to(camera_from_occ.device).expand(len(camera_from_occ), -1, 2)
 
     points = unproject(pix, torch.ones_like(pix[..., 0]), pix_from_camera.double())
