@@ -13,7 +13,7 @@ from .layout import Path, Town
 from .pilot import STEP_S
 from .route import Route, chain
 from .solid import Rng
-from .towns.polyline import arc_m, point_at
+from .towns.polyline import arc_m, heading_at, point_at
 
 Points = Float[np.ndarray, "*s 2"]
 Values = Float[np.ndarray, "*s"]
@@ -116,13 +116,10 @@ def _junction_ends_m(paths: Sequence[Path]) -> Float[np.ndarray, "p"]:
 
 def _along(path: Path, at_m: Values) -> tuple[Points, Values]:
     """Points and headings of a path, which goes straight on after its end."""
-    steps_m, run_m = np.diff(path.points_m, axis=0), arc_m(path.points_m)
-    beyond_m = np.maximum(at_m - run_m[-1], 0)[..., None]
-    points_m = point_at(path.points_m, at_m)
-    points_m = points_m + beyond_m * steps_m[-1] / np.linalg.norm(steps_m[-1])
-
-    segment = np.clip(np.searchsorted(run_m, at_m, side="right") - 1, 0, len(steps_m) - 1)
-    return points_m, np.arctan2(steps_m[:, 1], steps_m[:, 0])[segment]
+    last_m = path.points_m[-1] - path.points_m[-2]
+    beyond_m = np.maximum(at_m - arc_m(path.points_m)[-1], 0)[..., None]
+    points_m = point_at(path.points_m, at_m) + beyond_m * last_m / np.linalg.norm(last_m)
+    return points_m, heading_at(path.points_m, at_m)
 
 
 class Placer:

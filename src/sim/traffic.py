@@ -18,9 +18,7 @@ from .placement import Placer
 
 Size = tuple[float, float, float]
 
-
-def _default_counts() -> dict[str, int]:
-    return {"car": 6, "truck": 2, "bus": 2, "pedestrian": 2, "bicycle": 3, "motorcycle": 4}
+COUNTS = {"car": 6, "truck": 2, "bus": 2, "pedestrian": 2, "bicycle": 3, "motorcycle": 4}
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,7 @@ class TrafficConfig:
     Raises `UserError` for unknown types.
     """
 
-    counts: Mapping[str, int] = field(default_factory=_default_counts)
+    counts: Mapping[str, int] = field(default_factory=COUNTS.copy)
     # They start within this distance of somewhere on the flight.
     near_m: float = 90.0
     # They start where the flight will see most of them from within this distance.
