@@ -45,7 +45,7 @@ HABITS: Final = {
 class Actor:
     """An actor at a place of its route, with the speed it wants where nothing is in the way.
 
-    ``size_m`` is length, width and height.
+    ``size_m`` is length, width and height; ``seed`` draws its appearance.
     """
 
     type: str
@@ -53,6 +53,7 @@ class Actor:
     route: Route
     start_m: float
     speed_mps: float
+    seed: int = 0
 
     @property
     def habits(self) -> Habits:

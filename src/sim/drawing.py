@@ -68,12 +68,10 @@ class Drawing:
         ``uvs`` says where its vertices lie in the texture of that name.
         """
         bullet, client = self._bullet, self._client
-        geometry = self._geometry(mesh, uvs)
+        geometry = {"rgbaColor": [1, 1, 1, 1], **self._geometry(mesh, uvs)}
 
         with silent():
-            shape = bullet.createVisualShape(
-                bullet.GEOM_MESH, rgbaColor=[1, 1, 1, 1], **geometry, **client
-            )
+            shape = bullet.createVisualShape(bullet.GEOM_MESH, **geometry, **client)
             bullet_id = bullet.createMultiBody(0, -1, shape, **client)
             image = self._texture(texture)
             bullet.changeVisualShape(bullet_id, -1, textureUniqueId=image, **client)
@@ -89,9 +87,8 @@ class Drawing:
         """Moves a mesh that stands upright."""
         yaw_rad = np.arctan2(world_from_actor[1, 0], world_from_actor[0, 0])
         quat_xyzw = [0.0, 0.0, np.sin(yaw_rad / 2), np.cos(yaw_rad / 2)]
-        position_m = world_from_actor[:3, 3].tolist()
         self._bullet.resetBasePositionAndOrientation(
-            bullet_id, position_m, quat_xyzw, **self._client
+            bullet_id, world_from_actor[:3, 3].tolist(), quat_xyzw, **self._client
         )
 
     def picture(
@@ -128,8 +125,7 @@ class Drawing:
         if self._renderer == "egl":
             # Its plugin crashes on meshes given in memory, and reads the same ones from files;
             # a file's name that it has seen before stands for the mesh of then.
-            name = f"{self._bullet.getNumBodies(**self._client)}.obj"
-            path = Path(self._files.name) / name
+            path = Path(self._files.name) / f"{self._bullet.getNumBodies(**self._client)}.obj"
             path.write_text(_obj(mesh, uvs))
             return {"fileName": str(path)}
 

@@ -194,4 +194,4 @@ def _crowded(point_m: Points, yaw_rad: Values, size_m: Size, other: Actor) -> Fl
         (length_m + 2 * START_GAP_M, width_m + 0.3)
         for length_m, width_m, _ in (size_m, other.size_m)
     )
-    return boxes_overlap(point_m, yaw_rad, own, *other.start, others)
+    return boxes_overlap((point_m, yaw_rad, own), (*other.start, others))

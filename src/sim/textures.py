@@ -25,15 +25,15 @@ TROUSERS = ("#2c3440", "#46443f", "#5a6b85", "#7c6a52", "#1f2126")
 SKIN = ("#e0b394", "#b98560", "#8a5a3c", "#5e3d29")
 HAIR = ("#2a211c", "#5a3e28", "#9a7440", "#77787c")
 METAL = ("#3c4248", "#5e666d", "#8c949a", "#b4bac0")
-_SIGNS = SIGN_RED, SIGN_BLUE, SIGN_WHITE = "#c4282c", "#2257a6", "#f0f0ec"
-_LIGHTS = LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN = "#e03a2c", "#e8a623", "#34b45a"
+SIGNS = SIGN_RED, SIGN_BLUE, SIGN_WHITE = "#c4282c", "#2257a6", "#f0f0ec"
+LIGHTS = LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN = "#e03a2c", "#e8a623", "#34b45a"
 _VEHICLES = TYRE, WINDOW_GLASS, HEADLIGHT, TAIL_LIGHT = "#17181a", "#27343f", "#f4efd0", "#8f1d1d"
 _BUILT = CABLE, TIMBER, CONCRETE, CHIMNEY = "#202225", "#7d5f43", "#b4b0a6", "#8a4f3c"
 _STREET = BIN_GREEN, BIN_GREY, BARRIER_ORANGE = "#35573f", "#55595c", "#e2702a"
 
 # Every plain color that a material may be.
 _CHOICES = (CAR_PAINT, TRUCK_PAINT, BUS_PAINT, SHIRTS, TROUSERS, SKIN, HAIR, METAL)
-_NAMED = (_SIGNS, _LIGHTS, _VEHICLES, _BUILT, _STREET)
+_NAMED = (SIGNS, LIGHTS, _VEHICLES, _BUILT, _STREET)
 PALETTE: tuple[str, ...] = tuple(sorted({color for each in _CHOICES + _NAMED for color in each}))
 
 Image = Float[np.ndarray, "h w 3"]

@@ -24,8 +24,4 @@ def way(*points_m, successors=(), half_width_m=1.6, speed_mps=9.0, rise_m=0.04, 
 
 def overlapping(boxes):
     """The pairs of boxes (place, yaw, size) that are in the same place at some step."""
-    return [
-        (one, other)
-        for one, other in combinations(range(len(boxes)), 2)
-        if boxes_overlap(*boxes[one], *boxes[other]).any()
-    ]
+    return [pair for pair in combinations(boxes, 2) if boxes_overlap(*pair).any()]

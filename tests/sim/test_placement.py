@@ -181,7 +181,7 @@ def test_they_start_with_room_around_them_until_there_is_none():
     room_m = (CAR_M[0] + 2 * START_GAP_M, CAR_M[1])
     for i, one in enumerate(placed):
         for other in placed[:i]:
-            assert not boxes_overlap(*one.start, room_m, *other.start, room_m)
+            assert not boxes_overlap((*one.start, room_m), (*other.start, room_m))
 
 
 def test_they_start_more_often_where_more_is_seen_of_them():

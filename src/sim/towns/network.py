@@ -149,7 +149,9 @@ class Network:
                 continue
             for line_m, start, end in self._directions(k):
                 lane_m = parallel(line_m, -street.profile.road_m / 4)
-                gate = self._stop_line(*end[1:], lane_m)
+                _, junction, _ = end
+                stop_m = max(arc_m(lane_m)[-1] - STOP_LINE_OUT_M, 0.0)
+                gate = Gate(junction, stop_m, STOP_LINE_OUT_M, False, *self._phases(junction)[k])
                 lane = Path(lane_m, LANE_HALF_WIDTH_M, speed_mps, (), ROAD_RISE_M, gate)
                 ways.append(Way(lane, start, end))
         return joined(ways + self._turns(ways, JUNCTION_RISE_M))
@@ -169,11 +171,6 @@ class Network:
         line_m = self.open_m(street)
         yield line_m, ("from", street.start, k), ("to", street.end, k)
         yield line_m[::-1], ("from", street.end, k), ("to", street.start, k)
-
-    def _stop_line(self, junction: int, street: int, lane_m: Polyline) -> Gate:
-        phase, phases = self._phases(junction)[street]
-        at_m = max(arc_m(lane_m)[-1] - STOP_LINE_OUT_M, 0.0)
-        return Gate(junction, at_m, STOP_LINE_OUT_M, False, phase, phases)
 
     def _phases(self, junction: int) -> dict[int, tuple[int | None, int]]:
         """For each street with lanes at a junction: its phase of the lights, of how many.
