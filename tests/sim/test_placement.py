@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from src.sim.actor import Actor
 from src.sim.footprint import boxes_overlap
 from src.sim.layout import Gate, Town
 from src.sim.pilot import STEP_S
 from src.sim.placement import SHOULDER_M, SPOT_M, START_GAP_M, Gaze, Placer, Spots
-from src.sim.route import Route
-from tests.sim.roads import SIZES_M, way
+from tests.sim.roads import SIZES_M, road_user, way
 
 CAR_M, BUS_M, PERSON_M = (SIZES_M[name] for name in ("car", "bus", "pedestrian"))
 REACH_M = 45.0
@@ -42,10 +40,6 @@ def gaze(**kwargs):
 def seen_of(it, places_m):
     """How much is seen of things that stay at their places."""
     return it.share(np.tile(np.array(places_m)[:, None], (1, len(it.at_m), 1)))
-
-
-def car_on(path, start_m):
-    return Actor("car", CAR_M, Route.through((path,), (0,), 1.0), start_m, 9.0)
 
 
 def starts_on(one, paths):
@@ -121,14 +115,15 @@ def test_crowded_spots_are_not_free():
     spots = Spots.near(LANES, np.zeros((1, 2)), 90.0)
     assert spots.free(CAR_M, []).all()
     for size_m in (CAR_M, BUS_M):
-        free = spots.free(size_m, [car_on(LANES[0], 30.0)])
+        free = spots.free(size_m, [road_user("car", LANES[:1], 30.0, 9.0)])
         apart_m = np.abs(spots.arc_m - 30.0)
         needed_m = (size_m[0] + CAR_M[0]) / 2 + 2 * START_GAP_M
         lane = spots.index == 0
         assert not free[lane & (apart_m < needed_m - 0.2)].any()
         assert (free[lane] == (apart_m[lane] > needed_m)).all()
         assert free[~lane].all()
-    both = spots.free(CAR_M, [car_on(LANES[0], 30.0), car_on(LANES[5], 60.0)])
+    cars = [road_user("car", [LANES[k]], start_m, 9.0) for k, start_m in ((0, 30.0), (5, 60.0))]
+    both = spots.free(CAR_M, cars)
     assert not both[spots.index == 5].all()
     assert not both[spots.index == 0].all()
 
