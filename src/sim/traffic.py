@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ..errors import UserError
 from .actor import HABITS, Actor
-from .assets import ACTORS, extent_m
+from .assets import ACTORS, extent_m, upright
 from .driver import drive
 from .footprint import Footprint, box_distance_m, boxes_overlap
 from .layout import Town
@@ -73,12 +73,8 @@ class ActorTrack:
     @property
     def world_from_actor(self) -> Float[np.ndarray, "t 4 4"]:
         """The transform at every step, of an actor that stands upright on its place."""
-        transforms = np.tile(np.eye(4), (len(self.yaw_rad), 1, 1))
-        transforms[:, 0, 0] = transforms[:, 1, 1] = np.cos(self.yaw_rad)
-        transforms[:, 1, 0] = np.sin(self.yaw_rad)
-        transforms[:, 0, 1] = -transforms[:, 1, 0]
-        transforms[:, :3, 3] = self.position_m
-        return transforms
+        places = zip(self.position_m, self.yaw_rad)
+        return np.stack([upright(*position_m, yaw_rad) for position_m, yaw_rad in places])
 
 
 def simulate_traffic(

@@ -17,10 +17,9 @@ def lay_base(site: Site, material: str) -> None:
     lower = site.network.junctions_m.min(axis=0) - MARGIN_M
     upper = site.network.junctions_m.max(axis=0) + MARGIN_M
     counts = np.ceil((upper - lower) / BASE_TILE_M).astype(int)
-    for i in range(counts[0]):
-        for j in range(counts[1]):
-            x, y = lower + (np.array([i, j]) + 0.5) * BASE_TILE_M
-            site.lay(x, y, 0.0, (BASE_TILE_M, BASE_TILE_M), 0.0, material)
+    for tile in np.ndindex(*counts):
+        x, y = lower + (np.array(tile) + 0.5) * BASE_TILE_M
+        site.lay(x, y, 0.0, (BASE_TILE_M, BASE_TILE_M), 0.0, material)
 
 
 def lay_street(site: Site, street: Street) -> None:

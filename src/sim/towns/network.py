@@ -147,6 +147,7 @@ class Network:
             speed_mps = street.profile.lane_mps
             if speed_mps is None:
                 continue
+
             for line_m, start, end in self._directions(k):
                 lane_m = parallel(line_m, -street.profile.road_m / 4)
                 _, junction, _ = end
