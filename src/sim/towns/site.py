@@ -84,9 +84,9 @@ class Site:
         self, x_m: float, y_m: float, yaw_rad: float, size_m: Vector, rise_m: float, material: str
     ) -> None:
         """Adds a rectangle of ground by its middle and its size along and across ``yaw_rad``."""
-        size_m = tuple(float(side_m) for side_m in size_m)
-        patch = GroundPatch((float(x_m), float(y_m)), yaw_rad, *size_m, rise_m, material)
-        self.ground.append(patch)
+        # A patch is plain data, whatever numbers it was computed from.
+        x_m, y_m, yaw_rad, *size_m = map(float, (x_m, y_m, yaw_rad, *size_m))
+        self.ground.append(GroundPatch((x_m, y_m), yaw_rad, *size_m, rise_m, material))
 
     def place(
         self, asset: Sequence[Solid], x_m: float, y_m: float, yaw_rad: float, rise_m: float = 0.0
