@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
 from PIL import Image
 
 from .mesh import Mesh
 from .renderer import egl_plugin, import_bullet, require_renderer, silent
 from .scene import Part
-from .textures import PALETTE, TEXTURES, rgb_of
+from .textures import PALETTE, TEXTURES, Pixels, rgb_of
 
 # All plain colors share one image: cells of 4 x 4 texels in 16 rows of 16.
 PALETTE_SIDE: Final = 16
@@ -21,7 +21,6 @@ CELL_PIX: Final = 4
 
 _UP: Final = (0.0, 0.0, 1.0)
 
-Pixels = UInt8[np.ndarray, "h w 3"]
 TextureCoordinates = Float[np.ndarray, "v 2"]
 
 

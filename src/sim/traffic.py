@@ -14,9 +14,7 @@ from .footprint import Footprint, box_distance_m, boxes_overlap
 from .layout import Town
 from .lights import LightPlan, light_plans
 from .pilot import STEP_S
-from .placement import Placer
-
-Size = tuple[float, float, float]
+from .placement import Placer, Size
 
 COUNTS = {"car": 6, "truck": 2, "bus": 2, "pedestrian": 2, "bicycle": 3, "motorcycle": 4}
 
