@@ -29,9 +29,9 @@ class Habits:
     corner_m: float
 
 
-# Each row holds the fields of `Habits` in their order. The largest types come first: they need the
-# most room, so they are placed first.
+# The largest types come first: they need the most room, so they are placed first.
 HABITS: Final = {
+    # speed, accelerate, brake; gap, headway, side gap; turn (rad/s), turn (m/s2), corner
     "bus": Habits((5.0, 9.0), 1.0, 2.0, 2.0, 1.4, 0.2, 0.6, 1.5, 4.0),
     "truck": Habits((5.0, 10.0), 1.1, 2.0, 2.0, 1.4, 0.2, 0.6, 1.8, 3.5),
     "car": Habits((6.0, 13.0), 1.8, 2.5, 2.0, 1.2, 0.2, 0.8, 2.5, 3.0),
