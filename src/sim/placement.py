@@ -164,8 +164,7 @@ class Placer:
 
         # The route is longer than the actor can get, so that it never comes to its end.
         ahead_m = start_m + speed_mps * self._duration_s + size_m[0] + 10
-        route = chain(spots.paths, rng, first, ahead_m)
-        middle = Route.through(spots.paths, route, habits.corner_m)
+        middle = Route.through(chain(spots.paths, rng, first, ahead_m), habits.corner_m)
         route = middle.shifted(self._offset_left(ways, size_m[1], middle))
         if not half_m + spots.junction_m[first] < start_m < route.length_m - half_m - 1:
             return None

@@ -28,7 +28,7 @@ def way(*points_m, successors=(), half_width_m=1.6, speed_mps=9.0, rise_m=0.04, 
 
 def road_user(name, paths, start_m, speed_mps, left_m=None):
     """An actor on a chain of paths, in their middle or ``left_m`` to the left of it."""
-    route = Route.through(paths, range(len(paths)), HABITS[name].corner_m)
+    route = Route.through(paths, HABITS[name].corner_m)
     if left_m is not None:
         route = route.shifted(np.full(len(route.points_m), left_m))
     return Actor(name, SIZES_M[name], route, start_m, speed_mps)

@@ -127,7 +127,7 @@ def test_in_a_real_town_actors_stop_and_turn_and_never_overlap():
     rng = np.random.default_rng(1)
     town = build_town("downtown", rng)
     first = int(rng.integers(len(town.corridors)))
-    route = Route.through(town.corridors, chain(town.corridors, rng, first, 90), 5.0)
+    route = Route.through(chain(town.corridors, rng, first, 90), 5.0)
     way_m, _ = route.at(np.linspace(0, 72, 600))
     uav_m = np.c_[way_m, np.full(600, 12.0)]
     downtown = simulate_traffic(town, rng, TrafficConfig(), uav_m)
