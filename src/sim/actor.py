@@ -29,22 +29,15 @@ class Habits:
     corner_m: float
 
 
-# A column a type, the largest first: they need the most room, so they are placed first.
-_TYPES: Final = ("bus", "truck", "car", "motorcycle", "bicycle", "pedestrian")
-_HABITS: Final = {
-    "speed_mps": ((5.0, 9.0), (5.0, 10.0), (6.0, 13.0), (6.0, 13.0), (3.0, 5.5), (0.9, 1.7)),
-    "accelerate_mps2": (1.0, 1.1, 1.8, 2.2, 1.0, 1.0),
-    "brake_mps2": (2.0, 2.0, 2.5, 2.5, 2.0, 2.0),
-    "gap_m": (2.0, 2.0, 2.0, 1.5, 1.0, 0.4),
-    "headway_s": (1.4, 1.4, 1.2, 1.0, 1.0, 0.4),
-    "side_gap_m": (0.2, 0.2, 0.2, 0.2, 0.02, 0.02),
-    "turn_radps": (0.6, 0.6, 0.8, 0.9, 1.0, 1.5),
-    "turn_mps2": (1.5, 1.8, 2.5, 3.0, 2.0, 2.0),
-    "corner_m": (4.0, 3.5, 3.0, 2.5, 1.5, 0.5),
-}
+# The largest types come first: they need the most room, so they are placed first.
 HABITS: Final = {
-    name: Habits(**{habit: values[column] for habit, values in _HABITS.items()})
-    for column, name in enumerate(_TYPES)
+    # speed, accelerate, brake; gap, headway, side gap; turn (rad/s), turn (m/s2), corner
+    "bus": Habits((5.0, 9.0), 1.0, 2.0, 2.0, 1.4, 0.2, 0.6, 1.5, 4.0),
+    "truck": Habits((5.0, 10.0), 1.1, 2.0, 2.0, 1.4, 0.2, 0.6, 1.8, 3.5),
+    "car": Habits((6.0, 13.0), 1.8, 2.5, 2.0, 1.2, 0.2, 0.8, 2.5, 3.0),
+    "motorcycle": Habits((6.0, 13.0), 2.2, 2.5, 1.5, 1.0, 0.2, 0.9, 3.0, 2.5),
+    "bicycle": Habits((3.0, 5.5), 1.0, 2.0, 1.0, 1.0, 0.02, 1.0, 2.0, 1.5),
+    "pedestrian": Habits((0.9, 1.7), 1.0, 2.0, 0.4, 0.4, 0.02, 1.5, 2.0, 0.5),
 }
 
 
@@ -52,7 +45,7 @@ HABITS: Final = {
 class Actor:
     """An actor at a place of its route, with the speed it wants where nothing is in the way.
 
-    ``size_m`` is length, width and height.
+    ``size_m`` is length, width and height; ``seed`` draws its appearance.
     """
 
     type: str
@@ -60,6 +53,7 @@ class Actor:
     route: Route
     start_m: float
     speed_mps: float
+    seed: int = 0
 
     @property
     def habits(self) -> Habits:

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
 from PIL import Image
 
 from .mesh import Mesh
 from .renderer import egl_plugin, import_bullet, require_renderer, silent
 from .scene import Part
-from .textures import PALETTE, TEXTURES, rgb_of
+from .textures import PALETTE, TEXTURES, Pixels, rgb_of
 
 # All plain colors share one image: cells of 4 x 4 texels in 16 rows of 16.
 PALETTE_SIDE: Final = 16
@@ -21,7 +21,6 @@ CELL_PIX: Final = 4
 
 _UP: Final = (0.0, 0.0, 1.0)
 
-Pixels = UInt8[np.ndarray, "h w 3"]
 TextureCoordinates = Float[np.ndarray, "v 2"]
 
 
@@ -68,12 +67,10 @@ class Drawing:
         ``uvs`` says where its vertices lie in the texture of that name.
         """
         bullet, client = self._bullet, self._client
-        geometry = self._geometry(mesh, uvs)
+        geometry = {"rgbaColor": [1, 1, 1, 1], **self._geometry(mesh, uvs)}
 
         with silent():
-            shape = bullet.createVisualShape(
-                bullet.GEOM_MESH, rgbaColor=[1, 1, 1, 1], **geometry, **client
-            )
+            shape = bullet.createVisualShape(bullet.GEOM_MESH, **geometry, **client)
             bullet_id = bullet.createMultiBody(0, -1, shape, **client)
             image = self._texture(texture)
             bullet.changeVisualShape(bullet_id, -1, textureUniqueId=image, **client)
@@ -89,9 +86,8 @@ class Drawing:
         """Moves a mesh that stands upright."""
         yaw_rad = np.arctan2(world_from_actor[1, 0], world_from_actor[0, 0])
         quat_xyzw = [0.0, 0.0, np.sin(yaw_rad / 2), np.cos(yaw_rad / 2)]
-        position_m = world_from_actor[:3, 3].tolist()
         self._bullet.resetBasePositionAndOrientation(
-            bullet_id, position_m, quat_xyzw, **self._client
+            bullet_id, world_from_actor[:3, 3].tolist(), quat_xyzw, **self._client
         )
 
     def picture(
@@ -128,8 +124,7 @@ class Drawing:
         if self._renderer == "egl":
             # Its plugin crashes on meshes given in memory, and reads the same ones from files;
             # a file's name that it has seen before stands for the mesh of then.
-            name = f"{self._bullet.getNumBodies(**self._client)}.obj"
-            path = Path(self._files.name) / name
+            path = Path(self._files.name) / f"{self._bullet.getNumBodies(**self._client)}.obj"
             path.write_text(_obj(mesh, uvs))
             return {"fileName": str(path)}
 

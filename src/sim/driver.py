@@ -34,9 +34,7 @@ class Motion:
 
 
 def drive(
-    actors: Sequence[Actor],
-    duration_s: float,
-    plans: Mapping[int, LightPlan] | None = None,
+    actors: Sequence[Actor], duration_s: float, plans: Mapping[int, LightPlan] | None = None
 ) -> Motion:
     """Drives all actors along their routes, each minding what is ahead on its own.
 

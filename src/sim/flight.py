@@ -113,8 +113,8 @@ def _draw_route(
     needed_m = 1.1 * cruise_mps * (duration_s + 2) + config.standoff_m
 
     # The UAV sways within its corridor, and never leaves it by more than the tube allows.
-    indices = chain(town.corridors, rng, first, start_m + needed_m)
-    middle = Route.through(town.corridors, indices, config.corner_m, SPACING_M)
+    corridors = chain(town.corridors, rng, first, start_m + needed_m)
+    middle = Route.through(corridors, config.corner_m, SPACING_M)
     room_m = np.maximum(middle.half_width_m - config.tube_m, 0)
     route = middle.shifted(room_m * slow_wave(rng, middle.arc_m, (30.0, 120.0)))
     start_m = min(start_m, route.length_m - needed_m)

@@ -4,17 +4,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 Angles = Float[np.ndarray, "*t"]
+# The middle of a rectangle, the direction of its length, and its length and width.
+Footprint = tuple[Float[np.ndarray, "*t 2"], Angles, tuple[float, float]]
 
 
-def boxes_overlap(
-    center_a_m: Float[np.ndarray, "*t 2"],
-    yaw_a_rad: Angles,
-    size_a_m: tuple[float, float],
-    center_b_m: Float[np.ndarray, "*t 2"],
-    yaw_b_rad: Angles,
-    size_b_m: tuple[float, float],
-) -> Bool[np.ndarray, "*t"]:
-    """Returns whether two rectangles (length, width) overlap: no side of either parts them."""
+def boxes_overlap(one: Footprint, other: Footprint) -> Bool[np.ndarray, "*t"]:
+    """Returns whether two rectangles overlap: no side of either parts them."""
+    (center_a_m, yaw_a_rad, size_a_m), (center_b_m, yaw_b_rad, size_b_m) = one, other
     offset_m = center_b_m - center_a_m
     turned_rad = yaw_b_rad - yaw_a_rad
     cos, sin = np.abs(np.cos(turned_rad)), np.abs(np.sin(turned_rad))

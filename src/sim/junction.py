@@ -78,7 +78,13 @@ class RightOfWay:
         self._brake_mps2 = np.array([actor.habits.brake_mps2 for actor in actors])
         self._wanted_mps = np.array([actor.speed_mps for actor in actors])
 
-        self._approach = _approaches(self._passages)
+        # Claims on one approach wait for each other; people pass each other on a walk, so each of
+        # them has an approach of its own.
+        approaches = [
+            -1 - k if passage.gate.is_crossing else id(passage.approach)
+            for k, passage in enumerate(self._passages)
+        ]
+        self._approach = np.array(approaches, dtype=int)
         self._meet = _meeting(actors, self._owner, self._passages)
         self._granted = np.zeros(len(claims), dtype=bool)
         self._asked_s = np.full(len(claims), np.inf)
@@ -144,16 +150,6 @@ class RightOfWay:
         for claim in asked[np.argsort(self._asked_s[asked], kind="stable")]:
             self._granted[claim] = not (self._meet[claim] & busy).any()
             busy[claim] = True
-
-
-def _approaches(passages: Sequence[Passage]) -> Int[np.ndarray, "c"]:
-    """Returns a number for each approach, by which passages with the same one are told apart."""
-    # People pass each other on a walk, so each of them has an approach of its own.
-    numbers = [
-        -1 - k if passage.gate.is_crossing else id(passage.approach)
-        for k, passage in enumerate(passages)
-    ]
-    return np.array(numbers, dtype=int)
 
 
 def _meeting(

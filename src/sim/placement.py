@@ -13,7 +13,7 @@ from .layout import Path, Town
 from .pilot import STEP_S
 from .route import Route, chain
 from .solid import Rng
-from .towns.polyline import arc_m, point_at
+from .towns.polyline import arc_m, heading_at, point_at
 
 Points = Float[np.ndarray, "*s 2"]
 Values = Float[np.ndarray, "*s"]
@@ -116,13 +116,10 @@ def _junction_ends_m(paths: Sequence[Path]) -> Float[np.ndarray, "p"]:
 
 def _along(path: Path, at_m: Values) -> tuple[Points, Values]:
     """Points and headings of a path, which goes straight on after its end."""
-    steps_m, run_m = np.diff(path.points_m, axis=0), arc_m(path.points_m)
-    beyond_m = np.maximum(at_m - run_m[-1], 0)[..., None]
-    points_m = point_at(path.points_m, at_m)
-    points_m = points_m + beyond_m * steps_m[-1] / np.linalg.norm(steps_m[-1])
-
-    segment = np.clip(np.searchsorted(run_m, at_m, side="right") - 1, 0, len(steps_m) - 1)
-    return points_m, np.arctan2(steps_m[:, 1], steps_m[:, 0])[segment]
+    last_m = path.points_m[-1] - path.points_m[-2]
+    beyond_m = np.maximum(at_m - arc_m(path.points_m)[-1], 0)[..., None]
+    points_m = point_at(path.points_m, at_m) + beyond_m * last_m / np.linalg.norm(last_m)
+    return points_m, heading_at(path.points_m, at_m)
 
 
 class Placer:
@@ -167,8 +164,7 @@ class Placer:
 
         # The route is longer than the actor can get, so that it never comes to its end.
         ahead_m = start_m + speed_mps * self._duration_s + size_m[0] + 10
-        route = chain(spots.paths, rng, first, ahead_m)
-        middle = Route.through(spots.paths, route, habits.corner_m)
+        middle = Route.through(chain(spots.paths, rng, first, ahead_m), habits.corner_m)
         route = middle.shifted(self._offset_left(ways, size_m[1], middle))
         if not half_m + spots.junction_m[first] < start_m < route.length_m - half_m - 1:
             return None
@@ -197,4 +193,4 @@ def _crowded(point_m: Points, yaw_rad: Values, size_m: Size, other: Actor) -> Fl
         (length_m + 2 * START_GAP_M, width_m + 0.3)
         for length_m, width_m, _ in (size_m, other.size_m)
     )
-    return boxes_overlap(point_m, yaw_rad, own, *other.start, others)
+    return boxes_overlap((point_m, yaw_rad, own), (*other.start, others))

@@ -36,12 +36,11 @@ def plan_clips(sim: Mapping) -> list[ClipPlan]:
 
 def check_settings(sim: Mapping) -> None:
     """Refuses settings that cannot be generated, before any work starts."""
-    if not sim["weathers"]:
-        raise UserError("sim.weathers: empty; name one weather or more")
+    for kind in ("weather", "town"):
+        if not sim[f"{kind}s"]:
+            raise UserError(f"sim.{kind}s: empty; name one {kind} or more")
     for name in sim["weathers"]:
         Weather.of(sim, name)
-    if not sim["towns"]:
-        raise UserError("sim.towns: empty; name one town or more")
     for name in sim["towns"]:
         builder_of(name)
 

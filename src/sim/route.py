@@ -39,21 +39,20 @@ def slow_wave(
 
 def chain(
     paths: Sequence[Path], rng: np.random.Generator, first: int, length_m: float
-) -> tuple[int, ...]:
-    """Draws a chain of paths from ``first`` on, each a successor of the last.
+) -> tuple[Path, ...]:
+    """Draws a chain of paths from the one at index ``first`` on, each a successor of the last.
 
     It is at least ``length_m`` long, or ends in a path from which only a turn back goes on.
     """
-    indices, total_m = [first], paths[first].length_m
-    while total_m < length_m:
-        last = paths[indices[-1]]
-        onward = [i for i in last.successors if _turn_rad(last, paths[i]) < SHARPEST_TURN_RAD]
+    chained = [paths[first]]
+    while sum(path.length_m for path in chained) < length_m:
+        onward = [paths[i] for i in chained[-1].successors]
+        onward = [path for path in onward if _turn_rad(chained[-1], path) < SHARPEST_TURN_RAD]
         if not onward:
             break
-        indices.append(int(rng.choice(onward)))
-        total_m += paths[indices[-1]].length_m
+        chained.append(onward[rng.choice(len(onward))])
 
-    return tuple(indices)
+    return tuple(chained)
 
 
 def _turn_rad(before: Path, after: Path) -> float:
@@ -81,16 +80,13 @@ class Route:
     rise_m: Float[np.ndarray, "n"]
 
     @classmethod
-    def through(
-        cls, paths: Sequence[Path], indices: Sequence[int], corner_m: float, spacing_m: float = 0.25
-    ) -> "Route":
+    def through(cls, paths: Sequence[Path], corner_m: float, spacing_m: float = 0.25) -> "Route":
         """Chains paths and rounds their corners; the arc is measured along the paths themselves.
 
         ``corner_m`` is the standard deviation of the Gaussian that rounds them. It cuts a right
         angle by 0.56 of it, and the tightest radius of the cut is 0.89 of it.
         """
-        chained = tuple(paths[i] for i in indices)
-        points_m = resample(np.concatenate([path.points_m for path in chained]), spacing_m)
+        points_m = resample(np.concatenate([path.points_m for path in paths]), spacing_m)
         window = gaussian_window(corner_m / spacing_m)
         reach = len(window) // 2
 
@@ -102,13 +98,13 @@ class Route:
 
         # The mean of the least values within the window is nowhere more than the value itself.
         along_m = np.arange(len(points_m)) * spacing_m
-        sides_m = np.array([(path.half_width_m, path.rise_m) for path in chained])
-        sides_m = sides_m[_under(chained, along_m)]
+        sides_m = np.array([(path.half_width_m, path.rise_m) for path in paths])
+        sides_m = sides_m[_under(paths, along_m)]
         sides_m = np.pad(sides_m, ((2 * reach, 2 * reach), (0, 0)), mode="edge")
         least_m = sliding_window_view(sides_m[:, 0], len(window)).min(axis=1)
         sides_m = smoothed(np.c_[least_m, sides_m[reach : len(sides_m) - reach, 1]], window)
         rows_m = np.c_[smoothed(extended_m, window), along_m, sides_m]
-        return cls._through_rows(chained, rows_m, spacing_m)
+        return cls._through_rows(tuple(paths), rows_m, spacing_m)
 
     @classmethod
     def _through_rows(

@@ -25,15 +25,15 @@ TROUSERS = ("#2c3440", "#46443f", "#5a6b85", "#7c6a52", "#1f2126")
 SKIN = ("#e0b394", "#b98560", "#8a5a3c", "#5e3d29")
 HAIR = ("#2a211c", "#5a3e28", "#9a7440", "#77787c")
 METAL = ("#3c4248", "#5e666d", "#8c949a", "#b4bac0")
-_SIGNS = SIGN_RED, SIGN_BLUE, SIGN_WHITE = "#c4282c", "#2257a6", "#f0f0ec"
-_LIGHTS = LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN = "#e03a2c", "#e8a623", "#34b45a"
+SIGNS = SIGN_RED, SIGN_BLUE, SIGN_WHITE = "#c4282c", "#2257a6", "#f0f0ec"
+LIGHTS = LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN = "#e03a2c", "#e8a623", "#34b45a"
 _VEHICLES = TYRE, WINDOW_GLASS, HEADLIGHT, TAIL_LIGHT = "#17181a", "#27343f", "#f4efd0", "#8f1d1d"
 _BUILT = CABLE, TIMBER, CONCRETE, CHIMNEY = "#202225", "#7d5f43", "#b4b0a6", "#8a4f3c"
 _STREET = BIN_GREEN, BIN_GREY, BARRIER_ORANGE = "#35573f", "#55595c", "#e2702a"
 
 # Every plain color that a material may be.
 _CHOICES = (CAR_PAINT, TRUCK_PAINT, BUS_PAINT, SHIRTS, TROUSERS, SKIN, HAIR, METAL)
-_NAMED = (_SIGNS, _LIGHTS, _VEHICLES, _BUILT, _STREET)
+_NAMED = (SIGNS, LIGHTS, _VEHICLES, _BUILT, _STREET)
 PALETTE: tuple[str, ...] = tuple(sorted({color for each in _CHOICES + _NAMED for color in each}))
 
 Image = Float[np.ndarray, "h w 3"]
@@ -43,14 +43,17 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True)
 class Texture:
-    """An image that repeats every ``tile_m`` metres along the surface's u and v.
-
-    ``draw`` gives uint8 [h, w, 3], the same at every call; its last row is at v = 0, so that it
-    reads upright on a wall.
-    """
+    """An image that repeats every ``tile_m`` metres along the surface's u and v."""
 
     tile_m: Span
-    draw: Callable[[], Pixels]
+    paint: Callable[[], Image]
+
+    def draw(self) -> Pixels:
+        """Returns the image, the same at every call.
+
+        Its last row is at v = 0, so that it reads upright on a wall.
+        """
+        return np.clip(np.rint(self.paint()), 0, 255).astype(np.uint8)
 
 
 def rgb_of(color: str) -> tuple[int, int, int]:
@@ -58,7 +61,7 @@ def rgb_of(color: str) -> tuple[int, int, int]:
     return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
 
 
-def _mottled(color: str, cells: int, spread: float) -> Image:
+def _mottled(color: str, cells: int = 16, spread: float = 7.0) -> Image:
     """A color with soft blotches that repeat at the tile's edges; the color seeds them."""
     generator = np.random.default_rng(zlib.crc32(f"{color}{cells}".encode()))
     coarse = generator.normal(0, spread, (cells, cells))
@@ -78,15 +81,7 @@ def _fill(image: Image, color: str, u: Span, v: Span, blend: float = 1.0) -> Non
     image[rows, columns] += blend * (np.array(rgb_of(color)) - image[rows, columns])
 
 
-def _finish(image: Image) -> Pixels:
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
-
-
-def _plain(color: str, cells: int = 16, spread: float = 7.0) -> Pixels:
-    return _finish(_mottled(color, cells, spread))
-
-
-def _windows(wall: str, frame: str, width: float, height: float, glass: Sequence[str]) -> Pixels:
+def _windows(wall: str, frame: str, width: float, height: float, glass: Sequence[str]) -> Image:
     """Two bays by two storeys; a window's width and height are fractions of its bay and storey."""
     image = _mottled(wall, 24, 6)
     for bay in range(2):
@@ -97,10 +92,10 @@ def _windows(wall: str, frame: str, width: float, height: float, glass: Sequence
             # Panes differ from window to window, and a pale strip on each is a curtain.
             _fill(image, glass[(bay + 2 * storey) % len(glass)], (u0, u1), (v0, v1))
             _fill(image, SIGN_WHITE, (u0, u0 + 0.4 * (u1 - u0)), (v0, v1), blend=0.15)
-    return _finish(image)
+    return image
 
 
-def _courses(color: str, mortar: str, rows: int, columns: int) -> Pixels:
+def _courses(color: str, mortar: str, rows: int, columns: int) -> Image:
     """Bricks, slabs or roof tiles: staggered rows with darker joints and uneven stones."""
     image = _mottled(color, 2 * columns, 9)
     generator = np.random.default_rng(zlib.crc32(f"{color}{rows}{columns}".encode()))
@@ -114,19 +109,19 @@ def _courses(color: str, mortar: str, rows: int, columns: int) -> Pixels:
             if u0 >= 0:
                 _fill(image, mortar, (u0, u0 + 0.03), (row / rows, (row + 1) / rows))
         _fill(image, mortar, (0, 1), (row / rows, row / rows + 0.03))
-    return _finish(image)
+    return image
 
 
-def _stripes(first: str, second: str, count: int, along_u: bool) -> Pixels:
+def _stripes(first: str, second: str, count: int, along_u: bool) -> Image:
     """``count`` stripes of each color, lying along u or standing along v."""
     image = _mottled(first, 16, 4)
     for k in range(count):
         span = ((k + 0.5) / count, (k + 1) / count)
         _fill(image, second, *(((0, 1), span) if along_u else (span, (0, 1))))
-    return _finish(image)
+    return image
 
 
-def _road(lanes: int) -> Pixels:
+def _road(lanes: int) -> Image:
     """Asphalt across a whole road: edge lines, dashes between lanes, a solid line in the middle."""
     image = _mottled("#55565a", 20, 5)
     line = 0.035 if lanes == 2 else 0.022
@@ -137,17 +132,17 @@ def _road(lanes: int) -> Pixels:
         color, length = ("#d9b64a", 1.0) if middle else ("#d6d4ca", 0.5)
         v0 = lane / lanes - line / 2
         _fill(image, color, (0, length), (v0, v0 + line))
-    return _finish(image)
+    return image
 
 
-def _shopfront(wall: str, sign: str) -> Pixels:
+def _shopfront(wall: str, sign: str) -> Image:
     """A shop window with a reflection, a door, and a sign over both."""
     image = _mottled(wall, 16, 5)
     _fill(image, "#31404a", (0.06, 0.62), (0.10, 0.68))
     _fill(image, "#8fa5b0", (0.10, 0.30), (0.14, 0.64), blend=0.5)
     _fill(image, "#4a3527", (0.70, 0.92), (0.0, 0.68))
     _fill(image, sign, (0.04, 0.96), (0.74, 0.92))
-    return _finish(image)
+    return image
 
 
 # Panes of a facade's windows.
@@ -180,14 +175,14 @@ TEXTURES: dict[str, Texture] = {
     "siding_blue": Texture((3.0, 1.6), partial(_stripes, "#7f97a8", "#6d8495", 4, True)),
     "roof_tiles": Texture((2.4, 2.0), partial(_courses, "#a0523a", "#6e3426", 5, 4)),
     "roof_slate": Texture((2.4, 2.0), partial(_courses, "#565d66", "#3a3f46", 5, 4)),
-    "roof_flat": Texture((8.0, 8.0), partial(_plain, "#7d7a74")),
+    "roof_flat": Texture((8.0, 8.0), partial(_mottled, "#7d7a74")),
     "planks": Texture((1.2, 1.2), partial(_stripes, "#8b6b4a", "#76593c", 4, True)),
     "corrugated_red": Texture((1.6, 2.4), partial(_stripes, "#a23b2e", "#84302a", 4, False)),
     "corrugated_blue": Texture((1.6, 2.4), partial(_stripes, "#2f5f86", "#264d6d", 4, False)),
     "awning_red": Texture((1.2, 1.2), partial(_stripes, "#b5342f", "#ece6d8", 2, False)),
     "awning_green": Texture((1.2, 1.2), partial(_stripes, "#2f6d4a", "#ece6d8", 2, False)),
     "barrier": Texture((1.2, 1.2), partial(_stripes, "#efece4", "#c4302b", 2, False)),
-    "asphalt": Texture((8.0, 8.0), partial(_plain, "#58595c", 20, 5.0)),
+    "asphalt": Texture((8.0, 8.0), partial(_mottled, "#58595c", 20, 5.0)),
     "road_2lane": Texture((8.0, 7.0), partial(_road, 2)),
     "road_4lane": Texture((8.0, 14.0), partial(_road, 4)),
     "road_wide": Texture((8.0, 8.0), partial(_road, 2)),
@@ -195,19 +190,19 @@ TEXTURES: dict[str, Texture] = {
     "cobbles": Texture((2.0, 2.0), partial(_courses, "#87807a", "#625c57", 6, 6)),
     "paving": Texture((3.0, 3.0), partial(_courses, "#aaa59b", "#8d887f", 3, 3)),
     "paving_warm": Texture((3.0, 3.0), partial(_courses, "#b89f86", "#978068", 4, 3)),
-    "kerb": Texture((2.0, 2.0), partial(_plain, "#bdb9b0", 8, 4.0)),
-    "gravel": Texture((4.0, 4.0), partial(_plain, "#b59e78", 24, 10.0)),
-    "earth": Texture((6.0, 6.0), partial(_plain, "#8d7c64", 20, 9.0)),
-    "concrete": Texture((6.0, 6.0), partial(_plain, "#a7a49c", 12, 5.0)),
+    "kerb": Texture((2.0, 2.0), partial(_mottled, "#bdb9b0", 8, 4.0)),
+    "gravel": Texture((4.0, 4.0), partial(_mottled, "#b59e78", 24, 10.0)),
+    "earth": Texture((6.0, 6.0), partial(_mottled, "#8d7c64", 20, 9.0)),
+    "concrete": Texture((6.0, 6.0), partial(_mottled, "#a7a49c", 12, 5.0)),
     "corrugated_grey": Texture((1.6, 2.4), partial(_stripes, "#9aa0a4", "#868c90", 4, False)),
     "roller_door": Texture((2.0, 1.6), partial(_stripes, "#b9bec2", "#9da3a8", 4, True)),
-    "water": Texture((12.0, 12.0), partial(_plain, "#3d6273", 16, 8.0)),
-    "grass": Texture((6.0, 6.0), partial(_plain, "#5f8a45", 24, 9.0)),
-    "grass_dry": Texture((6.0, 6.0), partial(_plain, "#8c9250", 24, 9.0)),
+    "water": Texture((12.0, 12.0), partial(_mottled, "#3d6273", 16, 8.0)),
+    "grass": Texture((6.0, 6.0), partial(_mottled, "#5f8a45", 24, 9.0)),
+    "grass_dry": Texture((6.0, 6.0), partial(_mottled, "#8c9250", 24, 9.0)),
     "bark": Texture((1.0, 1.5), partial(_stripes, "#6a5140", "#57412f", 5, False)),
-    "foliage_dark": Texture((3.0, 3.0), partial(_plain, "#3a6233", 20, 14.0)),
-    "foliage_mid": Texture((3.0, 3.0), partial(_plain, "#4f7c3a", 20, 14.0)),
-    "foliage_light": Texture((3.0, 3.0), partial(_plain, "#7a9a4a", 20, 14.0)),
-    "foliage_autumn": Texture((3.0, 3.0), partial(_plain, "#b0752f", 20, 16.0)),
-    "needles": Texture((3.0, 3.0), partial(_plain, "#2c4d3a", 20, 10.0)),
+    "foliage_dark": Texture((3.0, 3.0), partial(_mottled, "#3a6233", 20, 14.0)),
+    "foliage_mid": Texture((3.0, 3.0), partial(_mottled, "#4f7c3a", 20, 14.0)),
+    "foliage_light": Texture((3.0, 3.0), partial(_mottled, "#7a9a4a", 20, 14.0)),
+    "foliage_autumn": Texture((3.0, 3.0), partial(_mottled, "#b0752f", 20, 16.0)),
+    "needles": Texture((3.0, 3.0), partial(_mottled, "#2c4d3a", 20, 10.0)),
 }

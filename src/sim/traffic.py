@@ -1,26 +1,22 @@
 """The moving actors of a clip, as plain data."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from ..errors import UserError
 from .actor import HABITS, Actor
-from .assets import ACTORS, extent_m
+from .assets import ACTORS, extent_m, upright
 from .driver import drive
-from .footprint import box_distance_m, boxes_overlap
+from .footprint import Footprint, box_distance_m, boxes_overlap
 from .layout import Town
 from .lights import LightPlan, light_plans
 from .pilot import STEP_S
-from .placement import Placer
+from .placement import Placer, Size
 
-Size = tuple[float, float, float]
-
-
-def _default_counts() -> dict[str, int]:
-    return {"car": 6, "truck": 2, "bus": 2, "pedestrian": 2, "bicycle": 3, "motorcycle": 4}
+COUNTS = {"car": 6, "truck": 2, "bus": 2, "pedestrian": 2, "bicycle": 3, "motorcycle": 4}
 
 
 @dataclass(frozen=True)
@@ -30,7 +26,7 @@ class TrafficConfig:
     Raises `UserError` for unknown types.
     """
 
-    counts: Mapping[str, int] = field(default_factory=_default_counts)
+    counts: Mapping[str, int] = field(default_factory=COUNTS.copy)
     # They start within this distance of somewhere on the flight.
     near_m: float = 90.0
     # They start where the flight will see most of them from within this distance.
@@ -68,21 +64,19 @@ class ActorTrack:
     velocity_mps: Float[np.ndarray, "t 3"]
 
     @property
+    def footprint(self) -> Footprint:
+        """What the actor covers of the ground at every step."""
+        return self.position_m[:, :2], self.yaw_rad, self.size_m[:2]
+
+    @property
     def world_from_actor(self) -> Float[np.ndarray, "t 4 4"]:
         """The transform at every step, of an actor that stands upright on its place."""
-        transforms = np.tile(np.eye(4), (len(self.yaw_rad), 1, 1))
-        transforms[:, 0, 0] = transforms[:, 1, 1] = np.cos(self.yaw_rad)
-        transforms[:, 1, 0] = np.sin(self.yaw_rad)
-        transforms[:, 0, 1] = -transforms[:, 1, 0]
-        transforms[:, :3, 3] = self.position_m
-        return transforms
+        places = zip(self.position_m, self.yaw_rad)
+        return np.stack([upright(*position_m, yaw_rad) for position_m, yaw_rad in places])
 
 
 def simulate_traffic(
-    town: Town,
-    rng: np.random.Generator,
-    config: TrafficConfig,
-    uav_m: Float[np.ndarray, "t 3"],
+    town: Town, rng: np.random.Generator, config: TrafficConfig, uav_m: Float[np.ndarray, "t 3"]
 ) -> tuple[ActorTrack, ...]:
     """Drives actors on the lanes and walks that the UAV sees from ``uav_m``, at each of its steps.
 
@@ -98,41 +92,38 @@ def simulate_traffic(
         stays = _compatible(tracks, uav_m, config.uav_gap_m)
         if all(stays):
             return tracks
-        placed = [actor_and_seed for actor_and_seed, keep in zip(placed, stays) if keep]
+        placed = [actor for actor, keep in zip(placed, stays) if keep]
     return ()
 
 
-def _placed(
-    placer: Placer, rng: np.random.Generator, config: TrafficConfig
-) -> list[tuple[Actor, int]]:
-    """Places actors, each with the seed of its appearance, the largest types first."""
-    placed: list[tuple[Actor, int]] = []
+def _placed(placer: Placer, rng: np.random.Generator, config: TrafficConfig) -> list[Actor]:
+    """Places actors, the largest types first."""
+    placed: list[Actor] = []
     for name in HABITS:
         for _ in range(config.counts.get(name, 0)):
             seed = int(rng.integers(2**31))
-            others = [actor for actor, _ in placed]
-            actor = placer.place(name, size_of(name, seed), others)
+            actor = placer.place(name, size_of(name, seed), placed)
             if actor is not None:
-                placed.append((actor, seed))
+                placed.append(replace(actor, seed=seed))
     return placed
 
 
 def _tracks(
-    placed: Sequence[tuple[Actor, int]], plans: Mapping[int, LightPlan], town: Town, steps: int
+    placed: Sequence[Actor], plans: Mapping[int, LightPlan], town: Town, steps: int
 ) -> tuple[ActorTrack, ...]:
     """Drives placed actors, and returns where each is at every step."""
-    motion = drive([actor for actor, _ in placed], (steps - 1) * STEP_S, plans)
+    motion = drive(placed, (steps - 1) * STEP_S, plans)
     arcs_m = motion.arc_at(np.arange(steps) * STEP_S)
 
     tracks = []
-    for (actor, seed), arc_m in zip(placed, arcs_m.T):
+    for actor, arc_m in zip(placed, arcs_m.T):
         points_m, heading_rad = actor.route.at(arc_m)
         rise_m = np.interp(arc_m, actor.route.arc_m, actor.route.rise_m)
         position_m = np.c_[points_m, town.terrain(points_m[:, 0], points_m[:, 1]) + rise_m]
         track = ActorTrack(
             actor_id=len(tracks) + 1,
             type=actor.type,
-            seed=seed,
+            seed=actor.seed,
             size_m=actor.size_m,
             position_m=position_m,
             yaw_rad=(heading_rad + np.pi) % (2 * np.pi) - np.pi,
@@ -150,11 +141,6 @@ def _compatible(
     for track in tracks:
         distance_m = box_distance_m(uav_m, track.position_m, track.yaw_rad, track.size_m)
         others = (other for other, kept in zip(tracks, stays) if kept)
-        collides = any(_collide(track, other) for other in others)
+        collides = any(boxes_overlap(track.footprint, other.footprint).any() for other in others)
         stays.append(bool(distance_m.min() >= uav_gap_m) and not collides)
     return stays
-
-
-def _collide(one: ActorTrack, other: ActorTrack) -> bool:
-    boxes = [(track.position_m[:, :2], track.yaw_rad, track.size_m[:2]) for track in (one, other)]
-    return bool(boxes_overlap(*boxes[0], *boxes[1]).any())

@@ -4,8 +4,12 @@ from itertools import combinations
 
 import numpy as np
 
+from src.sim.actor import HABITS, Actor
 from src.sim.footprint import boxes_overlap
 from src.sim.layout import Path
+from src.sim.route import Route
+from src.sim.towns.network import Network, straight
+from src.sim.towns.streetscape import TWO_LANES
 
 SIZES_M = {
     "car": (4.5, 1.8, 1.5),
@@ -22,10 +26,20 @@ def way(*points_m, successors=(), half_width_m=1.6, speed_mps=9.0, rise_m=0.04, 
     return Path(points_m, half_width_m, speed_mps, successors, rise_m, gate)
 
 
+def road_user(name, paths, start_m, speed_mps, left_m=None):
+    """An actor on a chain of paths, in their middle or ``left_m`` to the left of it."""
+    route = Route.through(paths, HABITS[name].corner_m)
+    if left_m is not None:
+        route = route.shifted(np.full(len(route.points_m), left_m))
+    return Actor(name, SIZES_M[name], route, start_m, speed_mps)
+
+
+def ring(profile=TWO_LANES):
+    """Three streets around a triangle; the first of them runs eastwards from the origin."""
+    corners_m = np.array([(0.0, 0.0), (160.0, 0.0), (80.0, 130.0)])
+    return Network(corners_m, straight(corners_m, ((0, 1), (1, 2), (2, 0)), profile))
+
+
 def overlapping(boxes):
     """The pairs of boxes (place, yaw, size) that are in the same place at some step."""
-    return [
-        (one, other)
-        for one, other in combinations(range(len(boxes)), 2)
-        if boxes_overlap(*boxes[one], *boxes[other]).any()
-    ]
+    return [pair for pair in combinations(boxes, 2) if boxes_overlap(*pair).any()]

@@ -6,6 +6,7 @@ import torch
 from src.geometry import front_mount, pinhole, pixel_centers, rigid, rotation_from_euler, unproject
 from src.ontology import CAR, GROUND
 from src.sim.annotation import FrontView, label_frame
+from src.sim.assets import upright
 from src.sim.fusion import ActorMap, StaticMap
 from src.sim.scene import Scene, SceneActor, parts_of
 from src.sim.sensors import scan
@@ -20,14 +21,8 @@ RANGE_M = 60.0
 
 
 def solid(class_id, size_m, center_m, shape="box", yaw_rad=0.0, material="asphalt"):
-    scene_from_solid = np.eye(4)
-    scene_from_solid[:2, :2] = turned(yaw_rad)
-    scene_from_solid[:3, 3] = center_m
-    return Solid(shape, class_id, tuple(map(float, size_m)), scene_from_solid, material)
-
-
-def turned(yaw_rad):
-    return [[np.cos(yaw_rad), -np.sin(yaw_rad)], [np.sin(yaw_rad), np.cos(yaw_rad)]]
+    size_m, scene_from_solid = tuple(map(float, size_m)), upright(*center_m, yaw_rad)
+    return Solid(shape, class_id, size_m, scene_from_solid, material)
 
 
 def ground(top_m=0.0, size_m=160.0):
@@ -36,9 +31,7 @@ def ground(top_m=0.0, size_m=160.0):
 
 def actor(places_m, size_m=(4.0, 2.0, 1.6), class_id=CAR, actor_id=1, yaw_rad=0.0):
     """A box that stands at one place after the other."""
-    world_from_actor = np.tile(np.eye(4), (len(places_m), 1, 1))
-    world_from_actor[:, :2, :2] = turned(yaw_rad)
-    world_from_actor[:, :3, 3] = places_m
+    world_from_actor = np.stack([upright(*place_m, yaw_rad) for place_m in places_m])
     parts = parts_of([solid(class_id, size_m, (0, 0, size_m[2] / 2))])
     velocity_mps = np.zeros((len(places_m), 3))
     return SceneActor(actor_id, "car", class_id, size_m, parts, world_from_actor, velocity_mps)

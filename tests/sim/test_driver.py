@@ -3,23 +3,16 @@
 import numpy as np
 import pytest
 
-from src.sim.actor import HABITS, Actor
+from src.sim.actor import HABITS
 from src.sim.driver import DECISION_S, EMERGENCY_MPS2, drive
 from src.sim.pilot import STEP_S
-from src.sim.route import Route
-from tests.sim.roads import SIZES_M, way
+from tests.sim.roads import SIZES_M, road_user, way
 
 LANE = way((-50, -2), (100, -2))
 
 
-def actor(name, path, start_m, speed_mps, left_m=0.0):
-    route = Route.through((path,), (0,), HABITS[name].corner_m)
-    route = route.shifted(np.full(len(route.points_m), left_m))
-    return Actor(name, SIZES_M[name], route, start_m, speed_mps)
-
-
 def line_up(*cars):
-    return [actor("car", LANE, start_m, speed_mps) for start_m, speed_mps in cars]
+    return [road_user("car", [LANE], start_m, speed_mps) for start_m, speed_mps in cars]
 
 
 def test_a_fast_car_settles_behind_a_slow_one():
@@ -40,12 +33,12 @@ def test_cars_stop_at_the_end_of_their_way():
 
 def test_who_crosses_is_waited_for():
     crossing = way((50, -30), (50, 30), speed_mps=1.4)
-    walker = actor("pedestrian", crossing, 28.0, 0.05)
+    walker = road_user("pedestrian", [crossing], 28.0, 0.05)
     motion = drive([*line_up((70, 9.0)), walker], 8.0)
     assert motion.speed_mps[-1, 0] < 0.3
     assert motion.arc_m[-1, 0] + SIZES_M["car"][0] / 2 < 99.5
     # It does not brake for someone who is still on the pavement.
-    aside = actor("pedestrian", crossing, 20.0, 0.05)
+    aside = road_user("pedestrian", [crossing], 20.0, 0.05)
     passed = drive([*line_up((70, 9.0)), aside], 5.0)
     assert passed.arc_m[-1, 0] > 105
 
@@ -63,7 +56,7 @@ def test_motion_is_sampled_at_every_decision_and_continuous_between_them():
 @pytest.mark.parametrize("name", SIZES_M)
 def test_everyone_slows_down_for_a_turn_in_time(name):
     bend = way((0, 0), (60, 0), (60, 60), speed_mps=12.0)
-    one = actor(name, bend, 15.0, 12.0)
+    one = road_user(name, [bend], 15.0, 12.0)
     motion = drive([one], 12.0)
     sharpness = np.interp(motion.arc_m[:, 0], one.route.arc_m, one.route.sharpness())
     speed_mps, habits = motion.speed_mps[:, 0], HABITS[name]
@@ -74,7 +67,8 @@ def test_everyone_slows_down_for_a_turn_in_time(name):
 
 
 def test_a_path_s_limit_is_kept():
-    motion = drive([actor("car", way((0, 0), (150, 0), speed_mps=5.0), 10.0, 13.0)], 8.0)
+    slow = way((0, 0), (150, 0), speed_mps=5.0)
+    motion = drive([road_user("car", [slow], 10.0, 13.0)], 8.0)
     assert motion.speed_mps.max() < 5.05
     assert motion.speed_mps[-1, 0] == pytest.approx(5.0, abs=0.1)
 
@@ -88,11 +82,11 @@ def test_who_starts_close_behind_another_starts_calmly():
 
 def test_people_who_meet_pass_each_other_but_no_one_walks_into_another():
     walk, back = way((0, 0), (40, 0)), way((40, 0), (0, 0))
-    meeting = [actor("pedestrian", path, 15.0, 1.4, left_m=-0.35) for path in (walk, back)]
+    meeting = [road_user("pedestrian", [path], 15.0, 1.4, left_m=-0.35) for path in (walk, back)]
     passed = drive(meeting, 12.0)
     assert passed.arc_m[-1].min() > 30
     # In the middle of the walk neither has room to pass.
-    head_on = [actor("pedestrian", path, 15.0, 1.4) for path in (walk, back)]
+    head_on = [road_user("pedestrian", [path], 15.0, 1.4) for path in (walk, back)]
     stuck = drive(head_on, 12.0)
     assert 40 - stuck.arc_m[-1].sum() > SIZES_M["pedestrian"][0]
     assert stuck.speed_mps[-1].max() < 0.1
@@ -100,7 +94,7 @@ def test_people_who_meet_pass_each_other_but_no_one_walks_into_another():
 
 def test_who_is_suddenly_blocked_brakes_as_hard_as_one_can():
     """Somebody steps out of nowhere: a walker's way crosses the lane just before the car."""
-    walker = actor("pedestrian", way((40, -20), (40, 20), speed_mps=3.0), 14.0, 3.0)
+    walker = road_user("pedestrian", [way((40, -20), (40, 20), speed_mps=3.0)], 14.0, 3.0)
     motion = drive([*line_up((72, 9.0)), walker], 4.0)
     assert -EMERGENCY_MPS2 <= motion.acceleration_mps2[:, 0].min() < -HABITS["car"].brake_mps2
     assert motion.speed_mps.min() >= 0

@@ -172,7 +172,7 @@ def test_a_wire_of_four_centimetres_is_seen():
     # One wire runs across the route, the other one along it.
     wire = ((50.15, -20, 6.98), (50.19, 20, 7.02))
     along = ((80, 0.31, 5.98), (120, 0.35, 6.02))
-    route = Route.through((corridor((0, 0), (150, 0)),), (0,), 5.0, 0.5)
+    route = Route.through([corridor((0, 0), (150, 0))], 5.0, 0.5)
     seen_m = obstacle_heights(route, level, cast_on(wire, along), 1.5)
     assert seen_m[(route.arc_m > 49.4) & (route.arc_m < 50.3)].max() == pytest.approx(7.02)
     assert seen_m[(route.arc_m > 80.5) & (route.arc_m < 119.5)] == pytest.approx(6.02)
@@ -184,7 +184,7 @@ def commanded(height_m, end_m=300.0):
 
     An obstacle of that height begins at 60 m.
     """
-    route = Route.through((corridor((0, 0), (300, 0)),), (0,), 5.0, 0.5)
+    route = Route.through([corridor((0, 0), (300, 0))], 5.0, 0.5)
     at_m = np.arange(600) / 2
     obstacle_m = np.where((at_m >= 60) & (at_m < end_m), height_m, 0.0)
     command = Pilot(route, obstacle_m, np.random.default_rng(0), LOW, 8.0, 20.0).fly_from(10.0)

@@ -11,11 +11,11 @@ def test_overlap_is_the_same_from_both_sides_and_wherever_they_are():
     one_m, other_m = rng.uniform(-4, 4, (2, 500, 2))
     one_rad, other_rad = rng.uniform(-9, 9, (2, 500))
     one, other = (one_m, one_rad, (4.0, 2.0)), (other_m, other_rad, (6.0, 1.0))
-    met = boxes_overlap(*one, *other)
+    met = boxes_overlap(one, other)
     assert 0.1 < met.mean() < 0.9
-    np.testing.assert_array_equal(boxes_overlap(*other, *one), met)
-    moved = boxes_overlap(one_m + 70, one_rad + np.pi, (4.0, 2.0), other_m + 70, *other[1:])
-    np.testing.assert_array_equal(moved, met)
+    np.testing.assert_array_equal(boxes_overlap(other, one), met)
+    moved = (one_m + 70, one_rad + np.pi, (4.0, 2.0)), (other_m + 70, *other[1:])
+    np.testing.assert_array_equal(boxes_overlap(*moved), met)
 
 
 def test_boxes_overlap_where_they_have_a_point_in_common():
@@ -27,7 +27,7 @@ def test_boxes_overlap_where_they_have_a_point_in_common():
         tiled = np.tile(place_m, (len(points_m), 1)), np.full(len(points_m), yaw_rad)
         least_m = box_distance_m(points_m, *tiled, (3.0, 2.0, 1.0)).min()
         here = (np.zeros(2), np.float64(0), (4.0, 2.0))
-        met = boxes_overlap(*here, place_m[:2], yaw_rad, (3.0, 2.0))
+        met = boxes_overlap(here, (place_m[:2], yaw_rad, (3.0, 2.0)))
         # Between the points of the grid there are 0.1 m.
         assert met if least_m == 0 else not met or least_m < 0.08
 

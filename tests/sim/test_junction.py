@@ -5,14 +5,13 @@ from itertools import product
 import numpy as np
 import pytest
 
-from src.sim.actor import HABITS, Actor
+from src.sim.actor import HABITS
 from src.sim.driver import DECISION_S, drive
 from src.sim.junction import RightOfWay, passages_of
 from src.sim.layout import Gate
 from src.sim.lights import AMBER_S, GREEN_S, PHASE_S, LightPlan
-from src.sim.route import Route
 from src.sim.towns.polyline import turn
-from tests.sim.roads import SIZES_M, overlapping, way
+from tests.sim.roads import SIZES_M, overlapping, road_user, way
 
 EAST, NORTH, WEST, SOUTH = range(4)
 STRAIGHT, LEFT, RIGHT = 0, 1, 3
@@ -61,15 +60,13 @@ OPEN, LIT = junction(has_lights=False), junction(has_lights=True)
 
 def wheels(arm, by=STRAIGHT, start_m=10.0, speed_mps=9.0, name="car", paths=OPEN):
     onward = turns_of(arm)[(STRAIGHT, LEFT, RIGHT).index(by)]
-    route = Route.through(paths[0], (arm, onward, 4 + (arm + by) % 4), HABITS[name].corner_m)
-    return Actor(name, SIZES_M[name], route, start_m, speed_mps)
+    chain = [paths[0][k] for k in (arm, onward, 4 + (arm + by) % 4)]
+    return road_user(name, chain, start_m, speed_mps)
 
 
 def walker(start_m=1.0, back=False, speed_mps=1.4, paths=OPEN):
-    route = Route.through(paths[1], (int(back),), 0.5)
     # Everybody keeps to the right.
-    route = route.shifted(np.full(len(route.points_m), -0.35))
-    return Actor("pedestrian", SIZES_M["pedestrian"], route, start_m, speed_mps)
+    return road_user("pedestrian", [paths[1][back]], start_m, speed_mps, left_m=-0.35)
 
 
 def driven(actors, duration_s, plans=None):
@@ -102,8 +99,7 @@ def test_a_passage_leads_from_the_line_over_the_turn_until_the_junction_is_clear
     assert straight.approach is OPEN[0][EAST]
     (crossing,) = passages_of(walker())
     assert (crossing.start_m, crossing.end_m) == pytest.approx((KERB_M, WALK_M - KERB_M), abs=0.1)
-    lane_away = Route.through((OPEN[0][4 + EAST],), (0,), 3.0)
-    assert passages_of(Actor("car", SIZES_M["car"], lane_away, 5.0, 9.0)) == []
+    assert passages_of(road_user("car", [OPEN[0][4 + EAST]], 5.0, 9.0)) == []
 
 
 @pytest.mark.parametrize("by", [STRAIGHT, LEFT, RIGHT])

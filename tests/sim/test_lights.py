@@ -7,7 +7,7 @@ import pytest
 
 from src.sim.layout import Town
 from src.sim.lights import ALL_RED_S, AMBER_S, GREEN_S, PHASE_S, LightPlan, light_plans
-from src.sim.towns.network import Network, Street
+from src.sim.towns.network import Network, Street, straight
 from src.sim.towns.streetscape import TWO_LANES
 
 STEP_S = 0.1
@@ -18,8 +18,7 @@ ENDS_M = np.array([(0, 0), (80, 0), (0, 80), (-80, 0), (0, -80)], dtype=float)
 def cross(lights):
     """Streets from a junction in the middle to four around it, and between these."""
     pairs = (0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1)
-    streets = tuple(Street(a, b, ENDS_M[[a, b]], TWO_LANES) for a, b in pairs)
-    return Network(ENDS_M, streets, lights)
+    return Network(ENDS_M, straight(ENDS_M, pairs, TWO_LANES), lights)
 
 
 def town(lights):

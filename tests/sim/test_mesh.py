@@ -81,21 +81,21 @@ def test_normals_point_away_from_the_middle(shape):
 
 
 def test_rays_find_the_surface_where_the_solid_says(shape):
-    it = placed(shape)
+    body = placed(shape)
     rng = np.random.default_rng(0)
     origins_m = CENTER_M + rng.uniform(-2.5, 2.5, (4000, 3))
     directions = rng.standard_normal((4000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    rays = RayScene(triangles(mesh_of_solid(it)))
+    rays = RayScene(triangles(mesh_of_solid(body)))
     distance_m, _ = rays.cast(origins_m, directions)
 
     hit = np.isfinite(distance_m)
     ends_m = origins_m[hit] + directions[hit] * distance_m[hit, None]
     assert hit.sum() > 500
-    assert it.contains(ends_m, margin_m=1e-4).all()
+    assert body.contains(ends_m, margin_m=1e-4).all()
     # A tessellated circle cuts at most (1 - cos(pi / 8)) of its radius off, a sphere twice that.
-    assert not it.contains(ends_m, margin_m=-0.2 * min(SIZE_M)).any()
-    middle = it.contains(origins_m, margin_m=-0.25 * min(SIZE_M))
+    assert not body.contains(ends_m, margin_m=-0.2 * min(SIZE_M)).any()
+    middle = body.contains(origins_m, margin_m=-0.25 * min(SIZE_M))
     assert hit[middle].all()
 
 

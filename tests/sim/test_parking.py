@@ -8,12 +8,12 @@ import pytest
 from src.ontology import CAR, LARGE_VEHICLE
 from src.sim.layout import GroundPatch, Path
 from src.sim.solid import Solid
-from src.sim.towns.network import LANE_HALF_WIDTH_M, WALK_HALF_WIDTH_M, Network, Profile, straight
+from src.sim.towns.network import LANE_HALF_WIDTH_M, WALK_HALF_WIDTH_M, Profile
 from src.sim.towns.parking import AISLE_M, BAY_RISE_M, DRIVE_RISE_M, LOT_RISE_M, drives, lot, park
 from src.sim.towns.polyline import Spot
 from src.sim.towns.streetscape import Streetscape
+from tests.sim.roads import ring
 
-CORNERS_M = np.array([(0.0, 0.0), (160.0, 0.0), (80.0, 130.0)])
 WIDE = Profile(7.0, "road_2lane", 4.6, "paving", 9.0, 2.4, 7.0)
 
 
@@ -21,9 +21,7 @@ class Ring(Streetscape):
     """Three streets on flat ground; it remembers which solids each vehicle is made of."""
 
     def __init__(self, seed: int = 0, profile: Profile = WIDE):
-        streets = straight(CORNERS_M, ((0, 1), (1, 2), (2, 0)), profile)
-        rng = np.random.default_rng(seed)
-        super().__init__("ring", Network(CORNERS_M, streets), rng, relief_m=0.0)
+        super().__init__("ring", ring(profile), np.random.default_rng(seed), relief_m=0.0)
         self.vehicles: list[list[Solid]] = []
 
     def place(self, *args) -> bool:

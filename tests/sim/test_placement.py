@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from src.sim.actor import Actor
 from src.sim.footprint import boxes_overlap
 from src.sim.layout import Gate, Town
 from src.sim.pilot import STEP_S
 from src.sim.placement import SHOULDER_M, SPOT_M, START_GAP_M, Gaze, Placer, Spots
-from src.sim.route import Route
-from tests.sim.roads import SIZES_M, way
+from tests.sim.roads import SIZES_M, road_user, way
 
 CAR_M, BUS_M, PERSON_M = (SIZES_M[name] for name in ("car", "bus", "pedestrian"))
 REACH_M = 45.0
@@ -39,13 +37,9 @@ def gaze(**kwargs):
     return Gaze(flight(**kwargs), REACH_M)
 
 
-def seen_of(it, places_m):
+def seen_of(camera, places_m):
     """How much is seen of things that stay at their places."""
-    return it.share(np.tile(np.array(places_m)[:, None], (1, len(it.at_m), 1)))
-
-
-def car_on(path, start_m):
-    return Actor("car", CAR_M, Route.through((path,), (0,), 1.0), start_m, 9.0)
+    return camera.share(np.tile(np.array(places_m)[:, None], (1, len(camera.at_m), 1)))
 
 
 def starts_on(one, paths):
@@ -66,13 +60,13 @@ def filled(name, seed=0, uav_m=EASTWARD_M, near_m=90.0):
 
 @pytest.mark.parametrize(("x_mps", "y_mps"), [(5.0, 0.0), (0.0, 5.0), (-3.0, -3.0)])
 def test_what_keeps_its_place_before_the_camera_is_always_in_view_or_never(x_mps, y_mps):
-    it = gaze(x_mps=x_mps, y_mps=y_mps)
+    camera = gaze(x_mps=x_mps, y_mps=y_mps)
     ahead = np.array([x_mps, y_mps]) / np.hypot(x_mps, y_mps)
     left = np.array([-ahead[1], ahead[0]])
     for ahead_m, left_m in ((10, 0), (10, 9.9), (10, -9.9), (44.9, 0)):
-        assert it.share(it.at_m + ahead_m * ahead + left_m * left) == 1
+        assert camera.share(camera.at_m + ahead_m * ahead + left_m * left) == 1
     for ahead_m, left_m in ((-10, 0), (10, 10.1), (9, -10), (45.1, 0)):
-        assert it.share(it.at_m + ahead_m * ahead + left_m * left) == 0
+        assert camera.share(camera.at_m + ahead_m * ahead + left_m * left) == 0
 
 
 def test_the_share_is_that_of_the_time_in_view():
@@ -84,8 +78,8 @@ def test_the_share_is_that_of_the_time_in_view():
 def test_a_uav_that_hovers_looks_where_it_last_flew_to():
     east_m, north_m = flight(start_m=(-5.0, 0.0), seconds=1.0), flight(0.0, 5.0, seconds=4.0)
     hover_m = np.tile([0.0, 20.0, 9.0], (2000, 1))
-    it = Gaze(np.concatenate([east_m, north_m, hover_m]), REACH_M)
-    assert seen_of(it, [(0.0, 40.0), (20.0, 20.0)]) == pytest.approx([1, 0], abs=0.08)
+    camera = Gaze(np.concatenate([east_m, north_m, hover_m]), REACH_M)
+    assert seen_of(camera, [(0.0, 40.0), (20.0, 20.0)]) == pytest.approx([1, 0], abs=0.08)
 
 
 def test_spots_are_every_two_metres_near_the_way_and_not_on_a_junction():
@@ -104,9 +98,9 @@ def test_spots_are_every_two_metres_near_the_way_and_not_on_a_junction():
 
 
 def test_how_much_is_seen_of_who_goes_along_before_the_camera_or_towards_it():
-    it = gaze(start_m=(-50.0, 0.0))
-    spots = Spots.near(LANES, it.at_m, 90.0)
-    x_m, seen = spots.points_m[:, 0], spots.seen(5.0, it)
+    camera = gaze(start_m=(-50.0, 0.0))
+    spots = Spots.near(LANES, camera.at_m, 90.0)
+    x_m, seen = spots.points_m[:, 0], spots.seen(5.0, camera)
     along = np.isin(spots.index, (0, 3))
     assert seen[along & (x_m > -45) & (x_m < -10)] == pytest.approx(1)
     assert seen[along & (x_m < -51)] == pytest.approx(0)
@@ -114,21 +108,23 @@ def test_how_much_is_seen_of_who_goes_along_before_the_camera_or_towards_it():
     towards = (spots.index == 5) & (np.abs(x_m + 30) < 1.1)
     assert seen[towards] == pytest.approx(0.15, abs=0.1)
     # Nobody goes faster than the path allows.
-    assert spots.seen(90.0, it) == pytest.approx(spots.seen(9.0, it))
+    assert spots.seen(90.0, camera) == pytest.approx(spots.seen(9.0, camera))
 
 
 def test_crowded_spots_are_not_free():
     spots = Spots.near(LANES, np.zeros((1, 2)), 90.0)
     assert spots.free(CAR_M, []).all()
     for size_m in (CAR_M, BUS_M):
-        free = spots.free(size_m, [car_on(LANES[0], 30.0)])
+        free = spots.free(size_m, [road_user("car", LANES[:1], 30.0, 9.0)])
         apart_m = np.abs(spots.arc_m - 30.0)
         needed_m = (size_m[0] + CAR_M[0]) / 2 + 2 * START_GAP_M
         lane = spots.index == 0
-        assert not free[lane & (apart_m < needed_m - 0.2)].any()
         assert (free[lane] == (apart_m[lane] > needed_m)).all()
         assert free[~lane].all()
-    both = spots.free(CAR_M, [car_on(LANES[0], 30.0), car_on(LANES[5], 60.0)])
+
+    # Each of two cars takes room on its own lane.
+    cars = [road_user("car", [LANES[k]], start_m, 9.0) for k, start_m in ((0, 30.0), (5, 60.0))]
+    both = spots.free(CAR_M, cars)
     assert not both[spots.index == 5].all()
     assert not both[spots.index == 0].all()
 
@@ -138,9 +134,11 @@ def test_nobody_starts_on_a_junction(name):
     flights = [EASTWARD_M, flight(start_m=(-10.0, 0.0))]
     placed = [one for uav_m in flights for one in filled(name, uav_m=uav_m)]
     assert len(placed) > 12
-    first = [next(k for k, lane in enumerate(LANES) if lane is it.route.paths[0]) for it in placed]
-    assert set(first) >= {0, 3, 5}
-    assert set(first) <= {0, 3, 4, 5}
+
+    # The lanes on which they start; the turns, 1 and 2, are the junction itself.
+    first = [[lane is one.route.paths[0] for lane in LANES].index(True) for one in placed]
+    assert {0, 3, 5} <= set(first) <= {0, 3, 4, 5}
+
     for k, one in zip(first, placed):
         (x_m, y_m), _ = one.start
         half_m = SIZES_M[name][0] / 2
@@ -181,7 +179,7 @@ def test_they_start_with_room_around_them_until_there_is_none():
     room_m = (CAR_M[0] + 2 * START_GAP_M, CAR_M[1])
     for i, one in enumerate(placed):
         for other in placed[:i]:
-            assert not boxes_overlap(*one.start, room_m, *other.start, room_m)
+            assert not boxes_overlap((*one.start, room_m), (*other.start, room_m))
 
 
 def test_they_start_more_often_where_more_is_seen_of_them():

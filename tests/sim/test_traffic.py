@@ -50,10 +50,6 @@ def busy():
     return traffic(0)
 
 
-def footprints(actors):
-    return [(actor.position_m[:, :2], actor.yaw_rad, actor.size_m[:2]) for actor in actors]
-
-
 def test_every_type_is_there_and_numbered_from_one(busy):
     assert {actor.type for actor in busy} == set(ACTOR_TYPES)
     assert [actor.actor_id for actor in busy] == list(range(1, len(busy) + 1))
@@ -72,7 +68,7 @@ def test_actors_stand_on_road_or_pavement_and_start_near_the_flight(busy):
 def test_no_two_actors_ever_overlap():
     crowd = traffic(2, car=24, truck=6, bus=6, motorcycle=12, bicycle=20, pedestrian=40)
     assert len(crowd) > 50
-    assert not overlapping(footprints(crowd))
+    assert not overlapping([actor.footprint for actor in crowd])
 
 
 def test_actors_face_where_they_go_and_turn_smoothly():
@@ -131,13 +127,13 @@ def test_in_a_real_town_actors_stop_and_turn_and_never_overlap():
     rng = np.random.default_rng(1)
     town = build_town("downtown", rng)
     first = int(rng.integers(len(town.corridors)))
-    route = Route.through(town.corridors, chain(town.corridors, rng, first, 90), 5.0)
+    route = Route.through(chain(town.corridors, rng, first, 90), 5.0)
     way_m, _ = route.at(np.linspace(0, 72, 600))
     uav_m = np.c_[way_m, np.full(600, 12.0)]
     downtown = simulate_traffic(town, rng, TrafficConfig(), uav_m)
 
     assert len(downtown) > 15
-    assert not overlapping(footprints(downtown))
+    assert not overlapping([actor.footprint for actor in downtown])
     speed_mps = np.array([np.hypot(*actor.velocity_mps[:, :2].T) for actor in downtown])
     assert ((speed_mps[:, 0] > 2) & (speed_mps.min(axis=1) < 0.1)).sum() >= 3
     turned_rad = np.array([np.ptp(np.unwrap(actor.yaw_rad)) for actor in downtown])

@@ -11,10 +11,9 @@ from src.sim.layout import Path, Town
 from src.sim.scene import Scene, pieces_of, static_parts
 from src.sim.solid import Solid
 from src.sim.towns import build_town
-from src.sim.towns.network import Network, straight
 from src.sim.towns.polyline import arc_m, point_at
 from src.sim.towns.site import Site
-from src.sim.towns.streetscape import TWO_LANES
+from tests.sim.roads import ring
 
 DECK_M = 5.9, 6.8
 """Underside and top of the elevated road, above z = 0."""
@@ -101,9 +100,7 @@ def test_the_flight_climbs_over_the_overpass():
 
 
 def test_a_site_lets_only_what_is_overhead_cross_a_corridor():
-    corners_m = np.array([(0.0, 0.0), (160.0, 0.0), (80.0, 130.0)])
-    streets = straight(corners_m, ((0, 1), (1, 2), (2, 0)), TWO_LANES)
-    site = Site("ring", Network(corners_m, streets), lambda x, y: np.zeros_like(x + y))
+    site = Site("ring", ring(), lambda x, y: np.zeros_like(x + y))
 
     def slab(low_m: float, high_m: float) -> list[Solid]:
         middle = upright(80.0, 0.0, (low_m + high_m) / 2)

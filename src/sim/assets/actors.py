@@ -74,10 +74,9 @@ def truck(rng: Rng) -> tuple[Solid, ...]:
     cab = 1.9
     front, cargo = length / 2 - cab / 2, length - cab - 0.15
     back = -length / 2 + cargo / 2
-    windscreen = (cab - 0.3, width - 0.06, 0.7)
     rows = (
         (cab_paint, (cab, width - 0.1, 1.9), (front, 0, 1.5)),
-        (colors.WINDOW_GLASS, windscreen, (front + 0.17, 0, 2.0)),
+        (colors.WINDOW_GLASS, (cab - 0.3, width - 0.06, 0.7), (front + 0.17, 0, 2.0)),
         (cargo_paint, (cargo, width, height - 1.0), (back, 0, (height + 1.0) / 2)),
         (colors.TYRE, (length - 0.6, 1.2, 0.45), (0, 0, 0.78)),
     )

@@ -21,8 +21,8 @@ _AWNINGS = ("awning_red", "awning_green")
 
 def block(material: str, depth_m: float, width_m: float, low_m: float, high_m: float) -> Solid:
     """A box over the origin between two heights."""
-    size_m = (depth_m, width_m, high_m - low_m)
-    return box(BUILDING, material, size_m, (0, 0, (low_m + high_m) / 2))
+    center_m = (0, 0, (low_m + high_m) / 2)
+    return box(BUILDING, material, (depth_m, width_m, high_m - low_m), center_m)
 
 
 def _plinth(depth_m: float, width_m: float) -> Solid:

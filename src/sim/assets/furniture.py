@@ -19,15 +19,14 @@ _MIDDLE = ((0.0, 0.0),)
 # ------------------------------------------------------------------------------ thin structures
 
 
-def lamp_post(rng: Rng, reach_m: float = 1.8) -> list[Solid]:
+def lamp_post(rng: Rng) -> list[Solid]:
     """A street lamp of 6 to 7.5 m with an arm over the road."""
-    height, metal = rng.uniform(6.0, 7.5), rng.choice(colors.METAL[:3])
-    head = (reach_m, 0, height + 0.12)
+    height, metal, reach = rng.uniform(6.0, 7.5), rng.choice(colors.METAL[:3]), 1.8
     return [
         *posts(THIN_STRUCTURE, metal, 0.16, _MIDDLE, height),
         part("cylinder", THIN_STRUCTURE, metal, (0.3, 0.3, 0.8), (0, 0, 0.2)),
-        beam(THIN_STRUCTURE, metal, 0.09, (0, 0, height - 0.2), (reach_m, 0, height + 0.15)),
-        box(THIN_STRUCTURE, colors.METAL[3], (0.7, 0.25, 0.12), head),
+        beam(THIN_STRUCTURE, metal, 0.09, (0, 0, height - 0.2), (reach, 0, height + 0.15)),
+        box(THIN_STRUCTURE, colors.METAL[3], (0.7, 0.25, 0.12), (reach, 0, height + 0.12)),
     ]
 
 
@@ -46,8 +45,7 @@ def _light_head(x_m: float, y_m: float, z_m: float, yaw_rad: float) -> list[Soli
     out = 0.14 * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
     solids = [box(THIN_STRUCTURE, colors.TYRE, (0.24, 0.36, 1.0), (x_m, y_m, z_m), yaw_rad)]
 
-    glasses = (colors.LIGHT_RED, colors.LIGHT_AMBER, colors.LIGHT_GREEN)
-    for k, glass in enumerate(glasses):
+    for k, glass in enumerate(colors.LIGHTS):
         center = (x_m + out[0], y_m + out[1], z_m + 0.31 * (1 - k))
         size_m = (0.1, 0.24, 0.24)
         solids.append(part("ellipsoid", THIN_STRUCTURE, glass, size_m, center, yaw_rad))
@@ -68,18 +66,17 @@ def traffic_light(rng: Rng, reach_m: float) -> list[Solid]:
 def sign_post(rng: Rng) -> list[Solid]:
     """A traffic sign on a pole: its plate looks along +y."""
     height = rng.uniform(2.3, 2.8)
-    plate = rng.choice([colors.SIGN_RED, colors.SIGN_BLUE, colors.SIGN_WHITE])
+    plate = rng.choice(colors.SIGNS)
     pole = posts(THIN_STRUCTURE, colors.METAL[2], 0.08, _MIDDLE, height)
     if rng.random() < 0.5:
         return [*pole, box(THIN_STRUCTURE, plate, (0.7, 0.06, 0.7), (0, 0.06, height - 0.35))]
 
     # A disc with a smaller white one before it: a ring, as a speed limit has.
     z = height - 0.3
-    white = colors.SIGN_WHITE
     return [
         *pole,
         beam(THIN_STRUCTURE, plate, 0.7, (0, 0.04, z), (0, 0.1, z)),
-        beam(THIN_STRUCTURE, white, 0.45, (0, 0.05, z), (0, 0.12, z)),
+        beam(THIN_STRUCTURE, colors.SIGN_WHITE, 0.45, (0, 0.05, z), (0, 0.12, z)),
     ]
 
 
@@ -113,11 +110,10 @@ def wire(start_m: Vector, end_m: Vector, sag_m: float) -> list[Solid]:
 def span_wire(rng: Rng, width_m: float) -> list[Solid]:
     """Two poles with a cable along x across a whole street, and a lamp that hangs from it."""
     height, half, sag = rng.uniform(6.4, 7.4), width_m / 2, rng.uniform(0.3, 0.6)
-    lamp = (0, 0, height - sag - 0.2)
     return [
         *posts(THIN_STRUCTURE, colors.METAL[0], 0.16, [(-half, 0), (half, 0)], height + 0.1),
         *wire((-half, 0, height), (half, 0, height), sag),
-        part("cone", THIN_STRUCTURE, colors.METAL[1], (0.5, 0.5, 0.42), lamp),
+        part("cone", THIN_STRUCTURE, colors.METAL[1], (0.5, 0.5, 0.42), (0, 0, height - sag - 0.2)),
     ]
 
 

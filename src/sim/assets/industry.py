@@ -10,7 +10,7 @@ import numpy as np
 from ...ontology import BUILDING, GENERAL, THIN_STRUCTURE
 from .. import textures as colors
 from ..solid import Rng, Solid
-from .buildings import FOUNDATION_M
+from .buildings import FOUNDATION_M, block
 from .parts import ROOT_M, beam, beams, box, boxes, part, posts
 
 _CONTAINER_M = (2.4, 6.0, 2.5)
@@ -22,10 +22,9 @@ def hall(rng: Rng, width_m: float, depth_m: float) -> list[Solid]:
     """A long, low hall with roller doors, a band of windows and a saw-tooth roof of sheds."""
     eaves = rng.uniform(6.0, 9.0)
     cladding = rng.choice(_CLADDING)
-    walls_m = (depth_m, width_m, eaves + FOUNDATION_M)
     windows_m = (depth_m + 0.1, width_m - 2.0, 0.8)
     solids = [
-        box(BUILDING, cladding, walls_m, (0, 0, (eaves - FOUNDATION_M) / 2)),
+        block(cladding, depth_m, width_m, -FOUNDATION_M, eaves),
         box(BUILDING, colors.WINDOW_GLASS, windows_m, (0, 0, eaves - 0.9)),
     ]
 

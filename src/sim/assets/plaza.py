@@ -27,17 +27,15 @@ def slab(rng: Rng, bays: int, storeys: int, facade: str) -> list[Solid]:
     width, depth = bays * colors.BAY_M, rng.uniform(10.0, 13.0)
     top = _LOBBY_M + storeys * colors.STOREY_M
     lobby_m = (depth - 2.0, width - 1.0, _LOBBY_M + FOUNDATION_M)
-    plant_m = (0.3 * depth, 0.4 * width, 1.6)
 
     # Columns along the front carry the storeys above the lobby.
     ys = np.linspace(-0.48, 0.48, max(3, bays // 2 + 1)) * width
-    feet_m = [(depth / 2 - 0.4, y) for y in ys]
     return [
         box(BUILDING, "facade_glass", lobby_m, (-0.9, 0, (_LOBBY_M - FOUNDATION_M) / 2)),
         block(facade, depth, width, _LOBBY_M, top),
         box(BUILDING, "roof_flat", (depth + 0.3, width + 0.3, 0.4), (0, 0, top + 0.2)),
-        *posts(BUILDING, "concrete", 0.45, feet_m, _LOBBY_M),
-        box(BUILDING, "corrugated_grey", plant_m, (-1, 0, top + 1.2)),
+        *posts(BUILDING, "concrete", 0.45, [(depth / 2 - 0.4, y) for y in ys], _LOBBY_M),
+        box(BUILDING, "corrugated_grey", (0.3 * depth, 0.4 * width, 1.6), (-1, 0, top + 1.2)),
     ]
 
 
@@ -114,7 +112,6 @@ def bike_rack(rng: Rng) -> list[Solid]:
 def banner_line(rng: Rng, width_m: float) -> list[Solid]:
     """Two masts along x across a walk, and a banner between two cables."""
     height, half = rng.uniform(7.2, 7.8), width_m / 2
-    feet_m = [(-half, 0), (half, 0)]
     cables = []
     for z in (height, height - 1.1):
         cables += wire((-half, 0, z), (half, 0, z), 0.08)
@@ -122,7 +119,7 @@ def banner_line(rng: Rng, width_m: float) -> list[Solid]:
     paint = rng.choice(colors.BUS_PAINT)
     size_m = (rng.uniform(0.3, 0.6) * width_m, 0.04, 1.1)
     return [
-        *posts(THIN_STRUCTURE, colors.METAL[2], 0.16, feet_m, height + 0.2),
+        *posts(THIN_STRUCTURE, colors.METAL[2], 0.16, [(-half, 0), (half, 0)], height + 0.2),
         *cables,
         box(THIN_STRUCTURE, paint, size_m, (0, 0, height - 0.63)),
     ]
@@ -131,8 +128,7 @@ def banner_line(rng: Rng, width_m: float) -> list[Solid]:
 def bunting(rng: Rng, width_m: float) -> list[Solid]:
     """Two poles along x across a whole street, and a line of pennants or bulbs between them."""
     height, half, sag = rng.uniform(6.4, 7.4), width_m / 2, rng.uniform(0.3, 0.6)
-    feet_m = [(-half, 0.0), (half, 0.0)]
-    poles = posts(THIN_STRUCTURE, colors.METAL[0], 0.14, feet_m, height + 0.1)
+    poles = posts(THIN_STRUCTURE, colors.METAL[0], 0.14, [(-half, 0), (half, 0)], height + 0.1)
     cable = wire((-half, 0.0, height), (half, 0.0, height), sag)
     if rng.random() >= 0.6:
         return [*poles, *cable, *_bulbs(cable)]

@@ -4,12 +4,11 @@ No list names the towns: a module of this folder that has such a function is a t
 path (``mypackage.mytown``) names a module of the user's own.
 """
 
-import difflib
 import pkgutil
 from collections.abc import Callable
 from importlib import import_module
 
-from ...errors import UserError
+from ...errors import UserError, closest
 from ..layout import Town
 from ..solid import Rng
 
@@ -29,11 +28,10 @@ def builder_of(name: str) -> Build:
 
     if build is None:
         known = town_names()
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ";"
         raise UserError(
-            f"sim.towns: there is no town {name!r}{hint} there are {', '.join(known)}, and modules "
-            "of your own with a function build(rng), by their dotted path"
+            f"sim.towns: there is no town {name!r}{closest(name, known)} there are "
+            f"{', '.join(known)}, and modules of your own with a function build(rng), by their "
+            "dotted path"
         )
     return build
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..assets import buildings, furniture, vegetation
 from ..layout import Town
 from ..solid import Rng, Solid
-from .network import Network, Street
+from .network import Network, Street, straight
 from .parking import park
 from .streetscape import FOUR_LANES, TWO_LANES, Streetscape
 
@@ -21,15 +21,12 @@ def _network(rng: Rng) -> Network:
     junctions = np.array([(x, y) for y in ys for x in xs])
 
     # From each junction one street goes east and one north, but not off the grid.
-    streets = []
-    for k in range(9):
-        row, column = divmod(k, 3)
-        if column < 2:
-            profile = FOUR_LANES if row == 1 else TWO_LANES
-            streets.append(Street(k, k + 1, junctions[[k, k + 1]], profile))
-        if row < 2:
-            profile = FOUR_LANES if column == 1 else TWO_LANES
-            streets.append(Street(k, k + 3, junctions[[k, k + 3]], profile))
+    pairs = sorted([(k, k + 1) for k in range(9) if k % 3 < 2] + [(k, k + 3) for k in range(6)])
+    avenues = {3, 4, 5}, {1, 4, 7}
+    streets: list[Street] = []
+    for pair in pairs:
+        is_avenue = any(avenue.issuperset(pair) for avenue in avenues)
+        streets += straight(junctions, [pair], FOUR_LANES if is_avenue else TWO_LANES)
     return Network(junctions, tuple(streets), lights=True)
 
 

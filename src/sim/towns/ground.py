@@ -1,11 +1,9 @@
 """The ground of a town: its base, and the roads, kerbs, pavements and junctions laid upon it."""
 
-from itertools import pairwise
-
 import numpy as np
 
 from .network import CROSSING_RISE_M, JUNCTION_RISE_M, PAVEMENT_RISE_M, ROAD_RISE_M, Street
-from .polyline import Polyline, arc_m, heading_at, parallel, point_at
+from .polyline import Polyline, arc_m, parallel, point_at
 from .site import Site
 
 KERB_M = 0.3
@@ -19,10 +17,9 @@ def lay_base(site: Site, material: str) -> None:
     lower = site.network.junctions_m.min(axis=0) - MARGIN_M
     upper = site.network.junctions_m.max(axis=0) + MARGIN_M
     counts = np.ceil((upper - lower) / BASE_TILE_M).astype(int)
-    for i in range(counts[0]):
-        for j in range(counts[1]):
-            x, y = lower + (np.array([i, j]) + 0.5) * BASE_TILE_M
-            site.lay(x, y, 0.0, (BASE_TILE_M, BASE_TILE_M), 0.0, material)
+    for tile in np.ndindex(*counts):
+        x, y = lower + (np.array(tile) + 0.5) * BASE_TILE_M
+        site.lay(x, y, 0.0, (BASE_TILE_M, BASE_TILE_M), 0.0, material)
 
 
 def lay_street(site: Site, street: Street) -> None:
@@ -64,27 +61,22 @@ def lay_junction(site: Site, junction: int) -> None:
 
 def _lay_corners(site: Site, junction: int) -> None:
     """Lays the pavement around each corner, as wide as the wider of the two that meet there."""
-    ports = site.network.ports_m(junction)
-    for (arm, sides_m), (following, next_sides_m) in zip(ports, ports[1:] + ports[:1]):
+    for arm, following, corner_m in site.network.corners(junction):
         wide = max(arm.profile, following.profile, key=lambda profile: profile.pavement_m)
         if wide.pavement_m:
-            corner = site.network.corner_m(arm, following, sides_m[1], next_sides_m[-1])
             # Around the walking line, as far as the road's edge on the one side.
-            width = 2 * (wide.walk_m - wide.road_m / 2)
-            _lay_strip(site, corner, width, PAVEMENT_RISE_M, wide.pavement)
+            width_m = 2 * (wide.walk_m - wide.road_m / 2)
+            _lay_strip(site, corner_m, width_m, PAVEMENT_RISE_M, wide.pavement)
 
 
 def _lay_strip(site: Site, line: Polyline, width_m: float, rise_m: float, material: str) -> None:
     """Lays rectangles along a line, prolonged at its bends so that their outer edges meet."""
-    run_m = arc_m(line)
-    for k, (start, end) in enumerate(pairwise(line)):
-        yaw = heading_at(line, (run_m[k] + run_m[k + 1]) / 2)
-        # How far the line turns where this piece meets its neighbours.
-        bends = [
-            np.angle(np.exp(1j * (heading_at(line, run_m[j] + side * 1e-3) - yaw)))
-            for j, side in ((k, -1), (k + 1, 1))
-            if 0 < j < len(line) - 1
-        ]
-        extra = max((width_m / 2 * abs(np.tan(bend / 2)) for bend in bends), default=0.0)
-        length = run_m[k + 1] - run_m[k] + 2 * extra
-        site.lay(*(start + end) / 2, yaw, (length, width_m), rise_m, material)
+    x_m, y_m = np.diff(line, axis=0).T
+    yaw_rad, length_m = np.arctan2(y_m, x_m), np.diff(arc_m(line))
+    bend_rad = np.angle(np.exp(1j * np.diff(yaw_rad)))
+    # The line does not bend at its two ends.
+    extra_m = np.pad(width_m / 2 * np.abs(np.tan(bend_rad / 2)), 1)
+
+    for k, middle_m in enumerate((line[:-1] + line[1:]) / 2):
+        size_m = (length_m[k] + 2 * extra_m[k : k + 2].max(), width_m)
+        site.lay(*middle_m, yaw_rad[k], size_m, rise_m, material)

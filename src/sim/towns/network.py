@@ -135,9 +135,10 @@ class Network:
         half = max(arm.profile.half_m for arm in arms)
         return half / np.tan(min(gaps.min(), np.pi / 2) / 2) + 0.5
 
-    def open_m(self, street: Street) -> Polyline:
-        """Returns a street's center line between its junctions."""
-        return trimmed(street.points_m, self.radius_m(street.start), self.radius_m(street.end))
+    def open_m(self, street: Street, out_m: float = 0.0) -> Polyline:
+        """Returns a street's center line between its junctions, ``out_m`` shorter at both ends."""
+        radii_m = self.radius_m(street.start), self.radius_m(street.end)
+        return trimmed(street.points_m, radii_m[0] + out_m, radii_m[1] + out_m)
 
     def lanes(self) -> tuple[Path, ...]:
         """Right-hand lanes, one per direction, joined by turns at the junctions."""
@@ -146,9 +147,12 @@ class Network:
             speed_mps = street.profile.lane_mps
             if speed_mps is None:
                 continue
+
             for line_m, start, end in self._directions(k):
                 lane_m = parallel(line_m, -street.profile.road_m / 4)
-                gate = self._stop_line(*end[1:], lane_m)
+                _, junction, _ = end
+                stop_m = max(arc_m(lane_m)[-1] - STOP_LINE_OUT_M, 0.0)
+                gate = Gate(junction, stop_m, STOP_LINE_OUT_M, False, *self._phases(junction)[k])
                 lane = Path(lane_m, LANE_HALF_WIDTH_M, speed_mps, (), ROAD_RISE_M, gate)
                 ways.append(Way(lane, start, end))
         return joined(ways + self._turns(ways, JUNCTION_RISE_M))
@@ -168,11 +172,6 @@ class Network:
         line_m = self.open_m(street)
         yield line_m, ("from", street.start, k), ("to", street.end, k)
         yield line_m[::-1], ("from", street.end, k), ("to", street.start, k)
-
-    def _stop_line(self, junction: int, street: int, lane_m: Polyline) -> Gate:
-        phase, phases = self._phases(junction)[street]
-        at_m = max(arc_m(lane_m)[-1] - STOP_LINE_OUT_M, 0.0)
-        return Gate(junction, at_m, STOP_LINE_OUT_M, False, phase, phases)
 
     def _phases(self, junction: int) -> dict[int, tuple[int | None, int]]:
         """For each street with lanes at a junction: its phase of the lights, of how many.
@@ -216,8 +215,7 @@ class Network:
         ways = []
         for k, street in enumerate(self.streets):
             # Pavements end at the crossings, which lie a little way into the street.
-            radii_m = (self.radius_m(street.start), self.radius_m(street.end))
-            line = trimmed(street.points_m, *(radius + CROSSING_OUT_M for radius in radii_m))
+            line = self.open_m(street, CROSSING_OUT_M)
             rise_m = PAVEMENT_RISE_M if street.profile.pavement_m else ROAD_RISE_M
             for side in (-1, 1):
                 points_m = parallel(line, side * street.profile.walk_m)
@@ -228,28 +226,41 @@ class Network:
             ways += self._corners(junction) + self._crossings(junction)
         return joined(ways)
 
-    def ports_m(self, junction: int, out_m: float = 0.0) -> list[tuple[Arm, dict[int, Point]]]:
-        """Returns where each arm's pavements begin: 1 is the left one as seen from the junction.
+    def corners(self, junction: int) -> Iterator[tuple[Arm, Arm, Polyline]]:
+        """Yields each arm, the arm that follows, and the way between their pavements around the
+        corner.
 
-        ``out_m`` is for places on the pavements that far from there.
+        It is straight where the arms enclose less than half a turn; else it leads around the
+        outside of the bend, because the straight line would cross the road.
         """
-        radius = self.radius_m(junction)
-        ports = []
-        for arm in self.arms(junction):
-            line = trimmed(arm.points_m, radius + out_m, 0)
-            sides = {side: parallel(line, side * arm.profile.walk_m)[0] for side in (-1, 1)}
-            ports.append((arm, sides))
-        return ports
+        arms = self.arms(junction)
+        for arm, following in zip(arms, arms[1:] + arms[:1]):
+            left_m, right_m = self._port_m(junction, arm, 1), self._port_m(junction, following, -1)
+            way_m = [left_m, right_m]
+            enclosed_rad = (following.angle_rad - arm.angle_rad) % (2 * np.pi)
+            if enclosed_rad >= np.deg2rad(190):
+                a, b = (
+                    np.array([np.cos(x.angle_rad), np.sin(x.angle_rad)]) for x in (arm, following)
+                )
+                bend_m = crossing(np.stack([left_m, left_m + a]), np.stack([right_m, right_m + b]))
+                way_m.insert(1, bend_m)
+            yield arm, following, np.stack(way_m)
+
+    def _port_m(self, junction: int, arm: Arm, side: int, out_m: float = 0.0) -> Point:
+        """Returns where a pavement of an arm begins: 1 is the left one as seen from the junction.
+
+        ``out_m`` is for a place on the pavement that far from there.
+        """
+        line_m = trimmed(arm.points_m, self.radius_m(junction) + out_m, 0)
+        return parallel(line_m, side * arm.profile.walk_m)[0]
 
     def _corners(self, junction: int) -> list[Way]:
         """Ways around the corners, each from one crossing to the next."""
-        inner, outer = self.ports_m(junction), self.ports_m(junction, CROSSING_OUT_M)
         ways = []
-        for k, (arm, sides_m) in enumerate(inner):
-            after = (k + 1) % len(inner)
-            following, next_sides_m = inner[after]
-            corner_m = self.corner_m(arm, following, sides_m[1], next_sides_m[-1])
-            points_m = np.concatenate([outer[k][1][1][None], corner_m, outer[after][1][-1][None]])
+        for arm, following, corner_m in self.corners(junction):
+            start_m = self._port_m(junction, arm, 1, CROSSING_OUT_M)
+            end_m = self._port_m(junction, following, -1, CROSSING_OUT_M)
+            points_m = np.concatenate([start_m[None], corner_m, end_m[None]])
 
             paved = max(arm.profile.pavement_m, following.profile.pavement_m) > 0
             rise_m = PAVEMENT_RISE_M if paved else ROAD_RISE_M
@@ -261,7 +272,7 @@ class Network:
         """Ways over every arm; where vehicles come, people wait for them at the kerb."""
         phases = self._phases(junction)
         ways = []
-        for arm, sides_m in self.ports_m(junction, CROSSING_OUT_M):
+        for arm in self.arms(junction):
             gate, profile = None, arm.profile
             if arm.street in phases:
                 kerb_m = max(profile.walk_m - profile.road_m / 2 - KERB_STAND_M, 0.0)
@@ -269,23 +280,9 @@ class Network:
 
             rise_m = CROSSING_RISE_M if profile.has_crossings else ROAD_RISE_M
             ports = (junction, arm.street, -1), (junction, arm.street, 1)
-            points_m = np.stack([sides_m[-1], sides_m[1]])
-            ways += _both_ways(points_m, *ports, rise_m, gate)
+            ends_m = [self._port_m(junction, arm, side, CROSSING_OUT_M) for side in (-1, 1)]
+            ways += _both_ways(np.stack(ends_m), *ports, rise_m, gate)
         return ways
-
-    @staticmethod
-    def corner_m(arm: Arm, following: Arm, port_m: Point, next_port_m: Point) -> Polyline:
-        """Returns the way from an arm's left pavement to the right one of the arm that follows.
-
-        Straight where the arms enclose less than half a turn; else around the outside of the bend,
-        because the straight line would cross the road.
-        """
-        enclosed_rad = (following.angle_rad - arm.angle_rad) % (2 * np.pi)
-        if enclosed_rad < np.deg2rad(190):
-            return np.stack([port_m, next_port_m])
-        a, b = (np.array([np.cos(x.angle_rad), np.sin(x.angle_rad)]) for x in (arm, following))
-        bend = crossing(np.stack([port_m, port_m + a]), np.stack([next_port_m, next_port_m + b]))
-        return np.stack([port_m, bend, next_port_m])
 
 
 def _both_ways(

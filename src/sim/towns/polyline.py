@@ -35,17 +35,16 @@ def point_at(points_m: Polyline, along_m: Float[np.ndarray, "*k"]) -> Float[np.n
     return np.stack([np.interp(along_m, run_m, points_m[:, k]) for k in range(2)], axis=-1)
 
 
-def heading_at(points_m: Polyline, along_m: float) -> float:
-    """Direction of travel (rad) on the segment at a distance from the start."""
-    run_m = arc_m(points_m)
-    k = int(np.clip(np.searchsorted(run_m, along_m, side="right") - 1, 0, len(points_m) - 2))
-    dx, dy = points_m[k + 1] - points_m[k]
-    return float(np.arctan2(dy, dx))
+def heading_at(points_m: Polyline, along_m: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
+    """Directions of travel (rad) on the segments at given distances from the start."""
+    x_m, y_m = np.diff(points_m, axis=0).T
+    segment = np.searchsorted(arc_m(points_m), along_m, side="right") - 1
+    return np.arctan2(y_m, x_m)[np.clip(segment, 0, len(x_m) - 1)]
 
 
 def beside(points_m: Polyline, along_m: float, left_m: float) -> Spot:
     """Returns the place ``left_m`` to the left of a point of the line, looking along the line."""
-    heading_rad = heading_at(points_m, along_m)
+    heading_rad = float(heading_at(points_m, np.array(along_m)))
     normal = np.array([-np.sin(heading_rad), np.cos(heading_rad)])
     x, y = point_at(points_m, np.array(along_m)) + left_m * normal
     return Spot(float(x), float(y), heading_rad)

@@ -67,9 +67,8 @@ class Site:
 
         self._flight = Keepout(corridors, _FLIGHT_M, 0.8)
         self._flight_but_overhead = Keepout(corridors, _FLIGHT_BUT_OVERHEAD_M, 0.8)
-        lanes = Keepout(self.town.lanes, _LANE_M, 0.4)
-        walks = Keepout(self.town.walks, _WALK_M, 0.4)
-        self._traffic = (lanes, walks)
+        self._lanes = Keepout(self.town.lanes, _LANE_M, 0.4)
+        self._walks = Keepout(self.town.walks, _WALK_M, 0.4)
         self._footprints: Footprints = np.zeros((0, 4, 2))
         self._boxes_m: Boxes = np.zeros((0, 2, 3))
 
@@ -85,9 +84,9 @@ class Site:
         self, x_m: float, y_m: float, yaw_rad: float, size_m: Vector, rise_m: float, material: str
     ) -> None:
         """Adds a rectangle of ground by its middle and its size along and across ``yaw_rad``."""
-        size_m = tuple(float(side_m) for side_m in size_m)
-        patch = GroundPatch((float(x_m), float(y_m)), yaw_rad, *size_m, rise_m, material)
-        self.ground.append(patch)
+        # A patch is plain data, whatever numbers it was computed from.
+        x_m, y_m, yaw_rad, *size_m = map(float, (x_m, y_m, yaw_rad, *size_m))
+        self.ground.append(GroundPatch((x_m, y_m), yaw_rad, *size_m, rise_m, material))
 
     def place(
         self, asset: Sequence[Solid], x_m: float, y_m: float, yaw_rad: float, rise_m: float = 0.0
@@ -123,7 +122,8 @@ class Site:
     def _in_the_way(self, solid: Solid, ground_m: float, overhead: bool = False) -> bool:
         overhead |= solid.class_id == THIN_STRUCTURE
         flight = self._flight_but_overhead if overhead else self._flight
-        return any(keepout.blocked_by(solid, ground_m) for keepout in (flight, *self._traffic))
+        keepouts = (flight, self._lanes, self._walks)
+        return any(keepout.blocked_by(solid, ground_m) for keepout in keepouts)
 
     def _occupy(self, footprints: Footprints, boxes_m: Boxes) -> None:
         self._footprints = np.concatenate([self._footprints, footprints])

@@ -13,7 +13,7 @@ from ..layout import HeightField
 from ..solid import Rng, Solid
 from .ground import MARGIN_M, lay_base, lay_junction, lay_street
 from .network import PAVEMENT_RISE_M, STOP_LINE_OUT_M, Network, Profile, Street
-from .polyline import Polyline, Spot, arc_m, beside, heading_at, point_at
+from .polyline import Polyline, Spot, arc_m, beside
 from .site import Site
 
 Maker = Callable[[Rng], Sequence[Solid]]
@@ -121,8 +121,7 @@ class Streetscape(Site):
 
                 # Traffic arrives against the arm's direction, so its right side is the arm's left.
                 half_m = arm.profile.road_m / 2
-                x, y = point_at(arm.points_m, np.array(radius + STOP_LINE_OUT_M))
-                kerb = Spot(x, y, heading_at(arm.points_m, radius)).moved(0.0, half_m + 0.5)
+                kerb = beside(arm.points_m, radius + STOP_LINE_OUT_M, half_m + 0.5)
                 mast = furniture.traffic_light(self.rng, reach_m=half_m - 0.2)
                 self.place(mast, *kerb.moved(0.0, 0.0, -np.pi / 2), PAVEMENT_RISE_M)
 

@@ -78,13 +78,12 @@ def _moor(site: Streetscape) -> None:
     while x < 150:
         kind = rng.random()
         if kind < 0.2:
-            make, out_m = partial(waterside.jetty, length_m=14.0), 0.5
+            make, out_m, turned_rad = partial(waterside.jetty, length_m=14.0), 0.5, 0.0
         else:
             make = waterside.motor_boat if kind < 0.65 else waterside.sailing_boat
-            out_m = rng.uniform(2.4, 5.0)
-        # A boat swings at its rope; a jetty is built straight.
-        yaw = np.pi / 2 if kind < 0.2 else np.pi / 2 + rng.normal(0, 0.04)
-        site.place(make(rng), x, _SHORE_Y_M - out_m, float(yaw), _WATER_RISE_M)
+            # A boat swings at its rope; a jetty is built straight.
+            out_m, turned_rad = rng.uniform(2.4, 5.0), rng.normal(0, 0.04)
+        site.place(make(rng), x, _SHORE_Y_M - out_m, np.pi / 2 + turned_rad, _WATER_RISE_M)
         x += rng.uniform(7.0, 12.0)
 
 
