@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .layout import HeightField
+from .rays import spread_directions
 from .route import Route
 
 Points = Float[np.ndarray, "n 3"]
@@ -96,11 +97,7 @@ def stays_clear(position_m: Points, ray_cast: RayCast, clearance_m: float) -> bo
 
 
 def _nearest_m(position_m: Points, ray_cast: RayCast, count: int = 128) -> Values:
-    """Distance to the nearest surface in any of ``count`` directions, evenly spread."""
-    z = 1 - (2 * np.arange(count) + 1) / count
-    azimuth_rad = np.arange(count) * np.pi * (3 - np.sqrt(5))
-    ring = np.sqrt(1 - z**2)
-    sphere = np.stack([ring * np.cos(azimuth_rad), ring * np.sin(azimuth_rad), z], axis=1)
-    directions = np.tile(sphere, (len(position_m), 1))
+    """Returns the distance to the nearest surface in any of ``count`` directions, evenly spread."""
+    directions = np.tile(spread_directions(count, (1.0, -1.0)), (len(position_m), 1))
     reach_m = ray_cast(np.repeat(position_m, count, axis=0), directions)
     return reach_m.reshape(len(position_m), count).min(axis=1)

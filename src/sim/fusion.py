@@ -11,7 +11,7 @@ from ..geometry import VoxelGrid, transform
 from .point_set import PointSet
 from .scene import SceneActor as Body
 from .sensors import Scan
-from .voxel_kernels import carve, count_votes, look_up
+from .voxel_kernels import Lattice, carve, count_votes, look_up
 
 TILE_M = 8.0
 """Points are sorted into square tiles of this side, so that a frame reads only those near it."""
@@ -20,23 +20,22 @@ TILE_M = 8.0
 class StaticMap:
     """Static surface points and free space of a clip, fused in the world frame.
 
-    ``free`` are cubic cells of side ``cell_m`` from ``lower_m`` on: 1 where a ray passed.
+    ``free`` says of each of the ``cells``, of side ``cell_m``, whether a ray passed: then it is 1.
     """
 
     def __init__(
         self, lower_m: Float[np.ndarray, "3"], upper_m: Float[np.ndarray, "3"], cell_m: float
     ) -> None:
-        self.lower_m = np.asarray(lower_m, dtype=np.float64)
-        self.cell_m = cell_m
-        cells = np.ceil((np.asarray(upper_m) - self.lower_m) / cell_m).astype(int)
-        self.free = np.zeros(cells, dtype=np.uint8)
+        self.cells = Lattice(np.array(lower_m, dtype=np.float64), cell_m)
+        shape = np.ceil((np.array(upper_m) - self.cells.lower_m) / cell_m).astype(int)
+        self.free = np.zeros(shape, dtype=np.uint8)
         self._points = PointSet()
 
     def add(self, scan: Scan, range_m: float) -> None:
         """Free space along every ray, and a point where a ray met something static."""
         self.add_points(scan)
         length_m = np.minimum(scan.hits.distance_m, range_m)
-        carve(self.free, self.lower_m, self.cell_m, scan.origin_m, scan.directions, length_m)
+        carve(self.free, self.cells, scan.origin_m, scan.directions, length_m)
 
     def add_points(self, scan: Scan) -> None:
         """The points alone."""
@@ -50,7 +49,7 @@ class StaticMap:
         order = np.lexsort((tile[:, 1], tile[:, 0]))
         self.points_m, self.class_id, tile = points_m[order], class_id[order], tile[order]
         self._tiles, self._starts = np.unique(tile, axis=0, return_index=True)
-        cell = np.floor((self.points_m - self.lower_m) / self.cell_m).astype(int)
+        cell = np.floor((self.points_m - self.cells.lower_m) / self.cells.side_m).astype(int)
         cell = cell[((cell >= 0) & (cell < self.free.shape)).all(axis=1)]
         self.free[tuple(cell.T)] = 0
 
@@ -67,9 +66,8 @@ class StaticMap:
         ends = np.append(self._starts[1:], len(self.points_m))
         for tile in np.flatnonzero(self._near(grid, occ_from_world)):
             part = slice(self._starts[tile], ends[tile])
-            lower_m = np.array(grid.lower_m)
             points_m, class_id = self.points_m[part], self.class_id[part]
-            count_votes(votes, lower_m, grid.voxel_m, occ_from_world, points_m, class_id)
+            count_votes(votes, Lattice.of(grid), occ_from_world, points_m, class_id)
 
     def _near(
         self, grid: VoxelGrid, occ_from_world: Float[np.ndarray, "4 4"]
@@ -86,8 +84,7 @@ class StaticMap:
     ) -> Bool[np.ndarray, "X Y Z"]:
         """Voxels through the cell of whose center some ray passed, and in which none ended."""
         found = np.zeros(grid.shape, dtype=bool)
-        place = np.array(grid.lower_m), grid.voxel_m, world_from_occ
-        look_up(found, *place, self.free, self.lower_m, self.cell_m)
+        look_up(found, Lattice.of(grid), world_from_occ, self.free, self.cells)
         return found
 
 

@@ -86,7 +86,7 @@ def _dark(
 
 
 def _towards(weather: Weather) -> Float[np.ndarray, "3"]:
-    return np.array(weather.light()["lightDirection"], dtype=np.float32)
+    return np.array(weather.towards, dtype=np.float32)
 
 
 @njit

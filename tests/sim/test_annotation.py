@@ -104,7 +104,7 @@ def test_static_points_are_thinned_to_one_in_a_cube_and_bar_free_space():
     cubes = np.floor(static.points_m / POINT_CUBE_M).astype(int)
     assert len(np.unique(np.c_[cubes, static.class_id], axis=0)) == len(cubes)
 
-    cell = np.floor((static.points_m - static.lower_m) / static.cell_m)
+    cell = np.floor((static.points_m - static.cells.lower_m) / static.cells.side_m)
     cell = cell[((cell >= 0) & (cell < static.free.shape)).all(axis=1)].astype(int)
     assert len(cell) > 1000
     assert not static.free[tuple(cell.T)].any()
@@ -115,7 +115,7 @@ def test_free_is_a_voxel_whose_center_lies_in_a_cell_that_a_ray_passed():
     static = stage.static
     for yaw in (0.0, 0.7, -2.5):
         here = body_at((0.3, 0.2, 5.3), yaw=yaw)
-        cell = np.floor((centers_world(here) - static.lower_m) / static.cell_m).astype(int)
+        cell = np.floor((centers_world(here) - static.cells.lower_m) / static.cells.side_m).astype(int)
         in_map = ((cell >= 0) & (cell < static.free.shape)).all(axis=-1)
         expected = np.zeros(GRID.shape, dtype=bool)
         expected[in_map] = static.free[tuple(cell[in_map].T)] == 1
