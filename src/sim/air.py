@@ -1,7 +1,5 @@
 """Sky, water, fog, rain and the sensor, painted over a rendered picture."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import torch
 from jaxtyping import Float, UInt8
@@ -25,27 +23,10 @@ LAMP_HEIGHT_M = 6.0
 GREEN_IS_DULL = 12.0
 
 
-@dataclass(frozen=True)
-class Viewpoint:
-    """The place of the camera, and its direction through each pixel.
-
-    ``world_from_pix`` takes (u, v, 1) to the direction in the world whose z-depth is 1 m.
-    """
-
-    place_m: Float[np.ndarray, "3"]
-    world_from_pix: Float[np.ndarray, "3 3"]
-
-    @classmethod
-    def of(
-        cls, world_from_camera: Float[Tensor, "4 4"], pix_from_camera: Float[Tensor, "3 3"]
-    ) -> "Viewpoint":
-        world_from_pix = world_from_camera[:3, :3] @ torch.linalg.inv(pix_from_camera)
-        return cls(world_from_camera[:3, 3].numpy(), world_from_pix.numpy())
-
-
 def apply_weather(
     rendering: Rendering,
-    viewpoint: Viewpoint,
+    world_from_camera: Float[Tensor, "4 4"],
+    pix_from_camera: Float[Tensor, "3 3"],
     weather: Weather,
     rng: np.random.Generator,
 ) -> UInt8[np.ndarray, "h w 3"]:
@@ -54,9 +35,12 @@ def apply_weather(
     The sky turns with the camera, and water lies on the ground.
     """
     rgb, depth_m = rendering.rgb, rendering.depth_m
-    place_m = viewpoint.place_m.astype(np.float32)
-    world_from_pix = viewpoint.world_from_pix.astype(np.float32)
     image = np.empty(rgb.shape, dtype=np.float32)
+
+    # Where the camera is, and the direction through (u, v, 1) whose z-depth is 1 m.
+    place_m = world_from_camera[:3, 3].numpy().astype(np.float32)
+    directions = (world_from_camera[:3, :3] @ torch.linalg.inv(pix_from_camera)).numpy()
+    world_from_pix = directions.astype(np.float32)
 
     # Water darkens every surface, whatever lights it: both kinds of light shrink alike.
     exposure = tuple(share * (1 - weather.wetness) / 255 for share in weather.exposure)
@@ -64,10 +48,10 @@ def apply_weather(
     _fill(image, rgb, depth_m, place_m, world_from_pix, exposure, lamps, Sky.of(weather))
 
     if weather.wetness > 0:
-        pix_from_world = np.linalg.inv(viewpoint.world_from_pix).astype(np.float32)
+        pix_from_world = np.linalg.inv(directions).astype(np.float32)
         ground = rendering.class_id == GROUND
-        directions = world_from_pix, pix_from_world
-        image = _wet(image, rgb, depth_m, ground, place_m, *directions, weather.fog_per_m)
+        matrices = world_from_pix, pix_from_world
+        image = _wet(image, rgb, depth_m, ground, place_m, *matrices, weather.fog_per_m)
     if weather.rain > 0:
         draw_rain(image, weather, rng)
 

@@ -17,7 +17,7 @@ from .. import geometry
 from ..geometry import VoxelGrid
 from ..ontology import FREE, UNKNOWN
 from .fusion import ActorMap, StaticMap
-from .scene import ScanHits, SceneActor
+from .scene import ScanHits, SceneActor, count_by_actor
 from .sensors import Scan
 from .voxel_kernels import Lattice, count_pixel_votes, count_votes, elect, mark_box, see_centers
 
@@ -52,8 +52,7 @@ class FrontView:
     @cached_property
     def visible_pixels(self) -> dict[int, int]:
         """The visible support V_{a,t} of App. A.3: pixels of the instance mask, by actor."""
-        ids, counts = np.unique(self.actor_id, return_counts=True)
-        return {int(actor): int(count) for actor, count in zip(ids, counts) if actor > 0}
+        return count_by_actor(self.actor_id)
 
     def rays(self, stride: int, range_m: float) -> Scan:
         """Returns every ``stride``-th pixel as a ray in the world.

@@ -14,12 +14,12 @@ from jaxtyping import UInt8
 from ..data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses_of
 from ..errors import UserError
 from ..geometry import VoxelGrid, front_mount, pinhole
-from .air import Viewpoint, apply_weather
+from .air import apply_weather
 from .annotation import FrontView, Labels, label_frame
 from .flight import Flight, FlightConfig
 from .fusion import ActorMap, StaticMap
 from .pilot import STEP_HZ
-from .scene import Scene
+from .scene import Scene, count_by_actor
 from .sensors import scan
 from .staging import ClipPlan, generator_for, stage_clip
 from .traffic import TrafficConfig
@@ -140,10 +140,8 @@ class ClipMaker:
             for each in scans:
                 observation.static.add(each, self.range_m)
                 observation.actors.add(each, observation.scene.actors, step)
-
             actor_id = np.concatenate([each.hits.actor_id for each in scans])
-            ids, counts = np.unique(actor_id[actor_id > 0], return_counts=True)
-            lidar_returns.append(dict(zip(ids.tolist(), counts.tolist())))
+            lidar_returns.append(count_by_actor(actor_id))
         return lidar_returns
 
     def _scan_index(self, frame: int) -> int:
@@ -180,8 +178,8 @@ class ClipMaker:
 
                 # Rain and noise differ from frame to frame, and depend on no frame before.
                 rng = generator_for(self.sim["seed"], "air", plan.town, plan.index, frame)
-                viewpoint = Viewpoint.of(world_from_camera, self.pix_from_camera)
-                on_image(frame, apply_weather(rendering, viewpoint, weather, rng), rendering)
+                matrices = world_from_camera, self.pix_from_camera
+                on_image(frame, apply_weather(rendering, *matrices, weather, rng), rendering)
                 mount = self.body_from_camera, self.pix_from_camera
                 images = rendering.depth_m, rendering.class_id, rendering.actor_id
                 yield FrontView(world_from_body, *mount, *images)

@@ -165,8 +165,7 @@ class World:
         """Shows every mesh that can be seen, where it is at the step, and hides the rest."""
         moved = [actor.world_from_actor[step] for actor in self._scene.actors]
         world_from_mesh = np.stack([*moved, np.eye(4)])[self._actor]
-        middle_m = np.einsum("nij,nj->ni", world_from_mesh[:, :3, :3], self._middle_m)
-        middle_m += world_from_mesh[:, :3, 3]
+        middle_m = transform(world_from_mesh, self._middle_m[:, None])[:, 0]
 
         seen = camera.in_view(self._planes, camera_from_world, middle_m, self._reach_m, self._far_m)
         for bullet_id in np.flatnonzero(seen != self._visible).tolist():
