@@ -62,15 +62,11 @@ class FrontView:
         every = slice(stride // 2, None, stride)
         height, width = self.depth_m.shape
         pix = geometry.pixel_centers(width, height)[every, every].reshape(-1, 2)
-        depth_m, class_id, actor_id = (
-            image[every, every].reshape(-1)
-            for image in (self.depth_m, self.class_id, self.actor_id)
-        )
+        images = self.depth_m, self.class_id, self.actor_id
+        depth_m, class_id, actor_id = (image[every, every].reshape(-1) for image in images)
 
         # Places at a depth of 1 m: their distance turns a z-depth into the length of the ray.
-        through = geometry.unproject(
-            pix, torch.ones(len(pix), dtype=torch.float64), self.pix_from_camera
-        )
+        through = geometry.unproject(pix, torch.ones_like(pix[:, 0]), self.pix_from_camera)
         reach = through.norm(dim=-1)
         world_from_camera = self.world_from_body @ self.body_from_camera
         directions = geometry.rotate(world_from_camera, through / reach[:, None])
@@ -127,11 +123,9 @@ def frustum(
 
     A voxel is seen to be free if it is nearer than the rendered depth by half its diagonal.
     """
-    inside, seen_free = np.zeros((2, *grid.shape), dtype=bool)
     pix_from_occ = (view.pix_from_camera @ view.camera_from_occ[:3]).numpy()
     clearance_m = grid.voxel_m * 3**0.5 / 2
-    see_centers(inside, seen_free, Lattice.of(grid), pix_from_occ, view.depth_m, clearance_m)
-    return inside, seen_free
+    return see_centers(grid.shape, Lattice.of(grid), pix_from_occ, view.depth_m, clearance_m)
 
 
 def space_of(
@@ -155,12 +149,10 @@ def vote_camera(
     votes: Int[np.ndarray, "X Y Z 8"], view: FrontView, grid: VoxelGrid
 ) -> Bool[np.ndarray, "X Y Z"]:
     """Adds every pixel's point to the votes; returns the voxels that hold one."""
-    seen = np.zeros(grid.shape, dtype=bool)
     occ_from_pix = geometry.inverse(view.camera_from_occ)[:3]
     occ_from_pix[:, :3] = occ_from_pix[:, :3] @ torch.linalg.inv(view.pix_from_camera)
     pixels = view.depth_m, view.class_id
-    count_pixel_votes(votes, seen, Lattice.of(grid), occ_from_pix.numpy(), *pixels)
-    return seen
+    return count_pixel_votes(votes, Lattice.of(grid), occ_from_pix.numpy(), *pixels)
 
 
 def is_supported(actor: SceneActor, view: FrontView, lidar_returns: Mapping[int, int]) -> bool:

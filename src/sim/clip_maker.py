@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import UInt8
 
-from ..data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses_of
+from ..data.clip import ACTOR_COLUMNS, ClipMeta, ClipWriter, poses_of
+from ..data.rates import frames_per_clip
 from ..errors import UserError
 from ..geometry import VoxelGrid, front_mount, pinhole
 from .air import apply_weather
@@ -99,7 +100,9 @@ class ClipMaker:
 
         for frame, view in enumerate(self._film(plan, observation, on_image)):
             self._fuse_view(view, frame, observation)
-            returns = lidar_returns[self._scan_index(frame)]
+            # A frame's own scan is the one nearest in time.
+            nearest = round(frame * self.sim["lidar_hz"] / self.sim["capture_hz"])
+            returns = lidar_returns[min(nearest, len(lidar_returns) - 1)]
             observation.signals.append(FrameSignals(view, returns))
 
         observation.static.freeze()
@@ -133,7 +136,7 @@ class ClipMaker:
     def _scan(self, flight: Flight, observation: Observation) -> list[dict[int, int]]:
         """Runs both LiDARs over the clip; returns how often each scan met each actor."""
         lidar_returns = []
-        for index in range(int(CLIP_SECONDS * self.sim["lidar_hz"])):
+        for index in range(frames_per_clip(self.sim["lidar_hz"])):
             step = round(index * STEP_HZ / self.sim["lidar_hz"])
             world_from_body, rays = flight.world_from_body[step], self.sim["lidar_rays"]
             scans = scan(observation.scene, step, world_from_body, rays, index, self.range_m)
@@ -143,11 +146,6 @@ class ClipMaker:
             actor_id = np.concatenate([each.hits.actor_id for each in scans])
             lidar_returns.append(count_by_actor(actor_id))
         return lidar_returns
-
-    def _scan_index(self, frame: int) -> int:
-        """Returns the number of the scan that is nearest in time to a frame."""
-        last = int(CLIP_SECONDS * self.sim["lidar_hz"]) - 1
-        return min(last, round(frame * self.sim["lidar_hz"] / self.sim["capture_hz"]))
 
     def _fuse_view(self, view: FrontView, frame: int, observation: Observation) -> None:
         """Fuses the camera at no more than the LiDARs' rate.

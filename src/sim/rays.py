@@ -36,7 +36,7 @@ class RayScene:
     def cast(
         self, origins_m: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-        """Distance in metres (inf where nothing is hit) and index of the triangle hit (-1).
+        """Returns distances in metres (inf where nothing is hit) and indices of triangles (-1).
 
         Directions are unit vectors.
         """
@@ -51,7 +51,7 @@ class RayScene:
     def blocked(
         self, origins_m: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
     ) -> Bool[np.ndarray, "n"]:
-        """Whether each ray hits anything at all, which is found sooner than what it hits first."""
+        """Returns which rays hit anything; that takes less time than what each hits first."""
         met = self._scene.run(
             np.ascontiguousarray(origins_m, dtype=np.float32),
             np.ascontiguousarray(directions, dtype=np.float32),

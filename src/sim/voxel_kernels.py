@@ -1,6 +1,6 @@
 """The loops of the annotation that numpy cannot run: over rays, points and voxels.
 
-What a kernel counts or marks is its first argument. `Lattice` places such an array in space.
+A `Lattice` places an array of voxels in space, or of the smaller cells of a map.
 """
 
 from typing import NamedTuple
@@ -62,7 +62,10 @@ def carve(
 def voxel_of(
     point: Float[np.ndarray, "3"], voxels: Lattice, shape: tuple[int, int, int]
 ) -> tuple[int, int, int]:
-    """Index of the voxel around a point: floor first, then the bounds; (-1, 0, 0) outside."""
+    """Returns the index of the voxel around a point; (-1, 0, 0) outside.
+
+    Floor comes first and the bounds after it: a point just below the grid is outside.
+    """
     x = np.floor((point[0] - voxels.lower_m[0]) / voxels.side_m)
     y = np.floor((point[1] - voxels.lower_m[1]) / voxels.side_m)
     z = np.floor((point[2] - voxels.lower_m[2]) / voxels.side_m)
@@ -94,22 +97,23 @@ def count_votes(
 @njit
 def count_pixel_votes(
     votes: Int[np.ndarray, "X Y Z 8"],
-    seen: Bool[np.ndarray, "X Y Z"],
     voxels: Lattice,
     occ_from_pix: Float[np.ndarray, "3 4"],
     depth_m: Float[np.ndarray, "h w"],
     class_id: UInt8[np.ndarray, "h w"],
-) -> None:
-    """Adds one vote per pixel that shows something, and marks the voxels that have one as seen.
+) -> Bool[np.ndarray, "X Y Z"]:
+    """Adds one vote per pixel that shows something; returns the voxels in which there is one.
 
     ``occ_from_pix`` takes (u d, v d, d, 1) of pixel centers with depth d to the occ frame.
     """
+    seen = np.zeros(votes.shape[:3], dtype=np.bool_)
     point = np.empty(3)
     for row in range(depth_m.shape[0]):
         for column in range(depth_m.shape[1]):
             depth = depth_m[row, column]
             if not np.isfinite(depth):
                 continue
+
             u, v = column + 0.5, row + 0.5
             for k in range(3):
                 ray = occ_from_pix[k, 0] * u + occ_from_pix[k, 1] * v + occ_from_pix[k, 2]
@@ -119,29 +123,35 @@ def count_pixel_votes(
                 votes[x, y, z, class_id[row, column]] += 1
                 seen[x, y, z] = True
 
+    return seen
+
 
 @njit
 def see_centers(
-    inside: Bool[np.ndarray, "X Y Z"],
-    before: Bool[np.ndarray, "X Y Z"],
+    shape: tuple[int, int, int],
     voxels: Lattice,
     pix_from_occ: Float[np.ndarray, "3 4"],
     depth_m: Float[np.ndarray, "h w"],
     clearance_m: float,
-) -> None:
-    """Marks voxels whose center lies in the image, and of these the ones that lie before the
-    depth of their pixel by more than a clearance. The formulas are `project`'s and `in_image`'s."""
+) -> tuple[Bool[np.ndarray, "X Y Z"], Bool[np.ndarray, "X Y Z"]]:
+    """Returns the voxels whose center lies in the image, and those that lie before its depth.
+
+    They lie before it by more than a clearance. The formulas are `project`'s and `in_image`'s.
+    """
     height, width = depth_m.shape
     of_x, of_y, of_z, offset = pix_from_occ.T
-    for i in range(inside.shape[0]):
+    inside, before = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
+
+    for i in range(shape[0]):
         x = voxels.lower_m[0] + (i + 0.5) * voxels.side_m
-        for j in range(inside.shape[1]):
+        for j in range(shape[1]):
             y = voxels.lower_m[1] + (j + 0.5) * voxels.side_m
             # Scalars, not arrays of three: the loop is then several times as fast.
             column_u = of_x[0] * x + of_y[0] * y + offset[0]
             column_v = of_x[1] * x + of_y[1] * y + offset[1]
             column_depth = of_x[2] * x + of_y[2] * y + offset[2]
-            for k in range(inside.shape[2]):
+
+            for k in range(shape[2]):
                 z = voxels.lower_m[2] + (k + 0.5) * voxels.side_m
                 depth = column_depth + of_z[2] * z
                 if depth <= MIN_DEPTH_M:
@@ -152,33 +162,39 @@ def see_centers(
                     inside[i, j, k] = True
                     before[i, j, k] = depth < depth_m[int(v), int(u)] - clearance_m
 
+    return inside, before
+
 
 @njit
 def look_up(
-    found: Bool[np.ndarray, "X Y Z"],
+    shape: tuple[int, int, int],
     voxels: Lattice,
     world_from_occ: Float[np.ndarray, "4 4"],
     is_set: UInt8[np.ndarray, "x y z"],
     cells: Lattice,
-) -> None:
-    """Marks the voxels whose center lies in a set cell of a map of the world.
+) -> Bool[np.ndarray, "X Y Z"]:
+    """Returns the voxels of that shape whose center lies in a set cell of a map of the world.
 
     The occ frame is upright, so that a column of voxels stands in one column of the map.
     """
-    for i in range(found.shape[0]):
+    found = np.zeros(shape, dtype=np.bool_)
+    for i in range(shape[0]):
         x = voxels.lower_m[0] + (i + 0.5) * voxels.side_m
-        for j in range(found.shape[1]):
+        for j in range(shape[1]):
             y = voxels.lower_m[1] + (j + 0.5) * voxels.side_m
             place = world_from_occ[:, 0] * x + world_from_occ[:, 1] * y + world_from_occ[:, 3]
             a = int(np.floor((place[0] - cells.lower_m[0]) / cells.side_m))
             b = int(np.floor((place[1] - cells.lower_m[1]) / cells.side_m))
             if not (0 <= a < is_set.shape[0] and 0 <= b < is_set.shape[1]):
                 continue
-            for k in range(found.shape[2]):
+
+            for k in range(shape[2]):
                 z = place[2] + voxels.lower_m[2] + (k + 0.5) * voxels.side_m
                 c = int(np.floor((z - cells.lower_m[2]) / cells.side_m))
                 if 0 <= c < is_set.shape[2] and is_set[a, b, c]:
                     found[i, j, k] = True
+
+    return found
 
 
 @njit
@@ -190,28 +206,30 @@ def mark_box(
 ) -> None:
     """Marks the voxels whose center lies in an upright box around the origin of its own frame."""
     lower_m, side_m = voxels
-    reach_m = np.hypot(half_m[0], half_m[1])
     middle = occ_from_box[:3, 3]
+    # However it is turned, the box reaches no farther than this along each axis.
+    flat_m = np.hypot(half_m[0], half_m[1])
+    reach_m = np.array([flat_m, flat_m, half_m[2]])
+    near = np.floor((middle - reach_m - lower_m) / side_m)
+    far = np.ceil((middle + reach_m - lower_m) / side_m)
+    low = np.maximum(near, 0).astype(np.int64)
+    high = np.minimum(far, np.array(marked.shape)).astype(np.int64)
+
     offset = np.empty(3)
-    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
-    for axis in range(3):
-        reach = half_m[2] if axis == 2 else reach_m
-        near = np.floor((middle[axis] - reach - lower_m[axis]) / side_m)
-        far = np.ceil((middle[axis] + reach - lower_m[axis]) / side_m)
-        low[axis] = max(near, 0)
-        high[axis] = min(far, marked.shape[axis])
     for i in range(low[0], high[0]):
         for j in range(low[1], high[1]):
             for k in range(low[2], high[2]):
                 offset[0] = lower_m[0] + (i + 0.5) * side_m - middle[0]
                 offset[1] = lower_m[1] + (j + 0.5) * side_m - middle[1]
                 offset[2] = lower_m[2] + (k + 0.5) * side_m - middle[2]
+
                 within = True
                 for axis in range(3):
                     along = 0.0
                     for other in range(3):
                         along += occ_from_box[other, axis] * offset[other]
                     within &= abs(along) <= half_m[axis]
+
                 if within:
                     marked[i, j, k] = True
 

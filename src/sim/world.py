@@ -92,10 +92,9 @@ class World:
         self._planes = camera.frustum_planes(pix_from_camera, width, height)
 
         # Where, in the camera's frame, every pixel looks at a depth of 1 m.
-        pix = pixel_centers(width, height).reshape(-1, 2)
-        one_m = torch.ones(len(pix), dtype=pix.dtype)
-        through = unproject(pix, one_m, pix_from_camera).numpy().astype(np.float32)
-        self._through = through.reshape(height, width, 3)
+        pix = pixel_centers(width, height)
+        through = unproject(pix, torch.ones_like(pix[..., 0]), pix_from_camera)
+        self._through = through.numpy().astype(np.float32)
 
     def __enter__(self) -> "World":
         self._drawing = Drawing(self._renderer)
@@ -115,8 +114,7 @@ class World:
         camera_from_world = inverse(world_from_camera)
         self._place(step, camera_from_world.numpy())
         matrices = camera.view_matrix(camera_from_world), self._projection
-        light = {**weather.light(), "shadow": 0}
-        rgb, buffer, bullet_id = self._drawing.picture(*self._size, *matrices, light)
+        rgb, buffer, bullet_id = self._drawing.picture(*self._size, *matrices, weather.light())
 
         if self._renderer == "tiny":
             relight = cast_shadows
