@@ -93,10 +93,11 @@ def _along(origin, direction, distance, size):
 def is_inside(shape, ray):
     """Tells whether a ray is still in the grid."""
     i, j, k = ray.cell
-    # One long chain of comparisons compiles to slower code.
-    if i < 0 or j < 0 or k < 0:
-        return False
-    return i < shape[0] and j < shape[1] and k < shape[2]
+    # As an unsigned number, an index below 0 is beyond any size: one comparison an axis.
+    in_i = np.uint64(i) < np.uint64(shape[0])
+    in_j = np.uint64(j) < np.uint64(shape[1])
+    in_k = np.uint64(k) < np.uint64(shape[2])
+    return in_i and in_j and in_k
 
 
 @njit(error_model="numpy")

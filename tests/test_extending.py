@@ -12,7 +12,7 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
-from src.sim.air import Viewpoint, apply_weather
+from src.sim.air import apply_weather
 from src.sim.layout import Town
 from src.sim.towns import build_town, town_names
 from src.sim.weather import Weather
@@ -127,9 +127,9 @@ def test_a_weather_is_planned_and_painted(added, tmp_path, capsys):
     far = np.full((32, 48), 40.0, dtype=np.float32)
     grey = np.full((32, 48, 3), 100, dtype=np.uint8)
     rendering = Rendering(grey, far, np.zeros((32, 48), np.uint8), np.zeros((32, 48), np.int32))
-    viewpoint = Viewpoint(np.zeros(3), np.eye(3))
+    matrices = torch.eye(4), torch.eye(3)
     red, green, blue = (
-        apply_weather(rendering, viewpoint, Weather.of(sim, "dust"), np.random.default_rng(0))
+        apply_weather(rendering, *matrices, Weather.of(sim, "dust"), np.random.default_rng(0))
         .mean(axis=(0, 1))
         .tolist()
     )

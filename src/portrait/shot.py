@@ -16,7 +16,7 @@ from torch import Tensor
 
 from ..geometry import front_mount, pinhole, rigid, rotation_from_euler
 from ..ontology import SKY
-from ..sim.air import Viewpoint, apply_weather
+from ..sim.air import apply_weather
 from ..sim.camera import FAR_M, NEAR_M
 from ..sim.clip_maker import ClipMaker, ClipPlan
 from ..sim.pilot import STEP_HZ
@@ -99,7 +99,7 @@ def photograph(
 ) -> dict[str, UInt8[np.ndarray, "h w 3"]]:
     """The picture of a shot under each weather. Raises `UserError` for an unknown one."""
     pictures = {}
-    viewpoint = Viewpoint.of(shot.world_from_camera, shot.pix_from_camera)
+    matrices = shot.world_from_camera, shot.pix_from_camera
 
     with World(
         shot.scene, shot.pix_from_camera, *SIZE_PIX, depth_range_m=shot.depth_range_m
@@ -108,6 +108,6 @@ def photograph(
             weather = Weather.of(sim, name)
             rendering = world.render(shot.step, shot.world_from_camera, weather)
             rng = generator_for(sim["seed"], "portrait", name)
-            pictures[name] = apply_weather(rendering, viewpoint, weather, rng)
+            pictures[name] = apply_weather(rendering, *matrices, weather, rng)
 
     return pictures

@@ -1,8 +1,5 @@
 """Sky, water, fog, rain and the sensor, painted over a rendered picture."""
 
-from dataclasses import dataclass
-from typing import NamedTuple
-
 import numpy as np
 import torch
 from jaxtyping import Float, UInt8
@@ -13,7 +10,7 @@ from ..ontology import GROUND
 from .rain import draw_rain
 from .sky import Sky, sky_at
 from .value_noise import value_noise
-from .weather import Color, Weather
+from .weather import Weather
 from .world import Rendering
 
 # Width of a typical puddle.
@@ -26,37 +23,10 @@ LAMP_HEIGHT_M = 6.0
 GREEN_IS_DULL = 12.0
 
 
-@dataclass(frozen=True)
-class Viewpoint:
-    """The place of the camera, and its direction through each pixel.
-
-    ``world_from_pix`` takes (u, v, 1) to the direction in the world whose z-depth is 1 m.
-    """
-
-    place_m: Float[np.ndarray, "3"]
-    world_from_pix: Float[np.ndarray, "3 3"]
-
-    @classmethod
-    def of(
-        cls, world_from_camera: Float[Tensor, "4 4"], pix_from_camera: Float[Tensor, "3 3"]
-    ) -> "Viewpoint":
-        world_from_pix = world_from_camera[:3, :3] @ torch.linalg.inv(pix_from_camera)
-        return cls(world_from_camera[:3, 3].numpy(), world_from_pix.numpy())
-
-
-class _Air(NamedTuple):
-    """The part of a weather that the kernels need, as they need it."""
-
-    fog_per_m: float
-    fog_color: Color
-    exposure: Color
-    lamps: Color
-    sky: Sky
-
-
 def apply_weather(
     rendering: Rendering,
-    viewpoint: Viewpoint,
+    world_from_camera: Float[Tensor, "4 4"],
+    pix_from_camera: Float[Tensor, "3 3"],
     weather: Weather,
     rng: np.random.Generator,
 ) -> UInt8[np.ndarray, "h w 3"]:
@@ -65,20 +35,23 @@ def apply_weather(
     The sky turns with the camera, and water lies on the ground.
     """
     rgb, depth_m = rendering.rgb, rendering.depth_m
-    place_m = viewpoint.place_m.astype(np.float32)
-    world_from_pix = viewpoint.world_from_pix.astype(np.float32)
     image = np.empty(rgb.shape, dtype=np.float32)
 
+    # Where the camera is, and the direction through (u, v, 1) whose z-depth is 1 m.
+    place_m = world_from_camera[:3, 3].numpy().astype(np.float32)
+    directions = (world_from_camera[:3, :3] @ torch.linalg.inv(pix_from_camera)).numpy()
+    world_from_pix = directions.astype(np.float32)
+
     # Water darkens every surface, whatever lights it: both kinds of light shrink alike.
-    dry = tuple(share * (1 - weather.wetness) / 255 for share in weather.exposure)
+    exposure = tuple(share * (1 - weather.wetness) / 255 for share in weather.exposure)
     lamps = tuple(share * (1 - weather.wetness) / 255 for share in weather.lamps)
-    air = _Air(weather.fog_per_m, weather.fog_color, dry, lamps, Sky.of(weather))
-    _fill(image, rgb, depth_m, place_m, world_from_pix, air)
+    _fill(image, rgb, depth_m, place_m, world_from_pix, exposure, lamps, Sky.of(weather))
 
     if weather.wetness > 0:
-        pix_from_world = np.linalg.inv(viewpoint.world_from_pix).astype(np.float32)
+        pix_from_world = np.linalg.inv(directions).astype(np.float32)
         ground = rendering.class_id == GROUND
-        image = _wet(image, rgb, depth_m, ground, place_m, world_from_pix, pix_from_world, air)
+        matrices = world_from_pix, pix_from_world
+        image = _wet(image, rgb, depth_m, ground, place_m, *matrices, weather.fog_per_m)
     if weather.rain > 0:
         draw_rain(image, weather, rng)
 
@@ -98,7 +71,7 @@ def _look(world_from_pix, row, column):
 
 
 @njit
-def _fill(image, rgb, depth_m, place_m, world_from_pix, air):
+def _fill(image, rgb, depth_m, place_m, world_from_pix, exposure, lamps, sky):
     """Paints lit surfaces as seen through fog, and the sky where there are none.
 
     Beer-Lambert: a part of the light is left, and the fog's own takes the place of the rest.
@@ -108,25 +81,25 @@ def _fill(image, rgb, depth_m, place_m, world_from_pix, air):
         for column in range(width):
             x, y, z, length = _look(world_from_pix, row, column)
             if np.isinf(depth_m[row, column]):
-                for k, value in enumerate(sky_at(x, y, z, air.sky)):
+                for k, value in enumerate(sky_at(x, y, z, sky)):
                     image[row, column, k] = value
                 continue
 
             range_m = depth_m[row, column] * length
-            left = np.exp(-np.float32(air.fog_per_m) * np.float32(range_m))
+            left = np.exp(-np.float32(sky.fog_per_m) * np.float32(range_m))
             near_lamps = np.float32(0)
-            if max(air.lamps) > 0:
+            if max(lamps) > 0:
                 high_m = np.float32(max(place_m[2] + z * range_m, np.float32(0)))
                 near_lamps = np.exp(-high_m / np.float32(LAMP_HEIGHT_M))
 
             for k in range(3):
-                light = np.float32(air.exposure[k]) + np.float32(air.lamps[k]) * near_lamps
-                fog = np.float32(air.fog_color[k])
+                light = np.float32(exposure[k]) + np.float32(lamps[k]) * near_lamps
+                fog = np.float32(sky.fog_color[k])
                 image[row, column, k] = fog + (rgb[row, column, k] * light - fog) * left
 
 
 @njit
-def _wet(image, rgb, depth_m, ground, place_m, world_from_pix, pix_from_world, air):
+def _wet(image, rgb, depth_m, ground, place_m, world_from_pix, pix_from_world, fog_per_m):
     """Lets ground mirror what stands above the horizon, after Fresnel; puddles mirror most."""
     shining = image.copy()
     height, width = depth_m.shape
@@ -146,7 +119,7 @@ def _wet(image, rgb, depth_m, ground, place_m, world_from_pix, pix_from_world, a
             grazing = (1 + z) * (1 + z)
             mirrored = np.float32(0.02) + np.float32(0.98) * grazing * grazing * (1 + z)
             share = (1 - dull) * mirrored * (np.float32(0.45) + np.float32(0.55) * puddle)
-            share = share * np.exp(-np.float32(air.fog_per_m) * range_m)
+            share = share * np.exp(-np.float32(fog_per_m) * range_m)
 
             darker = 1 - np.float32(0.3) * puddle * (1 - dull)
             above = _mirrored(image, pix_from_world, x, y, -z)

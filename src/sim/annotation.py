@@ -11,14 +11,15 @@ from functools import cached_property
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int, UInt8
+from torch.nn.functional import max_pool2d
 
 from .. import geometry
 from ..geometry import VoxelGrid
-from ..ontology import FREE
-from . import voxel_kernels as kernels
+from ..ontology import FREE, UNKNOWN
 from .fusion import ActorMap, StaticMap
-from .scene import ScanHits, SceneActor
+from .scene import ScanHits, SceneActor, count_by_actor
 from .sensors import Scan
+from .voxel_kernels import Lattice, count_pixel_votes, count_votes, elect, mark_box, see_centers
 
 # An actor is placed where it is now if the camera or the LiDARs see at least this of it now.
 MIN_VISIBLE_PIXELS = 4
@@ -46,13 +47,12 @@ class FrontView:
 
     @cached_property
     def occ_from_world(self) -> Float[np.ndarray, "4 4"]:
-        return geometry.inverse(geometry.world_from_occ(self.world_from_body)).numpy()
+        return geometry.inverse(self.world_from_occ)
 
     @cached_property
     def visible_pixels(self) -> dict[int, int]:
         """The visible support V_{a,t} of App. A.3: pixels of the instance mask, by actor."""
-        ids, counts = np.unique(self.actor_id, return_counts=True)
-        return {int(actor): int(count) for actor, count in zip(ids, counts) if actor > 0}
+        return count_by_actor(self.actor_id)
 
     def rays(self, stride: int, range_m: float) -> Scan:
         """Returns every ``stride``-th pixel as a ray in the world.
@@ -62,15 +62,11 @@ class FrontView:
         every = slice(stride // 2, None, stride)
         height, width = self.depth_m.shape
         pix = geometry.pixel_centers(width, height)[every, every].reshape(-1, 2)
-        depth_m, class_id, actor_id = (
-            image[every, every].reshape(-1)
-            for image in (self.depth_m, self.class_id, self.actor_id)
-        )
+        images = self.depth_m, self.class_id, self.actor_id
+        depth_m, class_id, actor_id = (image[every, every].reshape(-1) for image in images)
 
         # Places at a depth of 1 m: their distance turns a z-depth into the length of the ray.
-        through = geometry.unproject(
-            pix, torch.ones(len(pix), dtype=torch.float64), self.pix_from_camera
-        )
+        through = geometry.unproject(pix, torch.ones_like(pix[:, 0]), self.pix_from_camera)
         reach = through.norm(dim=-1)
         world_from_camera = self.world_from_body @ self.body_from_camera
         directions = geometry.rotate(world_from_camera, through / reach[:, None])
@@ -100,7 +96,7 @@ def label_frame(
     ``lidar_returns`` counts the returns of the frame's own scan from every actor.
     """
     # Every point that a sensor measured votes for its class in the voxel around it.
-    frustum = Frustum.of(view, grid)
+    inside, seen_free = frustum(view, grid)
     votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
     static_map.vote(votes, grid, view.occ_from_world)
     seen = vote_camera(votes, view, grid)
@@ -109,36 +105,27 @@ def label_frame(
 
     # Free space of earlier and later scans does not hold where a moving actor stands now.
     moving = space_of(actors, step, view, grid)
-    free = (static_map.free_in(grid, view.world_from_occ) & ~moving) | frustum.seen_free
-    semantics, visible = elect(votes, free), np.empty(grid.shape, dtype=bool)
-    marks = (visible, frustum.inside, seen, frustum.seen_free)
-    kernels.settle(semantics.ravel(), *(mark.ravel() for mark in marks))
+    free = (static_map.free_in(grid, view.world_from_occ) & ~moving) | seen_free
+    semantics = np.where(inside, elect(votes, free), np.uint8(UNKNOWN))
+
+    # Of the surfaces the camera sees those that hold a pixel's point, of the air what is before it.
+    visible = ((semantics < FREE) & seen) | ((semantics == FREE) & seen_free)
     return Labels(semantics, visible)
 
 
 # --------------------------------------------------------------------------- frustum and free space
 
 
-@dataclass(frozen=True)
-class Frustum:
-    """Voxels whose center is in the image, and those that the camera sees to be free now."""
+def frustum(
+    view: FrontView, grid: VoxelGrid
+) -> tuple[Bool[np.ndarray, "X Y Z"], Bool[np.ndarray, "X Y Z"]]:
+    """Returns the voxels whose center is in the image, and those that the camera sees to be free.
 
-    inside: Bool[np.ndarray, "X Y Z"]
-    seen_free: Bool[np.ndarray, "X Y Z"]
-
-    @classmethod
-    def of(cls, view: FrontView, grid: VoxelGrid) -> "Frustum":
-        """Builds the frustum of a view.
-
-        A voxel is seen to be free if it is nearer than the rendered depth by half its diagonal.
-        """
-        inside, seen_free = np.zeros((2, *grid.shape), dtype=bool)
-        pix_from_occ = (view.pix_from_camera @ view.camera_from_occ[:3]).numpy()
-        clearance_m = grid.voxel_m * 3**0.5 / 2
-        kernels.see_centers(
-            inside, seen_free, *_place(grid), pix_from_occ, view.depth_m, clearance_m
-        )
-        return cls(inside, seen_free)
+    A voxel is seen to be free if it is nearer than the rendered depth by half its diagonal.
+    """
+    pix_from_occ = (view.pix_from_camera @ view.camera_from_occ[:3]).numpy()
+    clearance_m = grid.voxel_m * 3**0.5 / 2
+    return see_centers(grid.shape, Lattice.of(grid), pix_from_occ, view.depth_m, clearance_m)
 
 
 def space_of(
@@ -151,7 +138,7 @@ def space_of(
         # An actor stands on its origin; its box is around its middle.
         occ_from_box = view.occ_from_world @ actor.world_from_actor[step]
         occ_from_box[2, 3] += actor.size_m[2] / 2
-        kernels.mark_box(moving, *_place(grid), occ_from_box, half_m)
+        mark_box(moving, Lattice.of(grid), occ_from_box, half_m)
     return moving
 
 
@@ -162,14 +149,10 @@ def vote_camera(
     votes: Int[np.ndarray, "X Y Z 8"], view: FrontView, grid: VoxelGrid
 ) -> Bool[np.ndarray, "X Y Z"]:
     """Adds every pixel's point to the votes; returns the voxels that hold one."""
-    seen = np.zeros(grid.shape, dtype=bool)
     occ_from_pix = geometry.inverse(view.camera_from_occ)[:3]
     occ_from_pix[:, :3] = occ_from_pix[:, :3] @ torch.linalg.inv(view.pix_from_camera)
-    place = _place(grid)
-    kernels.count_pixel_votes(
-        votes, seen, *place, occ_from_pix.numpy(), view.depth_m, view.class_id
-    )
-    return seen
+    pixels = view.depth_m, view.class_id
+    return count_pixel_votes(votes, Lattice.of(grid), occ_from_pix.numpy(), *pixels)
 
 
 def is_supported(actor: SceneActor, view: FrontView, lidar_returns: Mapping[int, int]) -> bool:
@@ -195,7 +178,7 @@ def vote_actors(
         class_id = np.append(class_id, np.full(len(placed_m), actor.class_id, np.uint8))
 
     kept = ~sees_through(view, points_m, grid.voxel_m / 2)
-    kernels.count_votes(votes, *_place(grid), view.occ_from_world, points_m[kept], class_id[kept])
+    count_votes(votes, Lattice.of(grid), view.occ_from_world, points_m[kept], class_id[kept])
 
 
 def sees_through(
@@ -206,31 +189,14 @@ def sees_through(
 
     A surface there would hide what is behind it, so it cannot be there now.
     """
-    points_occ = geometry.transform(
-        torch.from_numpy(view.occ_from_world), torch.from_numpy(points_m)
-    )
+    points_occ = torch.from_numpy(geometry.transform(view.occ_from_world, points_m))
     pix, depth_m = geometry.project(points_occ, view.camera_from_occ, view.pix_from_camera)
     height, width = view.depth_m.shape
     inside = geometry.in_image(pix, depth_m, width, height).numpy()
 
     # All pixels around the point's own must agree, because a silhouette falls between pixels.
-    nearest_m = np.empty_like(view.depth_m)
-    kernels.least_of_neighbours(nearest_m, view.depth_m)
+    nearest_m = -max_pool2d(-torch.from_numpy(view.depth_m)[None], 3, stride=1, padding=1)[0]
     column, row = pix[inside].long().numpy().T
     through = np.zeros(len(points_m), dtype=bool)
-    through[inside] = depth_m.numpy()[inside] < nearest_m[row, column] - tolerance_m
+    through[inside] = depth_m.numpy()[inside] < nearest_m.numpy()[row, column] - tolerance_m
     return through
-
-
-def elect(
-    votes: Int[np.ndarray, "X Y Z 8"], free: Bool[np.ndarray, "X Y Z"]
-) -> UInt8[np.ndarray, "X Y Z"]:
-    """Elects the class with most points; a tie goes to the rarer class, and occupied beats free."""
-    semantics = np.empty(free.shape, dtype=np.uint8)
-    kernels.elect_classes(semantics, votes, free)
-    return semantics
-
-
-def _place(grid: VoxelGrid) -> tuple[Float[np.ndarray, "3"], float]:
-    """The lower corner and the side of the voxels, as the kernels take them."""
-    return np.array(grid.lower_m, dtype=np.float64), grid.voxel_m

@@ -11,14 +11,9 @@ GRAVITY_MPS2 = 9.81
 
 
 def ornstein_uhlenbeck(
-    rng: np.random.Generator,
-    steps: int,
-    step_s: float,
-    kappa_per_s: float,
-    sigma: float,
-    mean: float = 0.0,
+    rng: np.random.Generator, steps: int, step_s: float, kappa_per_s: float, sigma: float
 ) -> Float[np.ndarray, "steps"]:
-    """Draws one path of the paper's ``d eta = kappa (mu - eta) dt + sigma dW``.
+    """Draws one path of the paper's ``d eta = kappa (mu - eta) dt + sigma dW`` with mean mu = 0.
 
     It begins in the steady state. The discretization is exact at any step: the standard deviation
     is sigma / sqrt(2 kappa).
@@ -33,7 +28,7 @@ def ornstein_uhlenbeck(
     for k in range(steps):
         state = keep * state + noise[k]
         path[k] = state
-    return mean + path
+    return path
 
 
 def manoeuvre_attitude(

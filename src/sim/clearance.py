@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .layout import HeightField
+from .rays import spread_directions
 from .route import Route
 
 Points = Float[np.ndarray, "n 3"]
@@ -27,7 +28,7 @@ SKY_M = 300.0
 def obstacle_heights(
     route: Route, terrain: HeightField, ray_cast: RayCast, tube_m: float
 ) -> Values:
-    """Height above the ground of what stands within ``tube_m`` of each sample of the route.
+    """Returns the height above the ground of what stands within ``tube_m`` of each sample.
 
     Two combs of downward rays, dense along the route and dense across it, find the tops of all that
     is lower than 19.5 m, however thin. A fan of level rays from each sample to the next finds what
@@ -38,7 +39,7 @@ def obstacle_heights(
 
 
 def _tops(route: Route, terrain: HeightField, ray_cast: RayCast, tube_m: float) -> Values:
-    """The highest top that the downward rays around each sample meet; 0 where none is met."""
+    """Returns the highest top that the rays down around each sample meet; 0 where none is met."""
     along = np.arange(0, route.spacing_m, COMB_M)
     across = np.arange(-tube_m, tube_m + COMB_M, COMB_M)
     lines = np.linspace(-tube_m, tube_m, 5)
@@ -54,7 +55,7 @@ def _tops(route: Route, terrain: HeightField, ray_cast: RayCast, tube_m: float) 
 
 
 def _walls(route: Route, terrain: HeightField, ray_cast: RayCast, tube_m: float) -> Values:
-    """The highest level ray from each sample that meets something before the next sample."""
+    """Returns how high the highest level ray is that meets something before the next sample."""
     heights_m = np.append(np.arange(2.0, TOP_M, 1.0), TOP_M)
     normal = np.stack([-np.sin(route.heading_rad), np.cos(route.heading_rad)], axis=1)
     highest_m = np.zeros(len(route.points_m))
@@ -96,11 +97,7 @@ def stays_clear(position_m: Points, ray_cast: RayCast, clearance_m: float) -> bo
 
 
 def _nearest_m(position_m: Points, ray_cast: RayCast, count: int = 128) -> Values:
-    """Distance to the nearest surface in any of ``count`` directions, evenly spread."""
-    z = 1 - (2 * np.arange(count) + 1) / count
-    azimuth_rad = np.arange(count) * np.pi * (3 - np.sqrt(5))
-    ring = np.sqrt(1 - z**2)
-    sphere = np.stack([ring * np.cos(azimuth_rad), ring * np.sin(azimuth_rad), z], axis=1)
-    directions = np.tile(sphere, (len(position_m), 1))
+    """Returns the distance to the nearest surface in any of ``count`` directions, evenly spread."""
+    directions = np.tile(spread_directions(count, (1.0, -1.0)), (len(position_m), 1))
     reach_m = ray_cast(np.repeat(position_m, count, axis=0), directions)
     return reach_m.reshape(len(position_m), count).min(axis=1)

@@ -11,15 +11,16 @@ import numpy as np
 import pandas as pd
 from jaxtyping import UInt8
 
-from ..data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses_of
+from ..data.clip import ACTOR_COLUMNS, ClipMeta, ClipWriter, poses_of
+from ..data.rates import frames_per_clip
 from ..errors import UserError
 from ..geometry import VoxelGrid, front_mount, pinhole
-from .air import Viewpoint, apply_weather
+from .air import apply_weather
 from .annotation import FrontView, Labels, label_frame
 from .flight import Flight, FlightConfig
 from .fusion import ActorMap, StaticMap
 from .pilot import STEP_HZ
-from .scene import Scene
+from .scene import Scene, count_by_actor
 from .sensors import scan
 from .staging import ClipPlan, generator_for, stage_clip
 from .traffic import TrafficConfig
@@ -99,7 +100,9 @@ class ClipMaker:
 
         for frame, view in enumerate(self._film(plan, observation, on_image)):
             self._fuse_view(view, frame, observation)
-            returns = lidar_returns[self._scan_index(frame)]
+            # A frame's own scan is the one nearest in time.
+            nearest = round(frame * self.sim["lidar_hz"] / self.sim["capture_hz"])
+            returns = lidar_returns[min(nearest, len(lidar_returns) - 1)]
             observation.signals.append(FrameSignals(view, returns))
 
         observation.static.freeze()
@@ -133,23 +136,16 @@ class ClipMaker:
     def _scan(self, flight: Flight, observation: Observation) -> list[dict[int, int]]:
         """Runs both LiDARs over the clip; returns how often each scan met each actor."""
         lidar_returns = []
-        for index in range(int(CLIP_SECONDS * self.sim["lidar_hz"])):
+        for index in range(frames_per_clip(self.sim["lidar_hz"])):
             step = round(index * STEP_HZ / self.sim["lidar_hz"])
             world_from_body, rays = flight.world_from_body[step], self.sim["lidar_rays"]
             scans = scan(observation.scene, step, world_from_body, rays, index, self.range_m)
             for each in scans:
                 observation.static.add(each, self.range_m)
                 observation.actors.add(each, observation.scene.actors, step)
-
             actor_id = np.concatenate([each.hits.actor_id for each in scans])
-            ids, counts = np.unique(actor_id[actor_id > 0], return_counts=True)
-            lidar_returns.append(dict(zip(ids.tolist(), counts.tolist())))
+            lidar_returns.append(count_by_actor(actor_id))
         return lidar_returns
-
-    def _scan_index(self, frame: int) -> int:
-        """Returns the number of the scan that is nearest in time to a frame."""
-        last = int(CLIP_SECONDS * self.sim["lidar_hz"]) - 1
-        return min(last, round(frame * self.sim["lidar_hz"] / self.sim["capture_hz"]))
 
     def _fuse_view(self, view: FrontView, frame: int, observation: Observation) -> None:
         """Fuses the camera at no more than the LiDARs' rate.
@@ -180,8 +176,8 @@ class ClipMaker:
 
                 # Rain and noise differ from frame to frame, and depend on no frame before.
                 rng = generator_for(self.sim["seed"], "air", plan.town, plan.index, frame)
-                viewpoint = Viewpoint.of(world_from_camera, self.pix_from_camera)
-                on_image(frame, apply_weather(rendering, viewpoint, weather, rng), rendering)
+                matrices = world_from_camera, self.pix_from_camera
+                on_image(frame, apply_weather(rendering, *matrices, weather, rng), rendering)
                 mount = self.body_from_camera, self.pix_from_camera
                 images = rendering.depth_m, rendering.class_id, rendering.actor_id
                 yield FrontView(world_from_body, *mount, *images)

@@ -8,6 +8,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from ..data.clip import CLIP_SECONDS
+from ..data.rates import frames_per_clip
 from ..errors import UserError
 from ..geometry import quat_from_euler, rigid, rotation_from_quat
 from .attitude_dynamics import body_rates, manoeuvre_attitude, ornstein_uhlenbeck, soft_limit
@@ -45,7 +46,7 @@ class Flight:
 
     def table(self, capture_hz: float) -> pd.DataFrame:
         """Returns the captured steps as the rows of ``frames.csv``."""
-        frame = np.arange(round(CLIP_SECONDS * capture_hz))
+        frame = np.arange(frames_per_clip(capture_hz))
         steps = np.round(frame * STEP_HZ / capture_hz).astype(int)
         columns = {"frame": frame, "time_s": self.time_s[steps]}
 
@@ -62,25 +63,19 @@ class Flight:
         return pd.DataFrame(columns)
 
 
-def fly(
-    town: Town,
-    rng: np.random.Generator,
-    ray_cast: RayCast,
-    config: FlightConfig,
-    duration_s: float = 12.0,
-) -> Flight:
+def fly(town: Town, rng: np.random.Generator, ray_cast: RayCast, config: FlightConfig) -> Flight:
     """Returns a flight along the town's corridors that touches nothing.
 
     Routes are drawn until one can be flown. Raises `UserError` when ``config.tries`` were in vain.
     """
     for _ in range(config.tries):
-        drawn = _draw_route(town, rng, config, duration_s)
+        drawn = _draw_route(town, rng, config)
         if drawn is None:
             continue
 
         route, start_m, cruise_mps = drawn
         obstacle_m = obstacle_heights(route, town.terrain, ray_cast, config.tube_m)
-        pilot = Pilot(route, obstacle_m, rng, config, cruise_mps, duration_s)
+        pilot = Pilot(route, obstacle_m, rng, config, cruise_mps, CLIP_SECONDS)
         flight = _flown(route, pilot.fly_from(start_m), town.terrain, rng, config)
 
         # The pilot is careful, but only the track that was truly flown tells that it is clear.
@@ -91,7 +86,7 @@ def fly(
 
     raise UserError(
         f"town {town.name}: none of {config.tries} routes could be flown; it needs corridors of "
-        f"{config.cruise_mps[0] * duration_s:.0f} m and more that are free below "
+        f"{config.cruise_mps[0] * CLIP_SECONDS:.0f} m and more that are free below "
         f"{config.ceiling_m} m"
     )
 
@@ -100,7 +95,7 @@ def fly(
 
 
 def _draw_route(
-    town: Town, rng: np.random.Generator, config: FlightConfig, duration_s: float
+    town: Town, rng: np.random.Generator, config: FlightConfig
 ) -> tuple[Route, float, float] | None:
     """Draws a curve along some corridors, where on it to start, and the cruise speed.
 
@@ -110,7 +105,7 @@ def _draw_route(
     lengths_m = np.array([path.length_m for path in town.corridors])
     first = int(rng.choice(len(lengths_m), p=lengths_m / lengths_m.sum()))
     start_m = rng.uniform(0, lengths_m[first])
-    needed_m = 1.1 * cruise_mps * (duration_s + 2) + config.standoff_m
+    needed_m = 1.1 * cruise_mps * (CLIP_SECONDS + 2) + config.standoff_m
 
     # The UAV sways within its corridor, and never leaves it by more than the tube allows.
     corridors = chain(town.corridors, rng, first, start_m + needed_m)

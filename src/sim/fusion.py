@@ -1,5 +1,7 @@
-"""What a clip's scans say together: static geometry and free space in the world, and the surface of
-every moving actor in its own frame (App. A.3: static and dynamic are decoupled)."""
+"""The fusion of a clip's scans (App. A.3), in which what stands and what moves are decoupled.
+
+Static surfaces and free space are fused in the world, each moving actor's surface in its own frame.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterable
@@ -9,9 +11,9 @@ from jaxtyping import Bool, Float, Int
 
 from ..geometry import VoxelGrid, transform
 from .point_set import PointSet
-from .scene import SceneActor as Body
+from .scene import SceneActor
 from .sensors import Scan
-from .voxel_kernels import carve, count_votes, look_up
+from .voxel_kernels import Lattice, carve, count_votes, look_up
 
 TILE_M = 8.0
 """Points are sorted into square tiles of this side, so that a frame reads only those near it."""
@@ -20,26 +22,25 @@ TILE_M = 8.0
 class StaticMap:
     """Static surface points and free space of a clip, fused in the world frame.
 
-    ``free`` are cubic cells of side ``cell_m`` from ``lower_m`` on: 1 where a ray passed.
+    ``free`` says of each of the ``cells``, of side ``cell_m``, whether a ray passed: then it is 1.
     """
 
     def __init__(
         self, lower_m: Float[np.ndarray, "3"], upper_m: Float[np.ndarray, "3"], cell_m: float
     ) -> None:
-        self.lower_m = np.asarray(lower_m, dtype=np.float64)
-        self.cell_m = cell_m
-        cells = np.ceil((np.asarray(upper_m) - self.lower_m) / cell_m).astype(int)
-        self.free = np.zeros(cells, dtype=np.uint8)
+        self.cells = Lattice(np.array(lower_m, dtype=np.float64), cell_m)
+        shape = np.ceil((np.array(upper_m) - self.cells.lower_m) / cell_m).astype(int)
+        self.free = np.zeros(shape, dtype=np.uint8)
         self._points = PointSet()
 
     def add(self, scan: Scan, range_m: float) -> None:
-        """Free space along every ray, and a point where a ray met something static."""
+        """Adds the free space along every ray, and a point where a ray met something static."""
         self.add_points(scan)
         length_m = np.minimum(scan.hits.distance_m, range_m)
-        carve(self.free, self.lower_m, self.cell_m, scan.origin_m, scan.directions, length_m)
+        carve(self.free, self.cells, scan.origin_m, scan.directions, length_m)
 
     def add_points(self, scan: Scan) -> None:
-        """The points alone."""
+        """Adds the points alone."""
         static = scan.hits.actor_id == 0
         self._points.add(scan.points_m(static), scan.hits.class_id[static])
 
@@ -50,7 +51,8 @@ class StaticMap:
         order = np.lexsort((tile[:, 1], tile[:, 0]))
         self.points_m, self.class_id, tile = points_m[order], class_id[order], tile[order]
         self._tiles, self._starts = np.unique(tile, axis=0, return_index=True)
-        cell = np.floor((self.points_m - self.lower_m) / self.cell_m).astype(int)
+
+        cell = np.floor((self.points_m - self.cells.lower_m) / self.cells.side_m).astype(int)
         cell = cell[((cell >= 0) & (cell < self.free.shape)).all(axis=1)]
         self.free[tuple(cell.T)] = 0
 
@@ -67,14 +69,13 @@ class StaticMap:
         ends = np.append(self._starts[1:], len(self.points_m))
         for tile in np.flatnonzero(self._near(grid, occ_from_world)):
             part = slice(self._starts[tile], ends[tile])
-            lower_m = np.array(grid.lower_m)
             points_m, class_id = self.points_m[part], self.class_id[part]
-            count_votes(votes, lower_m, grid.voxel_m, occ_from_world, points_m, class_id)
+            count_votes(votes, Lattice.of(grid), occ_from_world, points_m, class_id)
 
     def _near(
         self, grid: VoxelGrid, occ_from_world: Float[np.ndarray, "4 4"]
     ) -> Bool[np.ndarray, "n"]:
-        """The tiles that can reach into a grid."""
+        """Returns which tiles can reach into a grid."""
         middle_m = (self._tiles + 0.5) * TILE_M
         middle = middle_m @ occ_from_world[:2, :2].T + occ_from_world[:2, 3]
         lower, upper = np.array([grid.lower_m, grid.upper_m])[:, :2]
@@ -84,11 +85,8 @@ class StaticMap:
     def free_in(
         self, grid: VoxelGrid, world_from_occ: Float[np.ndarray, "4 4"]
     ) -> Bool[np.ndarray, "X Y Z"]:
-        """Voxels through the cell of whose center some ray passed, and in which none ended."""
-        found = np.zeros(grid.shape, dtype=bool)
-        place = np.array(grid.lower_m), grid.voxel_m, world_from_occ
-        look_up(found, *place, self.free, self.lower_m, self.cell_m)
-        return found
+        """Returns the voxels whose center is in a cell that some ray passed and none ended in."""
+        return look_up(grid.shape, Lattice.of(grid), world_from_occ, self.free, self.cells)
 
 
 class ActorMap:
@@ -97,21 +95,21 @@ class ActorMap:
     def __init__(self) -> None:
         self._sets: dict[int, PointSet] = defaultdict(PointSet)
 
-    def add(self, scan: Scan, bodies: Iterable[Body], step: int) -> None:
-        """The points where rays met actors, taken back to where each was at its origin."""
-        met = set(np.unique(scan.hits.actor_id).tolist())
-        for body in bodies:
-            if body.actor_id in met:
-                mine = scan.hits.actor_id == body.actor_id
-                pose = body.world_from_actor[step]
-                points_m = (scan.points_m(mine) - pose[:3, 3]) @ pose[:3, :3]
-                self._sets[body.actor_id].add(points_m, scan.hits.class_id[mine])
+    def add(self, scan: Scan, actors: Iterable[SceneActor], step: int) -> None:
+        """Adds the points where rays met actors, each in the frame of its actor."""
+        for actor in actors:
+            mine = scan.hits.actor_id == actor.actor_id
+            if mine.any():
+                world_from_actor = actor.world_from_actor[step]
+                away_m = scan.points_m(mine) - world_from_actor[:3, 3]
+                points_m = away_m @ world_from_actor[:3, :3]
+                self._sets[actor.actor_id].add(points_m, scan.hits.class_id[mine])
 
     def freeze(self) -> None:
-        """Ends the fusion."""
-        self.points_m = {actor: points.points()[0] for actor, points in self._sets.items()}
+        """Ends the fusion: from here on there are `placed` points."""
+        self.points_m = {actor_id: points.points()[0] for actor_id, points in self._sets.items()}
 
-    def placed(self, body: Body, step: int) -> Float[np.ndarray, "n 3"]:
-        """The actor's points in the world, where it is at a step."""
-        points_m = self.points_m.get(body.actor_id, np.zeros((0, 3)))
-        return transform(body.world_from_actor[step], points_m)
+    def placed(self, actor: SceneActor, step: int) -> Float[np.ndarray, "n 3"]:
+        """Returns the actor's points in the world, where it is at a step."""
+        points_m = self.points_m.get(actor.actor_id, np.zeros((0, 3)))
+        return transform(actor.world_from_actor[step], points_m)

@@ -79,7 +79,10 @@ def _make_all(plans: Sequence[ClipPlan], sim: Mapping, root: Path) -> None:
     frames_done = SPAWN.Value("q", 0)
     frames = frames_per_clip(sim["capture_hz"]) * len(plans)
 
-    with progress.Progress(*_columns()) as bars:
+    counts = progress.BarColumn(), progress.MofNCompleteColumn(), "frames"
+    times = progress.TimeElapsedColumn(), "left", progress.TimeRemainingColumn()
+
+    with progress.Progress("{task.description}", *counts, *times) as bars:
         bar = bars.add_task(f"generating {root.name}", total=frames)
         for first in range(0, len(plans), workers * CLIPS_A_PROCESS):
             batch = plans[first : first + workers * CLIPS_A_PROCESS]
@@ -90,12 +93,6 @@ def _make_all(plans: Sequence[ClipPlan], sim: Mapping, root: Path) -> None:
                     bars.update(bar, completed=frames_done.value)
                     for future in finished:
                         _finish(future, pending.pop(future))
-
-
-def _columns() -> list[str | progress.ProgressColumn]:
-    times = [progress.TimeElapsedColumn(), "left", progress.TimeRemainingColumn()]
-    counts = [progress.BarColumn(), progress.MofNCompleteColumn(), "frames"]
-    return ["{task.description}", *counts, *times]
 
 
 def _finish(future: Future, plan: ClipPlan) -> None:

@@ -86,7 +86,7 @@ def _dark(
 
 
 def _towards(weather: Weather) -> Float[np.ndarray, "3"]:
-    return np.array(weather.light()["lightDirection"], dtype=np.float32)
+    return np.array(weather.towards, dtype=np.float32)
 
 
 @njit
@@ -100,6 +100,9 @@ def surface_normals(
     """
     height, width = depth_m.shape
     normals = np.zeros_like(points_m)
+    # Beyond the picture's border there is no surface, as in the sky.
+    bordered_m = np.full((height + 2, width + 2), np.inf)
+    bordered_m[1:-1, 1:-1] = depth_m
 
     for i in range(height):
         for j in range(width):
@@ -107,16 +110,8 @@ def surface_normals(
             if not np.isfinite(here):
                 continue
 
-            di = _same_surface(
-                here,
-                depth_m[i - 1, j] if i > 0 else np.inf,
-                depth_m[i + 1, j] if i + 1 < height else np.inf,
-            )
-            dj = _same_surface(
-                here,
-                depth_m[i, j - 1] if j > 0 else np.inf,
-                depth_m[i, j + 1] if j + 1 < width else np.inf,
-            )
+            di = _same_surface(here, bordered_m[i, j + 1], bordered_m[i + 2, j + 1])
+            dj = _same_surface(here, bordered_m[i + 1, j], bordered_m[i + 1, j + 2])
             if di == 0 or dj == 0:
                 continue
 

@@ -57,7 +57,7 @@ class PointSet:
 
 
 def _keys(points_m: Points, class_id: Classes) -> Int[np.ndarray, "n"]:
-    """Cube and class as one number: three times 20 bits, and 3 bits."""
+    """Returns cube and class as one number: three times 20 bits, and 3 bits."""
     cube = np.floor(points_m / POINT_CUBE_M).astype(np.int64) + _HALF_RANGE
     return ((cube[:, 0] << 20 | cube[:, 1]) << 20 | cube[:, 2]) << 3 | class_id
 

@@ -43,8 +43,7 @@ def require_renderer(name: str) -> None:
     """
     import_bullet()
     require_known(name)
-    fault = _egl_fault() if name == "egl" else None
-    if fault is not None:
+    if name == "egl" and (fault := _egl_fault()):
         raise UserError(f"sim.renderer: egl {fault} or use sim.renderer=tiny")
 
 

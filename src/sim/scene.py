@@ -49,8 +49,7 @@ class SceneActor:
 
     def triangles_at(self, step: int) -> Float[np.ndarray, "f 3 3"]:
         """Returns the actor's triangles in the world, where it is at a step."""
-        world_from_actor = self.world_from_actor[step]
-        return transform(world_from_actor, self.triangles_m)
+        return transform(self.world_from_actor[step], self.triangles_m)
 
 
 @dataclass(frozen=True)
@@ -75,6 +74,12 @@ class ScanHits:
             class_id=np.where(near, self.class_id, UNKNOWN).astype(np.uint8),
             actor_id=np.where(near, self.actor_id, -1),
         )
+
+
+def count_by_actor(actor_id: Int[np.ndarray, "*n"]) -> dict[int, int]:
+    """Returns how many of these hits, or pixels, are of each moving actor that is among them."""
+    ids, counts = np.unique(actor_id[actor_id > 0], return_counts=True)
+    return dict(zip(ids.tolist(), counts.tolist()))
 
 
 @dataclass(frozen=True)

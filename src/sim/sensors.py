@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..geometry import rotate
+from .rays import spread_directions
 from .scene import ScanHits, Scene
 
-GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
 # Multiples of the two numbers of the R2 sequence, taken modulo 1, fill the unit square evenly.
 SHIFT_PER_SCAN, TURN_PER_SCAN = 0.7548776662466927, 0.5698402909980532
 
@@ -28,15 +28,8 @@ class Lidar:
 
     def directions(self, rays: int, scan: int) -> Float[np.ndarray, "n 3"]:
         """Returns unit vectors in the body frame: a Fibonacci lattice, turned for each scan."""
-        # Equal steps in the sine of elevation cover equal areas of the sphere.
-        shift = scan * SHIFT_PER_SCAN % 1
-        low, high = self.sin_elevation
-        z = low + (high - low) * (np.arange(rays) + shift) / rays
-
         turn_rad = 2 * math.pi * (scan * TURN_PER_SCAN % 1)
-        azimuth_rad = GOLDEN_ANGLE_RAD * np.arange(rays) + turn_rad
-        across = np.sqrt(np.maximum(0.0, 1 - z**2))
-        return np.stack([across * np.cos(azimuth_rad), across * np.sin(azimuth_rad), z], axis=1)
+        return spread_directions(rays, self.sin_elevation, scan * SHIFT_PER_SCAN % 1, turn_rad)
 
 
 # Either is blind where the body hides the other's side; together they see every direction.

@@ -24,7 +24,7 @@ def look_ahead(
     side_gap_m: Numbers,
     speed_mps: Numbers,
 ) -> tuple[Numbers, Numbers]:
-    """Distance from each front to the first in its way, and that one's speed along the way.
+    """Returns the distance from each front to the first in its way, and that one's speed along it.
 
     Routes are samples; ``here`` and ``bumper`` are the indices under each middle and front, and
     every ``stride``-th sample is looked at. An actor that is looked at is three discs as wide as it
@@ -62,7 +62,7 @@ def look_ahead(
 
 @njit
 def _beside(points_m, heading_rad, first, stride, x_m, y_m):
-    """The sample of a way nearest to a point, how far ahead the point is, and how far aside."""
+    """Returns a way's sample nearest to a point, and how far ahead and aside of it that is."""
     nearest, least_m2, steps = first, np.inf, 0
     for k in range(int(SIGHT_M / LOOK_M)):
         at = min(first + k * stride, len(points_m) - 1)

@@ -15,14 +15,14 @@ CLOUD_SIZE = 0.55
 
 
 class Sky(NamedTuple):
-    """The sky of a weather as the kernels need it: colors in sRGB, 0 to 1.
+    """The part of a `Weather` that shapes its sky, as the kernels need it.
 
     ``towards`` is the unit vector to the sun.
     """
 
-    horizon: Color
-    zenith: Color
-    cloud: Color
+    sky_horizon: Color
+    sky_zenith: Color
+    cloud_color: Color
     cloud_cover: float
     glow: Color
     towards: tuple[float, float, float]
@@ -31,16 +31,7 @@ class Sky(NamedTuple):
 
     @classmethod
     def of(cls, weather: Weather) -> "Sky":
-        return cls(
-            weather.sky_horizon,
-            weather.sky_zenith,
-            weather.cloud_color,
-            weather.cloud_cover,
-            weather.glow,
-            weather.towards,
-            weather.fog_color,
-            weather.fog_per_m,
-        )
+        return cls(*(getattr(weather, name) for name in cls._fields))
 
 
 @njit
@@ -69,10 +60,10 @@ def sky_at(x: float, y: float, z: float, sky: Sky) -> tuple[float, float, float]
 @njit(inline="always")
 def _mixed(k, height, cloud, glow, haze, sky):
     """Mixes one color: the gradient, the sun's glow over it, clouds and then haze before both."""
-    horizon, zenith = np.float32(sky.horizon[k]), np.float32(sky.zenith[k])
+    horizon, zenith = np.float32(sky.sky_horizon[k]), np.float32(sky.sky_zenith[k])
     value = horizon + (zenith - horizon) * height
     value += np.float32(sky.glow[k]) * glow
-    lit = np.float32(sky.cloud[k]) + np.float32(sky.glow[k]) * glow
+    lit = np.float32(sky.cloud_color[k]) + np.float32(sky.glow[k]) * glow
     value += (lit - value) * cloud
     fog = np.float32(sky.fog_color[k])
     return fog + (value - fog) * haze

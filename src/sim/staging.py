@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..data.clip import CLIP_SECONDS
 from ..ontology import ACTOR_TYPES
 from .assets import ACTORS
 from .flight import Flight, FlightConfig, fly
@@ -64,7 +63,7 @@ def stage_clip(
     """Returns the flight of a clip and the scene around it: the town near the route, and actors."""
     place = place_of(plan.town, seed)
     rng = generator_for(seed, "flight", plan.town, plan.index)
-    flight = fly(place.town, rng, place.whole.cast_static, flight_config, CLIP_SECONDS)
+    flight = fly(place.town, rng, place.whole.cast_static, flight_config)
 
     rng = generator_for(seed, "traffic", plan.town, plan.index)
     tracks = simulate_traffic(place.town, rng, traffic_config, flight.position_m)

@@ -7,9 +7,10 @@ from ..jit import njit
 
 @njit
 def value_noise(x: float, y: float, octaves: int) -> float:
-    """A value in [0, 1], about 0.5 on average; lattice cells of the first octave have side 1.
+    """Returns a value in [0, 1], about 0.5 on average.
 
-    Every octave has twice the frequency and half the weight of the one before.
+    Lattice cells of the first octave have side 1. Every octave has twice the frequency and half the
+    weight of the one before.
     """
     total = scale = np.float32(0)
     weight = np.float32(1)
@@ -24,7 +25,7 @@ def value_noise(x: float, y: float, octaves: int) -> float:
 
 @njit
 def _smooth(x, y):
-    """Random values at whole numbers, blended without creases between them."""
+    """Returns random values at whole numbers, blended without creases between them."""
     column, row = np.floor(x), np.floor(y)
     s, t = x - column, y - row
     s, t = s * s * (3 - 2 * s), t * t * (3 - 2 * t)
@@ -37,7 +38,7 @@ def _smooth(x, y):
 
 @njit
 def _at(i, j):
-    """A hash of a lattice point, as a number in [0, 1)."""
+    """Returns a hash of a lattice point, as a number in [0, 1)."""
     # Numba multiplies in 64 bits; every step is cut back to 32.
     mixed = np.uint32(np.uint32(i) * 0x9E3779B1) ^ np.uint32(np.uint32(j) * 0x85EBCA77)
     mixed = np.uint32((mixed ^ (mixed >> 15)) * 0x2C1B3C6D)

@@ -108,7 +108,8 @@ class Weather:
             "lightAmbientCoeff": self.ambient,
             "lightDiffuseCoeff": self.diffuse,
             "lightSpecularCoeff": self.specular,
-            "shadow": int(self.shadow),
+            # Shadows are cast by rays, see `lighting`.
+            "shadow": 0,
         }
 
 

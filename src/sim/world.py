@@ -92,10 +92,9 @@ class World:
         self._planes = camera.frustum_planes(pix_from_camera, width, height)
 
         # Where, in the camera's frame, every pixel looks at a depth of 1 m.
-        pix = pixel_centers(width, height).reshape(-1, 2)
-        one_m = torch.ones(len(pix), dtype=pix.dtype)
-        through = unproject(pix, one_m, pix_from_camera).numpy().astype(np.float32)
-        self._through = through.reshape(height, width, 3)
+        pix = pixel_centers(width, height)
+        through = unproject(pix, torch.ones_like(pix[..., 0]), pix_from_camera)
+        self._through = through.numpy().astype(np.float32)
 
     def __enter__(self) -> "World":
         self._drawing = Drawing(self._renderer)
@@ -115,8 +114,7 @@ class World:
         camera_from_world = inverse(world_from_camera)
         self._place(step, camera_from_world.numpy())
         matrices = camera.view_matrix(camera_from_world), self._projection
-        light = {**weather.light(), "shadow": 0}
-        rgb, buffer, bullet_id = self._drawing.picture(*self._size, *matrices, light)
+        rgb, buffer, bullet_id = self._drawing.picture(*self._size, *matrices, weather.light())
 
         if self._renderer == "tiny":
             relight = cast_shadows
@@ -165,8 +163,7 @@ class World:
         """Shows every mesh that can be seen, where it is at the step, and hides the rest."""
         moved = [actor.world_from_actor[step] for actor in self._scene.actors]
         world_from_mesh = np.stack([*moved, np.eye(4)])[self._actor]
-        middle_m = np.einsum("nij,nj->ni", world_from_mesh[:, :3, :3], self._middle_m)
-        middle_m += world_from_mesh[:, :3, 3]
+        middle_m = transform(world_from_mesh, self._middle_m[:, None])[:, 0]
 
         seen = camera.in_view(self._planes, camera_from_world, middle_m, self._reach_m, self._far_m)
         for bullet_id in np.flatnonzero(seen != self._visible).tolist():

@@ -14,13 +14,13 @@ from tests.sim.scenery import (
     WIDTH,
     Stage,
     actor,
+    body_at,
     ground,
-    pose,
     solid,
 )
 
 GRID = VoxelGrid((0, -12, -8), (24, 12, 4), (48, 48, 24))
-HERE = pose((0.3, 0.2, 5.3), 0.1, 0.05, 0.3)
+HERE = body_at((0.3, 0.2, 5.3), 0.1, 0.05, 0.3)
 WALL = solid(BUILDING, (1.0, 16.0, 9.0), (18.4, 3, 4.5))
 SCREEN = solid(VEGETATION, (1.0, 4.0, 9.0), (9.5, 2, 4.5))
 
@@ -34,7 +34,7 @@ def stage():
     stage = Stage(GRID, [ground(), WALL, SCREEN], [actor([(12.0, -2.0, 0.0)])])
     for _ in range(3):
         stage.sense(0, HERE, rays=16_000)
-    stage.returns = stage.sense(0, pose((4.0, -2.0, 5.3), yaw=0.2), rays=16_000)
+    stage.returns = stage.sense(0, body_at((4.0, -2.0, 5.3), yaw=0.2), rays=16_000)
     stage.freeze()
     return stage
 

@@ -8,7 +8,7 @@ from src.ontology import CAR, GROUND
 from src.sim.annotation import FrontView, label_frame
 from src.sim.assets import upright
 from src.sim.fusion import ActorMap, StaticMap
-from src.sim.scene import Scene, SceneActor, parts_of
+from src.sim.scene import Scene, SceneActor, count_by_actor, parts_of
 from src.sim.sensors import scan
 from src.sim.solid import Solid
 from src.sim.world import World
@@ -43,9 +43,6 @@ def body_at(position_m, roll=0.0, pitch=0.0, yaw=0.0):
     return rigid(rotation_from_euler(*angles), torch.tensor(position_m, dtype=torch.float64))
 
 
-pose = body_at
-
-
 def camera_rays(world_from_body):
     """Origin and unit direction in the world of every pixel's ray, and its z-depth per metre."""
     pix = pixel_centers(WIDTH, HEIGHT).reshape(-1, 2)
@@ -61,15 +58,16 @@ def view_of(scene, step, world_from_body):
     """The images of a perfect renderer: every pixel is a ray cast."""
     origins_m, directions, depth_per_m = camera_rays(world_from_body)
     hits = scene.cast(step, origins_m, directions)
-    shape = (HEIGHT, WIDTH)
-    return FrontView(
-        world_from_body,
-        BODY_FROM_CAMERA,
-        PIX_FROM_CAMERA,
-        (hits.distance_m * depth_per_m).astype(np.float32).reshape(shape),
-        hits.class_id.reshape(shape),
-        hits.actor_id.reshape(shape),
-    )
+    depth_m = (hits.distance_m * depth_per_m).astype(np.float32)
+    images = (image.reshape(HEIGHT, WIDTH) for image in (depth_m, hits.class_id, hits.actor_id))
+    return FrontView(world_from_body, BODY_FROM_CAMERA, PIX_FROM_CAMERA, *images)
+
+
+def places_of(view, here):
+    """What every pixel of a view or a rendering shows, in the world; at the sky, the camera."""
+    origins_m, directions, depth_per_m = camera_rays(here)
+    distance_m = np.where(np.isinf(view.depth_m), 0, view.depth_m).reshape(-1) / depth_per_m
+    return (origins_m + directions * distance_m[:, None]).reshape(HEIGHT, WIDTH, 3)
 
 
 def world_of(scene, renderer="tiny"):
@@ -91,13 +89,11 @@ class Stage:
 
     def sense(self, step, world_from_body, rays=4000):
         """Fuses a scan of both LiDARs; returns how often each actor was met."""
-        returns = {}
-        for each in scan(self.scene, step, world_from_body.numpy(), rays, step, RANGE_M):
+        scans = scan(self.scene, step, world_from_body.numpy(), rays, step, RANGE_M)
+        for each in scans:
             self.static.add(each, RANGE_M)
             self.actors.add(each, self.scene.actors, step)
-            for actor_id in each.hits.actor_id[each.hits.actor_id > 0].tolist():
-                returns[actor_id] = returns.get(actor_id, 0) + 1
-        return returns
+        return count_by_actor(np.concatenate([each.hits.actor_id for each in scans]))
 
     def freeze(self):
         self.static.freeze()
@@ -105,6 +101,5 @@ class Stage:
 
     def label(self, step, world_from_body, returns, view=None):
         view = view or view_of(self.scene, step, world_from_body)
-        return label_frame(
-            view, self.grid, self.static, self.actors, self.scene.actors, step, returns
-        )
+        maps = self.static, self.actors
+        return label_frame(view, self.grid, *maps, self.scene.actors, step, returns)

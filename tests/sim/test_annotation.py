@@ -14,7 +14,7 @@ from src.sim.point_set import POINT_CUBE_M
 from src.sim.scene import ScanHits, Scene, parts_of
 from src.sim.sensors import Scan
 from tests.sim import scenery
-from tests.sim.scenery import Stage, actor, body_at, camera_rays, ground, solid, view_of
+from tests.sim.scenery import Stage, actor, body_at, ground, places_of, solid, view_of
 
 GRID = VoxelGrid((0, -12, -8), (24, 12, 4), (24, 24, 12))
 FINE = VoxelGrid((4, -12, -8), (24, 12, 4), (40, 48, 24))
@@ -40,14 +40,16 @@ def scanned(grid, static, actors, *places):
     return stage, returns[-1]
 
 
-def pixel_voxels(stage, here):
+def cells_of(static, points_m):
+    """Index of the map's cell around each place, and whether the map has that cell."""
+    cell = np.floor((points_m - static.cells.lower_m) / static.cells.side_m).astype(int)
+    return cell, ((cell >= 0) & (cell < static.free.shape)).all(axis=-1)
+
+
+def pixel_voxels(view, here):
     """The voxel of every pixel that shows something in the grid."""
-    origins_m, directions, _ = camera_rays(here)
-    hits = stage.scene.cast(0, origins_m, directions)
-    hit = hits.actor_id >= 0
-    ends_m = origins_m[hit] + directions[hit] * hits.distance_m[hit, None]
-    ends_occ = transform(inverse(world_from_occ(here)), torch.from_numpy(ends_m))
-    index, within = stage.grid.index_of(ends_occ)
+    ends_m = torch.from_numpy(places_of(view, here)[np.isfinite(view.depth_m)])
+    index, within = GRID.index_of(transform(inverse(world_from_occ(here)), ends_m))
     return tuple(index[within].T.numpy())
 
 
@@ -104,10 +106,9 @@ def test_static_points_are_thinned_to_one_in_a_cube_and_bar_free_space():
     cubes = np.floor(static.points_m / POINT_CUBE_M).astype(int)
     assert len(np.unique(np.c_[cubes, static.class_id], axis=0)) == len(cubes)
 
-    cell = np.floor((static.points_m - static.lower_m) / static.cell_m)
-    cell = cell[((cell >= 0) & (cell < static.free.shape)).all(axis=1)].astype(int)
-    assert len(cell) > 1000
-    assert not static.free[tuple(cell.T)].any()
+    cell, in_map = cells_of(static, static.points_m)
+    assert in_map.sum() > 1000
+    assert not static.free[tuple(cell[in_map].T)].any()
 
 
 def test_free_is_a_voxel_whose_center_lies_in_a_cell_that_a_ray_passed():
@@ -115,8 +116,7 @@ def test_free_is_a_voxel_whose_center_lies_in_a_cell_that_a_ray_passed():
     static = stage.static
     for yaw in (0.0, 0.7, -2.5):
         here = body_at((0.3, 0.2, 5.3), yaw=yaw)
-        cell = np.floor((centers_world(here) - static.lower_m) / static.cell_m).astype(int)
-        in_map = ((cell >= 0) & (cell < static.free.shape)).all(axis=-1)
+        cell, in_map = cells_of(static, centers_world(here))
         expected = np.zeros(GRID.shape, dtype=bool)
         expected[in_map] = static.free[tuple(cell[in_map].T)] == 1
 
@@ -325,7 +325,7 @@ def test_visible_is_what_the_camera_sees_now():
 
     # A surface is visible where some pixel's own point lies in its voxel.
     held = np.zeros(GRID.shape, dtype=bool)
-    held[pixel_voxels(stage, here)] = True
+    held[pixel_voxels(view, here)] = True
     occupied = semantics < FREE
     assert (visible[occupied] == held[occupied]).mean() > 0.995
     assert visible[occupied].sum() > 50

@@ -192,30 +192,26 @@ def test_killed_at_any_point_it_goes_on_to_the_same_bytes(mini_dataset, mini_sim
 
 
 @pytest.mark.slow
-def test_a_dead_worker_is_reported_in_one_line_and_leaves_nothing_running(mini_sim, tmp_path):
+@pytest.mark.parametrize(
+    ("killed", "by", "message"),
+    [
+        ("worker", signal.SIGKILL, b"sim.workers"),
+        # After Ctrl-C nobody waits for the clips to be finished either.
+        ("generator", signal.SIGINT, b"KeyboardInterrupt"),
+    ],
+)
+def test_a_death_leaves_nothing_running_and_nothing_partial(
+    mini_sim, tmp_path, killed, by, message
+):
     root = tmp_path / "data"
     process = start(mini_sim, root, tmp_path)
     wait_for(lambda: len(list(root.glob("*/.clip*.part"))) == 2)
     workers = workers_of(process.pid)
-    os.kill(workers[0], signal.SIGKILL)
-    message = process.communicate(timeout=60)[1].decode().strip().splitlines()[-1]
-    assert "sim.workers" in message
-    wait_for(lambda: not any(map(is_running, workers)))
-    assert not list(root.glob("*/.*"))
+    os.kill(workers[0] if killed == "worker" else process.pid, by)
 
-
-@pytest.mark.slow
-def test_ctrl_c_leaves_nothing_running_and_nothing_partial(mini_sim, tmp_path):
-    root = tmp_path / "data"
-    process = start(mini_sim, root, tmp_path)
-    wait_for(lambda: list(root.glob("*/.clip*.part")))
-    workers = workers_of(process.pid)
-    process.send_signal(signal.SIGINT)
-    assert b"KeyboardInterrupt" in process.communicate(timeout=60)[1]
-    # Nobody waited for the clips to be finished either.
-    assert not list(root.glob("*/clip*"))
+    assert message in process.communicate(timeout=60)[1].strip().splitlines()[-1]
     wait_for(lambda: not any(map(is_running, workers)))
-    assert not list(root.glob("*/.*"))
+    assert not list(root.glob("*/*"))
 
 
 def test_a_failing_clip_ends_it_and_leaves_nothing(mini_sim, tmp_path):

@@ -13,9 +13,10 @@ from tests.sim.scenery import (
     HEIGHT,
     WIDTH,
     actor,
+    body_at,
     camera_rays,
     ground,
-    pose,
+    places_of,
     render,
     solid,
     view_of,
@@ -25,43 +26,35 @@ from tests.sim.weathers import WEATHERS
 
 CLEAR = replace(WEATHERS["clear"], ambient=0.3)
 NO_SHADOW = replace(CLEAR, shadow=False)
-TOWARDS = np.array(CLEAR.light()["lightDirection"])
+TOWARDS = np.array(CLEAR.towards)
 SLAB_SIZE_M, SLAB_AT_M = np.array((5.0, 4.0, 0.4)), np.array((12.0, 1.0, 4.0))
 UNDER_SLAB = Scene(parts_of([ground(), solid(BUILDING, SLAB_SIZE_M, SLAB_AT_M)]), ())
 GREY = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
-HERE = pose((0.5, 0.4, 6.2), 0.1, 0.25, 0.05)
-
-
-def places_of(view, here=HERE):
-    """What every pixel of a view shows, in the world."""
-    origins_m, directions, depth_per_m = camera_rays(here)
-    distance_m = np.where(np.isinf(view.depth_m), 0, view.depth_m).reshape(-1) / depth_per_m
-    return (origins_m + directions * distance_m[:, None]).reshape(HEIGHT, WIDTH, 3)
+HERE = body_at((0.5, 0.4, 6.2), 0.1, 0.25, 0.05)
 
 
 def relit(relight, scene, weather):
     """A grey picture of the scene with its light, what its pixels show, and where that is."""
     view = view_of(scene, 0, HERE)
-    places_m = places_of(view).astype(np.float32)
+    places_m = places_of(view, HERE).astype(np.float32)
     picture = relight(GREY, places_m, view.depth_m, weather, partial(scene.blocked, 0))
     return picture, view, places_m
 
 
-def under_the_slab(places_m):
-    """How far inside the slab's shadow places on the ground are; negative outside."""
+def shadow_of_the_slab(view, places_m):
+    """The pixels of the ground in the slab's shadow, and those in the light."""
+    on_ground = (np.abs(places_m[..., 2]) < 0.02) & np.isfinite(view.depth_m)
     rise_m = (SLAB_AT_M[2] - places_m[..., 2:]) / TOWARDS[2]
     met_m = places_m[..., :2] + rise_m * TOWARDS[:2]
-    return (SLAB_SIZE_M[:2] / 2 - np.abs(met_m - SLAB_AT_M[:2])).min(axis=-1)
+    inside_m = (SLAB_SIZE_M[:2] / 2 - np.abs(met_m - SLAB_AT_M[:2])).min(axis=-1)
+    # The slab is 0.4 m thick, which widens its shadow by that over the sun's slope.
+    return on_ground & (inside_m > 0.1), on_ground & (inside_m < -0.5)
 
 
 def test_a_slabs_shadow_lies_where_the_sun_puts_it_and_keeps_the_ambient_light():
     with world_of(UNDER_SLAB) as world:
         lit, shaded = (render(world, HERE, 0, weather) for weather in (NO_SHADOW, CLEAR))
-    places_m = places_of(lit)
-    on_ground = (np.abs(places_m[..., 2]) < 0.02) & np.isfinite(lit.depth_m)
-    inside_m = under_the_slab(places_m)
-    # The slab is 0.4 m thick, which widens its shadow by that over the sun's slope.
-    umbra, open_air = on_ground & (inside_m > 0.1), on_ground & (inside_m < -0.5)
+    umbra, open_air = shadow_of_the_slab(lit, places_of(lit, HERE))
     assert umbra.sum() > 100
     assert open_air.sum() > 1000
     np.testing.assert_array_equal(shaded.rgb[open_air], lit.rgb[open_air])
@@ -78,7 +71,7 @@ def test_an_actors_shadow_moves_with_it():
         for step in (0, 1):
             lit, shaded = (render(world, HERE, step, weather) for weather in (NO_SHADOW, CLEAR))
             dark = (shaded.rgb < lit.rgb).any(axis=-1) & (lit.actor_id == 0)
-            middle_m = places_of(lit)[dark].mean(axis=0)
+            middle_m = places_of(lit, HERE)[dark].mean(axis=0)
             beside_m = middle_m - scene.actors[0].world_from_actor[step, :3, 3]
             assert dark.sum() > 10
             # From the actor, the shadow lies where the sun is not.
@@ -102,10 +95,8 @@ def test_what_is_turned_away_from_the_light_is_not_darkened_twice():
 def test_bare_colors_are_lit_by_the_slope_of_their_face_and_its_shadows():
     lit, view, places_m = relit(illuminate, UNDER_SLAB, CLEAR)
     unshaded, _, _ = relit(illuminate, UNDER_SLAB, NO_SHADOW)
-    on_ground = (np.abs(places_m[..., 2]) < 0.02) & np.isfinite(view.depth_m)
-    inside_m = under_the_slab(places_m)
+    in_shadow, in_light = shadow_of_the_slab(view, places_m)
     full = CLEAR.ambient + CLEAR.diffuse * TOWARDS[2] * np.array(CLEAR.light_color)
-    in_light, in_shadow = on_ground & (inside_m < -0.5), on_ground & (inside_m > 0.1)
     for picture, where, share in (
         (lit, in_light, full),
         (lit, in_shadow, CLEAR.ambient),
@@ -118,7 +109,7 @@ def test_bare_colors_are_lit_by_the_slope_of_their_face_and_its_shadows():
 
 @pytest.mark.parametrize("attitude", [(0.0, 0.3, 0.0), (0.4, 0.2, 0.3)])
 def test_normals_are_those_of_the_faces_that_are_seen(attitude):
-    here = pose((0.5, 0.4, 6.2), *attitude)
+    here = body_at((0.5, 0.4, 6.2), *attitude)
     yaw_rad = 0.5
     box = solid(BUILDING, (4, 6, 5), (14, 0, 2.5), yaw_rad=yaw_rad)
     view = view_of(Scene(parts_of([ground(), box]), ()), 0, here)

@@ -10,19 +10,18 @@ from src.errors import UserError
 from src.sim import renderer
 from src.sim.renderer import import_bullet, require_renderer, silent
 
+NOBODYS = "libEGL-that-nobody-has.so.1"
+
 
 @pytest.fixture
-def unprobed():
+def loadable(monkeypatch):
+    """Any library but `NOBODYS` can be loaded, whether this machine has it or not."""
+    load = renderer.ctypes.CDLL
+    missing = {NOBODYS: NOBODYS}
+    monkeypatch.setattr(renderer.ctypes, "CDLL", lambda name: load(missing.get(name)))
     renderer._egl_fault.cache_clear()
     yield
     renderer._egl_fault.cache_clear()
-
-
-@pytest.fixture
-def loadable(monkeypatch, unprobed):
-    """Any library can be loaded, whether this machine has it or not."""
-    load = renderer.ctypes.CDLL
-    monkeypatch.setattr(renderer.ctypes, "CDLL", lambda name: load(None))
 
 
 def refusal(name):
@@ -40,22 +39,20 @@ def test_an_unknown_renderer_is_refused_with_those_that_there_are():
     assert "tiny, egl" in message
 
 
-def test_without_the_library_the_package_is_named(monkeypatch, unprobed):
-    monkeypatch.setattr(renderer, "EGL_LIBRARY", "libEGL-that-nobody-has.so.1")
+@pytest.mark.parametrize(
+    ("constant", "value", "named"),
+    [
+        ("EGL_LIBRARY", NOBODYS, [NOBODYS, "libegl1", "sim.renderer=tiny"]),
+        ("EGL_PLUGIN", "a_plugin_that_nobody_has", ["a_plugin_that_nobody_has"]),
+        # A probe that dies is a refusal and no crash.
+        ("_DRAW_ONE_TRIANGLE", "import os; os.abort()", ["libgl1-mesa-dri"]),
+        ("_DRAW_ONE_TRIANGLE", "raise SystemExit(1)", ["libgl1-mesa-dri"]),
+    ],
+)
+def test_without_what_egl_needs_its_name_is_given(loadable, monkeypatch, constant, value, named):
+    monkeypatch.setattr(renderer, constant, value)
     message = refusal("egl")
-    for name in ("libEGL-that-nobody-has.so.1", "libegl1", "sim.renderer=tiny"):
-        assert name in message
-
-
-def test_without_the_plugin_its_name_is_given(loadable, monkeypatch):
-    monkeypatch.setattr(renderer, "EGL_PLUGIN", "a_plugin_that_nobody_has")
-    assert "a_plugin_that_nobody_has" in refusal("egl")
-
-
-@pytest.mark.parametrize("death", ["import os; os.abort()", "raise SystemExit(1)"])
-def test_a_probe_that_dies_is_a_refusal_and_not_a_crash(loadable, monkeypatch, death):
-    monkeypatch.setattr(renderer, "_DRAW_ONE_TRIANGLE", death)
-    assert "libgl1-mesa-dri" in refusal("egl")
+    assert all(name in message for name in named)
 
 
 def test_without_pybullet_the_way_out_is_named(monkeypatch):
