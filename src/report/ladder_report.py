@@ -10,7 +10,6 @@ from ..results.render import Table
 from ..results.runs import ScoredRun, UnfinishedRun
 from ..results.table import Parts, joined
 from .attitude_tables import AttitudeScores, attitude_tables
-from .ladder import Ladder
 from .paper_tables import paper_tables
 from .run_group import RunGroup, long_table
 from .shared_settings import (
@@ -41,10 +40,6 @@ class LadderReport:
     warnings: tuple[str, ...]
     missing: tuple[str, ...]
     others: tuple[str, ...]
-
-    @property
-    def ladder(self) -> Ladder:
-        return self.groups[0].ladder
 
     @property
     def runs(self) -> list[ScoredRun]:

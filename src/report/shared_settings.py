@@ -2,28 +2,39 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations
+from itertools import chain, combinations
 
 from ..results.runs import UNKNOWN_CODE, ScoredRun, value_at
 from ..run_folder import differences, shaping
-from .ladder import FACTOR_KEYS, PAPER, Ladder, factor_keys_of, factors_of
+from .ladder import PAPER, Ladder
 
 SEED = "seed"
 LIMIT = "each of {} of the frames"
-# Words for the settings that all runs share and have, and their keys.
-SHARED = {
-    "{} epochs": "trainer.max_epochs",
-    LIMIT: "trainer.limit_train_batches",
-    "AdamW at {}": "optimizer.lr",
-    "weight decay {}": "optimizer.weight_decay",
-    "warm-up over {} of the steps and a cosine to zero": "optimizer.warmup",
-    "batches of {}": "data.batch_size",
-    "devices: {}": "trainer.devices",
-    "accumulated batches: {}": "trainer.accumulate_grad_batches",
-    "{} data order": "data.order",
-    "mirror {}": "data.mirror",
-    "{} frames a prediction": "data.frames",
+# Keys of a run's configuration that a report names.
+KEYS = {
+    # The ladder's three factors, and where published runs have them.
+    "factors": {
+        "model.encoder.projection": "model.encoder.projection",
+        "loss.terms.cross_entropy.class_weights": "loss.class_weights",
+        "loss.terms.lovasz.weight": "loss.lovasz_weight",
+    },
+    # The words in which a shared setting is told, and its key.
+    "shared": {
+        "{} epochs": "trainer.max_epochs",
+        LIMIT: "trainer.limit_train_batches",
+        "AdamW at {}": "optimizer.lr",
+        "weight decay {}": "optimizer.weight_decay",
+        "warm-up over {} of the steps and a cosine to zero": "optimizer.warmup",
+        "batches of {}": "data.batch_size",
+        "devices: {}": "trainer.devices",
+        "accumulated batches: {}": "trainer.accumulate_grad_batches",
+        "{} data order": "data.order",
+        "mirror {}": "data.mirror",
+        "{} frames a prediction": "data.frames",
+    },
 }
+# Keys in which rungs may differ; a rung without the Lovász loss has nothing under its name.
+FACTOR_KEYS = tuple(dict.fromkeys(chain(*KEYS["factors"].items(), ["loss.terms.lovasz"])))
 # Beginnings of the keys that decide which frames a run sees, in which order and how often.
 ORDERING = ("data.", "sim.", "trainer.")
 # Letters of a value in a table or a sentence; values are compared as a whole.
@@ -59,7 +70,7 @@ def statement(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> str:
     keys = list(differing(runs))
     shared = [
         _in_words(text, value_at(runs[0].config, key))
-        for text, key in SHARED.items()
+        for text, key in KEYS["shared"].items()
         if key not in keys and value_at(runs[0].config, key) is not None
     ]
     precisions = {run.row["precision"] for run in runs}
@@ -99,7 +110,7 @@ def surprises(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[str]:
     for run in runs:
         has, required = factors_of(run.config), ladder.rungs[run.experiment].factors
         if required and has != required:
-            keys = zip(factor_keys_of(run.config), has, required)
+            keys = zip(_factor_keys(run.config), has, required)
             wrong = ", ".join(key for key, one, other in keys if one != other)
             lines.append(f"{run}: {wrong} is not what the rung's name says")
     precisions = _grouped((run.row["precision"], run) for run in runs)
@@ -145,6 +156,18 @@ def code_lines(runs: Sequence[ScoredRun]) -> list[str]:
     return []
 
 
+def factors_of(config: Mapping) -> tuple[bool, bool, bool]:
+    """Returns which of the ladder's factors a run's configuration has."""
+    projection, weights, lovasz = (value_at(config, key) for key in _factor_keys(config))
+    return projection == "attitude", weights is not None, bool(lovasz)
+
+
+def _factor_keys(config: Mapping) -> Iterable[str]:
+    """Returns the key of each factor in a run's configuration."""
+    is_published = value_at(config, "loss.terms") is None
+    return KEYS["factors"].values() if is_published else KEYS["factors"]
+
+
 def marks_of(runs: Sequence[ScoredRun]) -> dict[str, list[str]]:
     """Returns check marks of the three factors of every rung, from its runs' configurations."""
     by_experiment: dict[str, set] = {}
@@ -183,7 +206,7 @@ def _text(value: object) -> str:
 
 
 def _in_words(text: str, value: object) -> str:
-    """Fills a line of `SHARED`. A limit is a share of the frames, or a number of batches."""
+    """Fills in the words of a setting. A limit is a share of the frames, or a number of batches."""
     if text == LIMIT and isinstance(value, int):
         return f"each of {value} batches"
     return text.format(shortened(_text(value)))

@@ -21,7 +21,7 @@ from src.report.paper_tables import (
 )
 from src.report.run_group import APART, DERIVED, Part, long_table
 from src.results.render import Cell
-from src.results.table import Presented, Resamples
+from src.results.table import Resamples
 from tests.results.scored import CLIPS, RIGHT, counts, predicted
 
 MARKS = {
@@ -44,14 +44,14 @@ def scored():
 
 
 def resampled(scored, name="test", chosen=lambda clip: True):
-    return Resamples(scored, Presented(name, chosen=chosen), APART, DERIVED)
+    return Resamples(scored, name, chosen=chosen, without=APART, derived=DERIVED)
 
 
 def part_of(scored, *without, name="test", **other_seeds):
     kept = {key: runs for key, runs in scored.items() if key not in without}
     for key, seeds in other_seeds.items():
         kept[key] = {seed: scored[key][seed] for seed in seeds}
-    return Part(name, "tiny-0123", resampled(kept, name))
+    return Part(resampled(kept, name))
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def part(scored):
 
 def column(table, name):
     """Entries of a column by the row's name."""
-    return dict(zip(table.frame.index, table.entries(name)))
+    return dict(zip(names(table), table.entries(name)))
 
 
 def numbers(table, name):
@@ -69,7 +69,7 @@ def numbers(table, name):
 
 
 def names(table):
-    return list(table.frame.index)
+    return [name for name, _ in table.rows]
 
 
 def change(part, *key):
@@ -292,7 +292,7 @@ def test_one_seed_or_one_clip_says_what_is_drawn(scored):
     assert caption.endswith("Seed: 0.")
     for runs, sentence in ((scored, "so only seeds are drawn."), (one, "No intervals: ")):
         alone = resampled(runs, chosen=lambda clip: clip == CLIPS[0])
-        assert sentence in main_table([Part("test", "d", alone)]).caption
+        assert sentence in main_table([Part(alone)]).caption
 
 
 def test_uneven_seeds_are_listed_and_explained_where_there_are_differences(scored):

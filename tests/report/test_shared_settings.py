@@ -3,10 +3,12 @@
 import pytest
 from omegaconf import OmegaConf
 
-from src.report.ladder import FACTORS, PAPER, factors_of, ladder_named
+from src.report.ladder import PAPER, ladder_named
 from src.report.shared_settings import (
+    KEYS,
     code_lines,
     differing,
+    factors_of,
     marks_of,
     other_experiments,
     statement,
@@ -15,8 +17,6 @@ from src.report.shared_settings import (
 from src.results.runs import read_run
 from tests.results.scored import write_run
 from tests.synthetic import compose_config
-
-OLD_KEYS = [keys[-1] for keys in FACTORS.values()]
 
 
 @pytest.fixture
@@ -48,7 +48,7 @@ def test_the_factors_are_read_from_terms_of_the_loss_too(run, weight):
 
 def test_a_clean_ladder_shares_all_but_its_factors_and_the_seed(run):
     runs = [run(name, seed) for name in PAPER.names for seed in (0, 1)]
-    assert list(differing(runs)) == [*OLD_KEYS, "seed"]
+    assert list(differing(runs)) == [*KEYS["factors"].values(), "seed"]
     assert surprises(runs) == []
     said = statement(runs)
     assert said.startswith(

@@ -1,7 +1,6 @@
 """results.csv to disk and back, broken files, and the printed tables."""
 
 import io
-import json
 import math
 import subprocess
 import sys
@@ -30,7 +29,7 @@ def row(experiment="skyocc", split="test", seed=0, **scores):
         "seed": seed,
         "split": split,
         **{name: float(rng.random()) for name in SCORES},
-        "protocol": {"mask": "supervised", "horizon_s": 5.0},
+        "protocol": '{"mask":"supervised","horizon_s":5.0}',
         "seconds": 0.1 + 0.2,
         "parameters": 1_234_567,
         "precision": "32-true",
@@ -59,7 +58,6 @@ def test_rows_read_back_as_they_were_written(tmp_path):
     table = read_results(path)
     assert tuple(table.columns) == COLUMNS
     for read, written in zip(table.to_dict("records"), rows):
-        assert json.loads(read.pop("protocol")) == written.pop("protocol")
         for name, value in written.items():
             both_nan = value != value and read[name] != read[name]
             assert read[name] == value or both_nan, name
