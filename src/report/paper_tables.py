@@ -196,11 +196,19 @@ def _of_all(
     return _table(first, key, title, caption, columns, rows, lines=tuple(lines), ranked=ranked)
 
 
-def _of_rungs(part: Part, key: str, title: str, text: str, *contents, **more) -> Table:
+def _of_rungs(
+    part: Part,
+    key: str,
+    title: str,
+    text: str,
+    columns: Sequence[Column],
+    rows: Sequence[Row],
+    **more,
+) -> Table:
     """Returns a table of the ladder alone; its caption ends with how the intervals were drawn."""
     drawn = resampling(part.resamples, part.rungs, differences=True)
-    more = {"head": "Configuration"} | more
-    return _table(part, key, title, f"{text}{_absent(part)} {drawn}", *contents, **more)
+    caption = f"{text}{_absent(part)} {drawn}"
+    return _table(part, key, title, caption, columns, rows, **{"head": "Configuration", **more})
 
 
 def _table(

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import pandas as pd
 import torch
@@ -68,10 +69,9 @@ class Part:
 
         Differences of a rung from itself are there too, as zeros in the tables.
         """
-        names = self.ladder.names
-        before = dict(zip(names[1:], names))
+        first, *_ = names = self.ladder.names
         references = {
-            name: list(dict.fromkeys([names[0], before.get(name, names[0])])) for name in self.rungs
+            name: list(dict.fromkeys([first, before])) for before, name in pairwise([first, *names])
         }
         table = self.resamples.table(references)
         return table[table["score"].isin([*SCORES, *BEYOND, *DERIVED, *self.own_scores])]

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, combinations
+from typing import TypeVar
 
 from ..results.runs import UNKNOWN_CODE, ScoredRun, value_at
 from ..run_folder import differences, shaping
@@ -41,6 +42,7 @@ ORDERING = ("data.", "sim.", "trainer.")
 LONGEST = 60
 
 Values = dict[str, dict[str, list[str]]]
+Value = TypeVar("Value")
 
 
 def differing(runs: Sequence[ScoredRun]) -> Values:
@@ -54,12 +56,8 @@ def differing(runs: Sequence[ScoredRun]) -> Values:
 
     table: Values = {}
     for key in sorted(keys, key=lambda key: (order.get(key, len(order)), key == SEED, key)):
-        by_experiment = table.setdefault(key, {})
-        for run, config in zip(runs, configs):
-            text = _text(value_at(config, key))
-            values = by_experiment.setdefault(run.experiment, [])
-            if text not in values:
-                values.append(text)
+        values = (_text(value_at(config, key)) for config in configs)
+        table[key] = grouped(zip((run.experiment for run in runs), values))
     return table
 
 
@@ -113,9 +111,9 @@ def surprises(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[str]:
             keys = zip(_factor_keys(run.config), has, required)
             wrong = ", ".join(key for key, one, other in keys if one != other)
             lines.append(f"{run}: {wrong} is not what the rung's name says")
-    precisions = _grouped((run.row["precision"], run) for run in runs)
+    precisions = grouped((run.row["precision"], str(run)) for run in runs)
     if len(precisions) > 1:
-        lines.append(f"they were computed in different precision: {_lists(precisions)}")
+        lines.append(f"they were computed in different precision: {listed(precisions)}")
     return lines
 
 
@@ -144,11 +142,11 @@ def other_experiments(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list
 
 def code_lines(runs: Sequence[ScoredRun]) -> list[str]:
     """Says which code trained the runs, where it is not one and known."""
-    codes = _grouped((run.code, run) for run in runs)
+    codes = grouped((run.code, str(run)) for run in runs)
     if len(codes) > 1:
-        return [f"the runs were trained by different code: {_lists(codes)}"]
+        return [f"the runs were trained by different code: {listed(codes)}"]
     if UNKNOWN_CODE in codes:
-        commits = _grouped((run.row["git_commit"] or "no commit", run) for run in runs)
+        commits = grouped((run.row["git_commit"] or "no commit", str(run)) for run in runs)
         return [
             "unknown code: the run folders do not record what src was when they were trained; "
             f"they name the commits {', '.join(commits)}"
@@ -170,9 +168,7 @@ def _factor_keys(config: Mapping) -> Iterable[str]:
 
 def marks_of(runs: Sequence[ScoredRun]) -> dict[str, list[str]]:
     """Returns check marks of the three factors of every rung, from its runs' configurations."""
-    by_experiment: dict[str, set] = {}
-    for run in runs:
-        by_experiment.setdefault(run.experiment, set()).add(factors_of(run.config))
+    by_experiment = grouped((run.experiment, factors_of(run.config)) for run in runs)
     return {
         name: ["/".join("✗✓"[has] for has in sorted(set(kinds))) for kinds in zip(*factors)]
         for name, factors in by_experiment.items()
@@ -185,15 +181,17 @@ def shortened(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[:half]}…{text[1 - half :]}"
 
 
-def _grouped(pairs: Iterable[tuple[str, ScoredRun]]) -> dict[str, list[str]]:
-    grouped: dict[str, list[str]] = {}
-    for key, run in pairs:
-        grouped.setdefault(key, []).append(str(run))
-    return grouped
+def grouped(pairs: Iterable[tuple[str, Value]]) -> dict[str, list[Value]]:
+    """Returns the values of each key, in their order and each once."""
+    values: dict[str, dict[Value, None]] = {}
+    for key, value in pairs:
+        values.setdefault(key, {})[value] = None
+    return {key: list(of_key) for key, of_key in values.items()}
 
 
-def _lists(grouped: Mapping[str, Sequence[str]]) -> str:
-    return "; ".join(f"{key} ({', '.join(runs)})" for key, runs in grouped.items())
+def listed(values: Mapping[str, Sequence[str]]) -> str:
+    """Returns every key, and in brackets its values."""
+    return "; ".join(f"{key} ({', '.join(of_key)})" for key, of_key in values.items())
 
 
 def _text(value: object) -> str:

@@ -112,12 +112,10 @@ class Table:
 
     def best_rows(self, column: str) -> set[int]:
         """Returns the rows whose number is to be marked; none where there is no choice."""
-        ranked = len(self.rows) if self.ranked is None else self.ranked
         values = {
             n: cell.value
-            for n, cell in enumerate(self.entries(column))
+            for n, cell in enumerate(self.entries(column)[: self.ranked])
             if isinstance(cell, Cell)
-            and n < ranked
             and not math.isnan(cell.value)
             # A difference below scores is no rival of theirs.
             and cell.signed == self.is_signed(column)

@@ -11,7 +11,7 @@ from src.results.bootstrap import interval_of, resamplings, seed_resamplings
 from src.results.render import Cell
 from src.results.table import AS_RECORDED, MEAN, Resamples, pivoted, run_table
 from src.tasks.scoring import parts_of
-from tests.results.scored import CLIPS, SUITE, UNSEEN, counts, predicted
+from tests.results.scored import CLIPS, SUITE, UNSEEN, counts, counts_by_seed
 
 RUNS = {"baseline": {0: 0.3, 1: 0.35, 2: 0.4}, "skyocc": {0: 0.6, 1: 0.5, 2: 0.7}}
 SCORES = ("miou", "kar_miou", "iou/car", "ray_iou", "false_free_rate", "gap")
@@ -20,13 +20,7 @@ DERIVED = {"gap": lambda scores: scores["miou"] - scores["kar_miou"]}
 
 @pytest.fixture(scope="module")
 def scored():
-    return {
-        name: {
-            seed: counts(name, lambda target, n, k=seed, r=right: predicted(target, r, 50 * k + n))
-            for seed, right in by_seed.items()
-        }
-        for name, by_seed in RUNS.items()
-    }
+    return counts_by_seed(RUNS)
 
 
 @pytest.fixture(scope="module")
