@@ -69,9 +69,10 @@ class Part:
 
         Differences of a rung from itself are there too, as zeros in the tables.
         """
-        first, *_ = names = self.ladder.names
+        names = self.ladder.names
         references = {
-            name: list(dict.fromkeys([first, before])) for before, name in pairwise([first, *names])
+            name: list(dict.fromkeys([names[0], before]))
+            for before, name in pairwise([names[0], *names])
         }
         table = self.resamples.table(references)
         return table[table["score"].isin([*SCORES, *BEYOND, *DERIVED, *self.own_scores])]

@@ -175,13 +175,13 @@ def _require_alike(tables: Sequence[tuple[ScoredRun, pd.DataFrame]]) -> None:
         if len(lacking) and run.experiment == first.experiment:
             raise UserError(f"{path}: has other conditions than {other} ({min(lacking)}); {AGAIN}")
 
-        shared = table.index.intersection(of_first.index)
-        for (name, key), value in table.loc[shared].stack().items():
-            if value != of_first.loc[name, key]:
-                values = float(value), float(of_first.loc[name, key])
-                raise UserError(
-                    f"{path}: {name} has {key}={values[0]:g}, and elsewhere {values[1]:g}; {AGAIN}"
-                )
+        for name in table.index.intersection(of_first.index):
+            for key, before in of_first.loc[name].items():
+                if (value := table.loc[name, key]) != before:
+                    raise UserError(
+                        f"{path}: {name} has {key}={float(value):g}, and elsewhere "
+                        f"{float(before):g}; {AGAIN}"
+                    )
 
 
 def _require_own(run: ScoredRun, path: Path, counts: Counts) -> None:
