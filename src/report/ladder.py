@@ -9,18 +9,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ..errors import UserError
-from ..results.runs import value_at
 from ..run_folder import ANCHORS
-
-# Where a run's configuration says which of the factors it has: each key, and the one that it had
-# in published runs.
-FACTORS = {
-    "projection": ("model.encoder.projection",),
-    "class_weights": ("loss.terms.cross_entropy.class_weights", "loss.class_weights"),
-    "lovasz": ("loss.terms.lovasz.weight", "loss.lovasz_weight"),
-}
-# Keys in which rungs may differ; a rung without the Lovász loss has nothing under its name.
-FACTOR_KEYS = (*(key for keys in FACTORS.values() for key in keys), "loss.terms.lovasz")
 
 # Names of the predictions that never look at the image, scored beside every run.
 ANCHOR_NAMES = dict(zip(ANCHORS, ("All free", "Voxel prior")))
@@ -28,8 +17,8 @@ ANCHOR_NAMES = dict(zip(ANCHORS, ("All free", "Voxel prior")))
 
 class Rung(NamedTuple):
     """``row`` is its name in the main tables, ``added`` what it adds to the rung before, if that
-    has a name, and ``factors`` which of `FACTORS` it must have; ``None`` where it may be
-    anything."""
+    has a name, and ``factors`` which it must have of projection, class weights and Lovász loss;
+    ``None`` where it may be anything."""
 
     row: str
     added: str
@@ -119,22 +108,3 @@ def _rung(name: str, is_a_step: bool) -> Rung:
     if is_a_step:
         return rung
     return rung._replace(row=name if rung.row.startswith("+ ") else rung.row, added="")
-
-
-def factors_of(config: Mapping) -> tuple[bool, bool, bool]:
-    """Returns which of the ladder's factors a run's configuration has."""
-    values = {
-        factor: next((v for key in keys if (v := value_at(config, key)) is not None), None)
-        for factor, keys in FACTORS.items()
-    }
-    return (
-        values["projection"] == "attitude",
-        values["class_weights"] is not None,
-        bool(values["lovasz"]),
-    )
-
-
-def factor_keys_of(config: Mapping) -> list[str]:
-    """Returns the key of each factor in a run's configuration."""
-    is_published = value_at(config, "loss.terms") is None
-    return [keys[-1] if is_published else keys[0] for keys in FACTORS.values()]

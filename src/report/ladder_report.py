@@ -10,13 +10,13 @@ from ..results.render import Table
 from ..results.runs import ScoredRun, UnfinishedRun
 from ..results.table import Parts, joined
 from .attitude_tables import AttitudeScores, attitude_tables
-from .ladder import Ladder
 from .paper_tables import paper_tables
 from .run_group import RunGroup, long_table
 from .shared_settings import (
     Values,
     code_lines,
     differing,
+    grouped,
     marks_of,
     other_experiments,
     statement,
@@ -41,10 +41,6 @@ class LadderReport:
     warnings: tuple[str, ...]
     missing: tuple[str, ...]
     others: tuple[str, ...]
-
-    @property
-    def ladder(self) -> Ladder:
-        return self.groups[0].ladder
 
     @property
     def runs(self) -> list[ScoredRun]:
@@ -118,14 +114,11 @@ def _missing(
             run = begun.pop(key, None)
             lines.append(str(run) if run else f"{key[0]} seed {key[1]}: no run")
     lines += [str(run) for key, run in begun.items() if key not in finished]
-    if not any(name in ladder for name, _ in compared):
-        return ["no finished run of the ladder is here, so no table of its rungs", *lines]
 
-    seeds = {
-        tuple(seed for name, seed in sorted(compared) if name == rung)
-        for rung in {name for name, _ in compared if name in ladder}
-    }
-    if len(seeds) > 1:
+    seeds = grouped(key for key in sorted(compared) if key[0] in ladder)
+    if not seeds:
+        return ["no finished run of the ladder is here, so no table of its rungs", *lines]
+    if len(set(map(tuple, seeds.values()))) > 1:
         lines.append(
             "rungs have different seeds: a difference is over those that both have, and so not the "
             "difference of the means beside it"

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ..ontology import CLASSES, NUM_CLASSES
 from ..results.files import SHORT_NAMES
-from ..results.render import Cell, Table, table_of
+from ..results.render import Row, Table
 from ..results.table import pivoted
 from .captions import counted, resampling
 from .ladder import PAPER
@@ -24,22 +24,25 @@ CLASS_NAMES = {
 }
 PERCENT = "All numbers are percentages."
 
-# A row of a table: its name, and its cells.
-Row = tuple[str, Sequence[Cell | str | None]]
-
 
 class Column(NamedTuple):
-    """A score, or its change from a reference; ``best`` is the end of it that is marked."""
+    """A score, or its change from a ``reference``; ``best`` is the end of it that is marked."""
 
     score: str
     name: str
     best: str = "high"
     short: str = ""
-    is_change: bool = False
+    reference: str = ""
 
 
 # The two scores that the paper ranks by; the second is its own.
 MEANS = [Column("miou", "mIoU"), Column("kar_miou", "KAR-mIoU", short="KAR")]
+# Columns of check marks: no score stands in them.
+FACTORS = [
+    Column("", "Att. Proj.", best="", short="att."),
+    Column("", "Class Weight", best="", short="wts."),
+    Column("", "Lovász", best="", short="lov."),
+]
 
 
 def paper_tables(
@@ -57,7 +60,7 @@ def paper_tables(
         tables += [long_tail_table(part, frames), incremental_table(part)]
         tables.append(progression_table(part, frames))
 
-    return [table for table in (*tables, beyond_table(parts)) if table.frame.size]
+    return [table for table in (*tables, beyond_table(parts)) if table.rows and table.columns]
 
 
 def main_table(parts: Sequence[Part]) -> Table:
@@ -72,16 +75,13 @@ def main_table(parts: Sequence[Part]) -> Table:
 
 def ablation_table(part: Part, marks: Mapping[str, Sequence[str]]) -> Table:
     """The paper's Table 3: which of the three factors every rung has, and what it gains."""
-    factors = {"Att. Proj.": "att.", "Class Weight": "wts.", "Lovász": "lov."}
     changes = {"miou": "mIoU", "kar_miou": "KAR", "iou/thin_structure": "Thin", "iou/vru": "VRU"}
-    columns = [*MEANS, *(_change(*change) for change in changes.items())]
+    columns = [*MEANS, *_changes(changes, part.ladder.first)]
 
-    rows = [
-        (part.ladder.row_name(name), [*marks[name], *cells])
-        for name, cells in _cells(part, part.rungs, columns, part.ladder.first)
-    ]
+    rows = _cells(part, [(name, {"experiment": name}) for name in part.rungs], columns)
+    rows = [(part.ladder.row_name(name), [*marks[name], *cells]) for name, cells in rows]
     text = f"Gains are measured relative to {part.ladder.reference}. {PERCENT}"
-    return _of_rungs(part, "ablation", "Ablation study", text, columns, rows, factors=factors)
+    return _of_rungs(part, "ablation", "Ablation study", text, [*FACTORS, *columns], rows)
 
 
 def long_tail_table(part: Part, frames: Collection[int]) -> Table:
@@ -89,18 +89,14 @@ def long_tail_table(part: Part, frames: Collection[int]) -> Table:
     gain."""
     columns = [Column(f"iou/{name}", CLASS_NAMES[name]) for name in LONG_TAIL]
     columns.append(Column("long_tail", "Mean"))
-    rows: list[Row] = [
-        (_added(part, name, frames), cells) for name, cells in _cells(part, part.rungs, columns)
-    ]
+    rows = [(_added(part, name, frames), {"experiment": name}) for name in part.rungs]
 
     # The last row says what the highest rung gains over the lowest, where both are there.
     text, lines, first, last = "", (), part.ladder.first, part.ladder.last
     if {first, last} <= set(part.rungs) and first != last:
         lines = (len(rows),)
-        changes = [column._replace(is_change=True) for column in columns]
-        ((_, gain),) = _cells(part, [last], changes, first)
         full = "full model" if last == PAPER.last else part.ladder.row_name(last)
-        rows.append((f"Gain of {full}", gain))
+        rows.append((f"Gain of {full}", {"experiment": last, "reference": first}))
         text = f"Gains are relative to {part.ladder.reference}. "
 
     labelled = part.resamples.labelled_clips
@@ -109,49 +105,50 @@ def long_tail_table(part: Part, frames: Collection[int]) -> Table:
         f"All numbers are standard IoU percentages. Of the {counted(part.resamples.clips, 'clip')},"
         f" so many have a labelled voxel of the class: {clips}."
     )
-    title = "Long-tail safety structures"
-    return _of_rungs(part, "long_tail", title, text, columns, rows, lines=lines)
+    cells = _cells(part, rows, columns)
+    return _of_rungs(
+        part, "long_tail", "Long-tail safety structures", text, columns, cells, lines=lines
+    )
 
 
 def incremental_table(part: Part) -> Table:
     """The paper's table of changes, each from the rung just below."""
     changes = {"miou": "mIoU", "kar_miou": "KAR"}
     changes |= {f"iou/{name}": CLASS_NAMES[name] for name in LONG_TAIL}
-    columns = [_change(*change, best="") for change in changes.items()]
+    columns = _changes(changes, best="")
 
     # A step whose lower rung is missing has no number: that from another rung would be wrong.
     rows = [
-        (part.ladder.rungs[name].added or part.ladder.row_name(name), cells)
+        (
+            part.ladder.rungs[name].added or part.ladder.row_name(name),
+            {"experiment": name, "reference": before},
+        )
         for before, name in pairwise(part.ladder.names)
         if name in part.rungs
-        for _, cells in _cells(part, [name], columns, before)
     ]
     text = (
         "Values are percentage-point changes from the immediately previous configuration; empty "
         "where that is missing."
     )
-    title = "Incremental component effects"
-    return _of_rungs(part, "incremental", title, text, columns, rows, head="Added component")
+    title, cells = "Incremental component effects", _cells(part, rows, columns)
+    return _of_rungs(part, "incremental", title, text, columns, cells, head="Added component")
 
 
 def progression_table(part: Part, frames: Collection[int]) -> Table:
     """The paper's multi-frame progression, with the gap between its two means."""
-    changes = {"miou": "mIoU", "kar_miou": "KAR"}
-    columns = [*MEANS, *(_change(*change) for change in changes.items())]
+    changes = _changes({"miou": "mIoU", "kar_miou": "KAR"}, part.ladder.first)
     # No best: the lowest gap is that of a model that finds nothing.
-    columns.append(Column("gap", "Gap", best=""))
+    columns = [*MEANS, *changes, Column("gap", "Gap", best="")]
 
-    rows = [
-        (_added(part, name, frames), cells)
-        for name, cells in _cells(part, part.rungs, columns, part.ladder.first)
-    ]
+    rows = [(_added(part, name, frames), {"experiment": name}) for name in part.rungs]
     either, noun = " or ".join(map(str, sorted(frames))), "frames" if max(frames) > 1 else "frame"
     text = (
         f"Each prediction sees {either} {noun}. Δ values are relative to {part.ladder.reference}. "
         f"{PERCENT} The gap is mIoU less KAR-mIoU: what leaving free space out and weighing by "
         "time to collision take together."
     )
-    return _of_rungs(part, "progression", f"{_kind(frames)} progression", text, columns, rows)
+    title, cells = f"{_kind(frames)} progression", _cells(part, rows, columns)
+    return _of_rungs(part, "progression", title, text, columns, cells)
 
 
 def beyond_table(parts: Sequence[Part]) -> Table:
@@ -189,15 +186,14 @@ def _of_all(
         for names in (part.rungs, part.others, part.anchors):
             if names and rows:
                 lines.append(len(rows))
-            for name, cells in _cells(part, names, columns):
-                rows.append((part.ladder.row_name(name) + part.label, cells))
+            keys = [(part.ladder.row_name(n) + part.label, {"experiment": n}) for n in names]
+            rows += _cells(part, keys, columns)
         drawn = resampling(part.resamples, part.rungs + part.others)
         captions.append(f"{part.label} {drawn}".strip())
 
     # Rows of other parts were scored on something else: none of them can be the best.
-    ranked = len(first.rungs + first.others + first.anchors)
-    more = {"lines": tuple(lines), "ranked": ranked}
-    return _table(first, key, title, " ".join(captions), columns, rows, **more)
+    ranked, caption = len(first.rungs + first.others + first.anchors), " ".join(captions)
+    return _table(first, key, title, caption, columns, rows, lines=tuple(lines), ranked=ranked)
 
 
 def _of_rungs(
@@ -209,9 +205,10 @@ def _of_rungs(
     rows: Sequence[Row],
     **more,
 ) -> Table:
+    """Returns a table of the ladder alone; its caption ends with how the intervals were drawn."""
     drawn = resampling(part.resamples, part.rungs, differences=True)
-    more = {"head": "Configuration"} | more
-    return _table(part, key, title, f"{text}{_absent(part)} {drawn}", columns, rows, **more)
+    caption = f"{text}{_absent(part)} {drawn}"
+    return _table(part, key, title, caption, columns, rows, **{"head": "Configuration", **more})
 
 
 def _table(
@@ -221,39 +218,36 @@ def _table(
     caption: str,
     columns: Sequence[Column],
     rows: Sequence[Row],
-    head: str = "Method",
     **more,
 ) -> Table:
-    """Returns the table; ``factors`` among ``more`` are columns of texts before the others."""
-    factors = more.pop("factors", {})
+    """Returns a table whose key and title name its part of the split."""
     suffix = "" if part.name == "test" else f"_{part.name}"
-    names = [*factors, *(column.name for column in columns)]
-
     return Table(
         f"{key}{suffix}",
         f"{title}, {part.name} of {part.dataset}{part.label}",
         caption,
-        table_of(rows, names, head),
-        {column.name: column.best for column in columns if column.best},
-        factors | {column.name: column.short for column in columns if column.short},
+        [column.name for column in columns],
+        rows,
+        best={column.name: column.best for column in columns if column.best},
+        short={column.name: column.short for column in columns if column.short},
         **more,
     )
 
 
 def _cells(
-    part: Part, names: Sequence[str], columns: Sequence[Column], reference: str = ""
+    part: Part, rows: Sequence[tuple[str, Mapping[str, str]]], columns: Sequence[Column]
 ) -> list[Row]:
-    """Returns the cells of experiments: scores, and changes from a reference."""
+    """Returns the cells of named rows, which say whose scores they show, and from what changes."""
     keys = [
-        {"score": column.score, "reference": reference if column.is_change else ""}
+        {"part": part.name, "score": column.score, "reference": column.reference}
         for column in columns
     ]
-    rows = [{"experiment": name, "part": part.name} for name in names]
-    return list(zip(names, pivoted(part.scores, rows, keys)))
+    return pivoted(part.scores, rows, keys)
 
 
-def _change(score: str, name: str, best: str = "high") -> Column:
-    return Column(score, f"Δ {name}", best, is_change=True)
+def _changes(names: Mapping[str, str], reference: str = "", best: str = "high") -> list[Column]:
+    """Returns a column for the change of each score; from what, the rows say where it does not."""
+    return [Column(score, f"Δ {name}", best, reference=reference) for score, name in names.items()]
 
 
 def _absent(part: Part) -> str:

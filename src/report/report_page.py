@@ -5,7 +5,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from ..results.render import Table, table_html, table_of
+from ..results.render import Table, table_html
 from ..results.runs import ScoredRun
 from ..run_folder import METRICS
 from .curve_plot import CurvePlot
@@ -60,7 +60,9 @@ def _settings_table(differing: Values) -> Table:
         "settings",
         "What the rungs do not share",
         "Every key of their configurations in which two of them differ.",
-        table_of([(name, values) for name, *values in rows], head[1:], head[0]),
+        head[1:],
+        [(name, values) for name, *values in rows],
+        head[0],
     )
 
 

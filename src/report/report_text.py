@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from ..results.render import markdown, markdown_of
 from ..results.runs import UNKNOWN_CODE, ScoredRun
 from .ladder_report import LadderReport
-from .shared_settings import Values, shortened
+from .shared_settings import Values, grouped, listed, shortened
 
 # Stands before the tables, in the page and in the text.
 NUMBERS = (
@@ -35,12 +35,12 @@ def report_text(report: LadderReport, heading: str, figures: Mapping[str, str]) 
     blocks = [
         f"# {heading}",
         "\n".join(facts),
-        *(["## Not a clean comparison", _listed(report.warnings)] if report.warnings else []),
-        *(["## Missing", _listed(report.missing)] if report.missing else []),
+        *(["## Not a clean comparison", _bullets(report.warnings)] if report.warnings else []),
+        *(["## Missing", _bullets(report.missing)] if report.missing else []),
         "## Settings",
         markdown(report.settings),
         *([_differing(report.differing)] if report.differing else []),
-        *([_listed(report.others)] if report.others else []),
+        *([_bullets(report.others)] if report.others else []),
         "## Tables",
         NUMBERS,
         *(markdown_of(table).rstrip() for table in report.tables),
@@ -55,14 +55,8 @@ def facts_of(report: LadderReport) -> dict[str, str]:
     """Returns the runs, data and code that the numbers rest on, by what each of them is."""
     runs = report.runs
     seeds = _by_experiment(report, lambda run: str(run.seed))
-    sizes: dict[str, list[str]] = {}
-    for name, size in _by_experiment(report, lambda run: f"{run.row['parameters']:,}").items():
-        sizes.setdefault(size, []).append(name)
-
-    # One size needs no names: it is that of every experiment.
-    parameters = list(sizes)
-    if len(sizes) > 1:
-        parameters = [f"{size} ({', '.join(names)})" for size, names in sizes.items()]
+    numbers = _by_experiment(report, lambda run: f"{run.row['parameters']:,}")
+    sizes = grouped((size, name) for name, size in numbers.items())
     facts = {
         "Runs": [f"{name}, seed {of_one}" for name, of_one in seeds.items()],
         "Dataset": [run.counts.protocol.dataset for run in runs],
@@ -70,7 +64,8 @@ def facts_of(report: LadderReport) -> dict[str, str]:
         "Code (`src/`)": [run.code_digest or UNKNOWN_CODE for run in runs],
         "Commit": [run.row["git_commit"] or "none" for run in runs],
         "Precision": [run.row["precision"] for run in runs],
-        "Parameters": parameters,
+        # One size needs no names: it is that of every experiment.
+        "Parameters": [listed(sizes)] if len(sizes) > 1 else list(sizes),
     }
     return {name: "; ".join(dict.fromkeys(values)) for name, values in facts.items()}
 
@@ -87,10 +82,9 @@ def settings_rows(values: Values) -> list[list[str]]:
 
 def _by_experiment(report: LadderReport, fact) -> dict[str, str]:
     """Returns a fact of each experiment: its values in all runs, each once."""
-    facts: dict[str, dict[str, None]] = {}
-    for group in report.groups:
-        for run in group.runs:
-            facts.setdefault(run.experiment + group.label, {})[fact(run)] = None
+    facts = grouped(
+        (run.experiment + group.label, fact(run)) for group in report.groups for run in group.runs
+    )
     return {name: ", ".join(values) for name, values in facts.items()}
 
 
@@ -99,7 +93,7 @@ def _grid(run: ScoredRun) -> str:
     return f"{' x '.join(map(str, grid.shape))} voxels of {grid.voxel_m:g} m"
 
 
-def _listed(lines: Sequence[str]) -> str:
+def _bullets(lines: Sequence[str]) -> str:
     return "\n".join(f"- {markdown(line)}" for line in lines)
 
 

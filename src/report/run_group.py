@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import pandas as pd
 import torch
@@ -14,7 +15,7 @@ from ..provenance import different_file
 from ..results.counts import Counts
 from ..results.files import SCORES
 from ..results.runs import ScoredRun
-from ..results.table import Parts, Presented, Resamples, joined
+from ..results.table import Parts, Resamples, joined
 from ..run_folder import ANCHORS
 from .ladder import PAPER, Ladder
 
@@ -50,11 +51,17 @@ class Part:
     ``label`` tells its rows from those of another protocol, where a mixed report has several.
     """
 
-    name: str
-    dataset: str
     resamples: Resamples
     label: str = ""
     ladder: Ladder = PAPER
+
+    @property
+    def name(self) -> str:
+        return self.resamples.part
+
+    @property
+    def dataset(self) -> str:
+        return self.resamples.first.protocol.dataset
 
     @cached_property
     def scores(self) -> pd.DataFrame:
@@ -63,9 +70,9 @@ class Part:
         Differences of a rung from itself are there too, as zeros in the tables.
         """
         names = self.ladder.names
-        before = dict(zip(names[1:], names))
         references = {
-            name: list(dict.fromkeys([names[0], before.get(name, names[0])])) for name in self.rungs
+            name: list(dict.fromkeys([names[0], before]))
+            for before, name in pairwise([names[0], *names])
         }
         table = self.resamples.table(references)
         return table[table["score"].isin([*SCORES, *BEYOND, *DERIVED, *self.own_scores])]
@@ -131,17 +138,11 @@ class RunGroup:
         run whose counts give other scores than its ``results.csv``.
         """
         first, counts = self.runs[0], self.counts()
-        parts = [
-            Part(
-                name,
-                first.counts.protocol.dataset,
-                Resamples(counts, Presented(name, chosen=chosen), APART, DERIVED),
-                self.label,
-                self.ladder,
-            )
-            for name, chosen in parts_of(first.config["data"]["test_clips"]).items()
-            if first.counts.rows(chosen)
-        ]
+        parts = []
+        for name, chosen in parts_of(first.config["data"]["test_clips"]).items():
+            if first.counts.rows(chosen):
+                kept = {"chosen": chosen, "without": APART, "derived": DERIVED}
+                parts.append(Part(Resamples(counts, name, **kept), self.label, self.ladder))
 
         for run in self.runs:
             written = float(run.row["miou"])

@@ -2,34 +2,47 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations
+from itertools import chain, combinations
+from typing import TypeVar
 
 from ..results.runs import UNKNOWN_CODE, ScoredRun, value_at
 from ..run_folder import differences, shaping
-from .ladder import FACTOR_KEYS, PAPER, Ladder, factor_keys_of, factors_of
+from .ladder import PAPER, Ladder
 
 SEED = "seed"
 LIMIT = "each of {} of the frames"
-# Words for the settings that all runs share and have, and their keys.
-SHARED = {
-    "{} epochs": "trainer.max_epochs",
-    LIMIT: "trainer.limit_train_batches",
-    "AdamW at {}": "optimizer.lr",
-    "weight decay {}": "optimizer.weight_decay",
-    "warm-up over {} of the steps and a cosine to zero": "optimizer.warmup",
-    "batches of {}": "data.batch_size",
-    "devices: {}": "trainer.devices",
-    "accumulated batches: {}": "trainer.accumulate_grad_batches",
-    "{} data order": "data.order",
-    "mirror {}": "data.mirror",
-    "{} frames a prediction": "data.frames",
+# Keys of a run's configuration that a report names.
+KEYS = {
+    # The ladder's three factors, and where published runs have them.
+    "factors": {
+        "model.encoder.projection": "model.encoder.projection",
+        "loss.terms.cross_entropy.class_weights": "loss.class_weights",
+        "loss.terms.lovasz.weight": "loss.lovasz_weight",
+    },
+    # The words in which a shared setting is told, and its key.
+    "shared": {
+        "{} epochs": "trainer.max_epochs",
+        LIMIT: "trainer.limit_train_batches",
+        "AdamW at {}": "optimizer.lr",
+        "weight decay {}": "optimizer.weight_decay",
+        "warm-up over {} of the steps and a cosine to zero": "optimizer.warmup",
+        "batches of {}": "data.batch_size",
+        "devices: {}": "trainer.devices",
+        "accumulated batches: {}": "trainer.accumulate_grad_batches",
+        "{} data order": "data.order",
+        "mirror {}": "data.mirror",
+        "{} frames a prediction": "data.frames",
+    },
 }
+# Keys in which rungs may differ; a rung without the Lovász loss has nothing under its name.
+FACTOR_KEYS = tuple(dict.fromkeys(chain(*KEYS["factors"].items(), ["loss.terms.lovasz"])))
 # Beginnings of the keys that decide which frames a run sees, in which order and how often.
 ORDERING = ("data.", "sim.", "trainer.")
 # Letters of a value in a table or a sentence; values are compared as a whole.
 LONGEST = 60
 
 Values = dict[str, dict[str, list[str]]]
+Value = TypeVar("Value")
 
 
 def differing(runs: Sequence[ScoredRun]) -> Values:
@@ -43,12 +56,8 @@ def differing(runs: Sequence[ScoredRun]) -> Values:
 
     table: Values = {}
     for key in sorted(keys, key=lambda key: (order.get(key, len(order)), key == SEED, key)):
-        by_experiment = table.setdefault(key, {})
-        for run, config in zip(runs, configs):
-            text = _text(value_at(config, key))
-            values = by_experiment.setdefault(run.experiment, [])
-            if text not in values:
-                values.append(text)
+        values = (_text(value_at(config, key)) for config in configs)
+        table[key] = grouped(zip((run.experiment for run in runs), values))
     return table
 
 
@@ -59,7 +68,7 @@ def statement(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> str:
     keys = list(differing(runs))
     shared = [
         _in_words(text, value_at(runs[0].config, key))
-        for text, key in SHARED.items()
+        for text, key in KEYS["shared"].items()
         if key not in keys and value_at(runs[0].config, key) is not None
     ]
     precisions = {run.row["precision"] for run in runs}
@@ -99,12 +108,12 @@ def surprises(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[str]:
     for run in runs:
         has, required = factors_of(run.config), ladder.rungs[run.experiment].factors
         if required and has != required:
-            keys = zip(factor_keys_of(run.config), has, required)
+            keys = zip(_factor_keys(run.config), has, required)
             wrong = ", ".join(key for key, one, other in keys if one != other)
             lines.append(f"{run}: {wrong} is not what the rung's name says")
-    precisions = _grouped((run.row["precision"], run) for run in runs)
+    precisions = grouped((run.row["precision"], str(run)) for run in runs)
     if len(precisions) > 1:
-        lines.append(f"they were computed in different precision: {_lists(precisions)}")
+        lines.append(f"they were computed in different precision: {listed(precisions)}")
     return lines
 
 
@@ -133,11 +142,11 @@ def other_experiments(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list
 
 def code_lines(runs: Sequence[ScoredRun]) -> list[str]:
     """Says which code trained the runs, where it is not one and known."""
-    codes = _grouped((run.code, run) for run in runs)
+    codes = grouped((run.code, str(run)) for run in runs)
     if len(codes) > 1:
-        return [f"the runs were trained by different code: {_lists(codes)}"]
+        return [f"the runs were trained by different code: {listed(codes)}"]
     if UNKNOWN_CODE in codes:
-        commits = _grouped((run.row["git_commit"] or "no commit", run) for run in runs)
+        commits = grouped((run.row["git_commit"] or "no commit", str(run)) for run in runs)
         return [
             "unknown code: the run folders do not record what src was when they were trained; "
             f"they name the commits {', '.join(commits)}"
@@ -145,11 +154,21 @@ def code_lines(runs: Sequence[ScoredRun]) -> list[str]:
     return []
 
 
+def factors_of(config: Mapping) -> tuple[bool, bool, bool]:
+    """Returns which of the ladder's factors a run's configuration has."""
+    projection, weights, lovasz = (value_at(config, key) for key in _factor_keys(config))
+    return projection == "attitude", weights is not None, bool(lovasz)
+
+
+def _factor_keys(config: Mapping) -> Iterable[str]:
+    """Returns the key of each factor in a run's configuration."""
+    is_published = value_at(config, "loss.terms") is None
+    return KEYS["factors"].values() if is_published else KEYS["factors"]
+
+
 def marks_of(runs: Sequence[ScoredRun]) -> dict[str, list[str]]:
     """Returns check marks of the three factors of every rung, from its runs' configurations."""
-    by_experiment: dict[str, set] = {}
-    for run in runs:
-        by_experiment.setdefault(run.experiment, set()).add(factors_of(run.config))
+    by_experiment = grouped((run.experiment, factors_of(run.config)) for run in runs)
     return {
         name: ["/".join("✗✓"[has] for has in sorted(set(kinds))) for kinds in zip(*factors)]
         for name, factors in by_experiment.items()
@@ -162,15 +181,17 @@ def shortened(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[:half]}…{text[1 - half :]}"
 
 
-def _grouped(pairs: Iterable[tuple[str, ScoredRun]]) -> dict[str, list[str]]:
-    grouped: dict[str, list[str]] = {}
-    for key, run in pairs:
-        grouped.setdefault(key, []).append(str(run))
-    return grouped
+def grouped(pairs: Iterable[tuple[str, Value]]) -> dict[str, list[Value]]:
+    """Returns the values of each key, in their order and each once."""
+    values: dict[str, dict[Value, None]] = {}
+    for key, value in pairs:
+        values.setdefault(key, {})[value] = None
+    return {key: list(of_key) for key, of_key in values.items()}
 
 
-def _lists(grouped: Mapping[str, Sequence[str]]) -> str:
-    return "; ".join(f"{key} ({', '.join(runs)})" for key, runs in grouped.items())
+def listed(values: Mapping[str, Sequence[str]]) -> str:
+    """Returns every key, and in brackets its values."""
+    return "; ".join(f"{key} ({', '.join(of_key)})" for key, of_key in values.items())
 
 
 def _text(value: object) -> str:
@@ -183,7 +204,7 @@ def _text(value: object) -> str:
 
 
 def _in_words(text: str, value: object) -> str:
-    """Fills a line of `SHARED`. A limit is a share of the frames, or a number of batches."""
+    """Fills in the words of a setting. A limit is a share of the frames, or a number of batches."""
     if text == LIMIT and isinstance(value, int):
         return f"each of {value} batches"
     return text.format(shortened(_text(value)))

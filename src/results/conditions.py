@@ -1,9 +1,9 @@
 """Conditions under which task=attitude presents the test split, and what it has counted there."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import pandas as pd
@@ -72,8 +72,9 @@ class Condition:
     @property
     def name(self) -> str:
         """The name for files: true, tilt_5_10deg, noise_3deg, level or level_tilt_5_10deg."""
-        names = [self.presented] if self.presented != TRUE or not self.is_bin else []
-        return "_".join(names + [self.part] * self.is_bin)
+        if not self.is_bin:
+            return self.presented
+        return self.part if self.presented == TRUE else f"{self.presented}_{self.part}"
 
     def holds(self, batch: Batch) -> Bool[Tensor, "b"]:
         """Says which frames of a batch, with its true attitude, belong here."""
@@ -120,89 +121,74 @@ def condition_table(conditions: Sequence[Condition], noise_seed: int) -> pd.Data
 
 
 def read_conditions(runs: Sequence[ScoredRun]) -> Conditions:
-    """Reads what task=attitude has counted of the runs that it has scored, in its order.
+    """Reads what task=attitude has counted of the runs that it has scored.
 
-    Raises `UserError` for counts that cannot be read, or that are not of the same frames under the
-    same conditions.
+    The true attitude comes first, then its bins of tilt, noise, delay, and level flight; each of
+    them ascends. Raises `UserError` for counts that cannot be read, or that are not of the same
+    frames under the same conditions.
     """
-    tables = {
-        run.path / ATTITUDE / TABLE: (run, _table(run.path / ATTITUDE / TABLE))
-        for run in runs
-        if (run.path / ATTITUDE / TABLE).is_file()
-    }
-    facts = _require_alike(tables)
-    for run, _ in tables.values():
-        _require_own(run)
+    tables = [(run, _facts(run)) for run in runs if (run.path / ATTITUDE / TABLE).is_file()]
+    _require_alike(tables)
 
     conditions: Conditions = {}
-    for name, row in facts.items():
-        read: dict[Path, Counts] = {}
-        by_experiment: dict[str, dict[int, Counts]] = {}
-        for run, table in tables.values():
-            if name in table:
-                path = run.path / ATTITUDE / TALLIES / f"{name}.npz"
-                if not path.is_file():
-                    raise UserError(f"{path}: is not there; run task=attitude again")
-                read[path] = Counts.read(path)
-                by_experiment.setdefault(run.experiment, {})[run.seed] = read[path]
-        _require_same_frames(read)
-        conditions[Condition(**{each.name: row[each.name] for each in fields(Condition)})] = (
-            by_experiment
-        )
-    return conditions
+    firsts: dict[Condition, tuple[Path, Counts]] = {}
+    for run, table in tables:
+        for name, facts in table.drop(columns="noise_seed").to_dict("index").items():
+            condition, path = Condition(**facts), run.path / ATTITUDE / TALLIES / f"{name}.npz"
+            if not path.is_file():
+                raise UserError(f"{path}: is not there; run task=attitude again")
+            counts = Counts.read(path)
+            if condition == Condition():
+                _require_own(run, path, counts)
+            _require_same_frames(*firsts.setdefault(condition, (path, counts)), path, counts)
+            by_experiment = conditions.setdefault(condition, {})
+            by_experiment.setdefault(run.experiment, {})[run.seed] = counts
+    return {each: conditions[each] for each in sorted(conditions, key=_order)}
 
 
-def _table(path: Path) -> dict[str, dict]:
-    """Reads the facts of each condition of an ``attitude.csv``, by its name."""
-    facts = [*(each.name for each in fields(Condition)), "noise_seed"]
+def _order(condition: Condition) -> tuple:
+    is_level, bounds = condition.level, (condition.tilt_low_deg, -condition.tilt_high_deg)
+    return is_level, condition.delay_s, condition.noise_deg, *bounds
+
+
+def _facts(run: ScoredRun) -> pd.DataFrame:
+    """Reads the facts of a run's conditions, a row by the name of each."""
+    path = run.path / ATTITUDE / TABLE
     try:
         table = pd.read_csv(path, dtype={"condition": str})
-        rows = table.drop_duplicates("condition").set_index("condition")[facts]
-        return {str(name): row for name, row in zip(rows.index, rows.to_dict("records"))}
+        facts = [*(each.name for each in fields(Condition)), "noise_seed"]
+        return table.drop_duplicates("condition").set_index("condition")[facts]
     except (OSError, ValueError, KeyError) as error:
         reason = " ".join(str(error).split())
         raise UserError(f"{path}: cannot be read ({reason}); run task=attitude again") from None
 
 
-def _require_alike(tables: Mapping[Path, tuple[ScoredRun, dict]]) -> dict[str, dict]:
-    """Returns the facts of all conditions, by name.
-
-    Raises `UserError` where runs have other bins of tilt, seeds of one experiment other conditions,
-    or conditions of one name other facts: columns of a table would not be of one kind.
+def _require_alike(tables: Sequence[tuple[ScoredRun, pd.DataFrame]]) -> None:
+    """Raises `UserError` where runs have other bins of tilt, seeds of one experiment other
+    conditions, or conditions of one name other facts: columns of a table would not be of one kind.
     """
-    facts: dict[str, dict] = {}
-    firsts: dict[str, tuple[Path, dict]] = {}
+    for (first, of_first), (run, table) in combinations(tables, 2):
+        path, other = run.path / ATTITUDE / TABLE, first.path / ATTITUDE / TABLE
+        lacking = table.index.symmetric_difference(of_first.index)
+        if lacking.str.startswith("tilt").any():
+            raise UserError(f"{path}: has other bins of tilt than {other}; {AGAIN}")
+        if len(lacking) and run.experiment == first.experiment:
+            raise UserError(f"{path}: has other conditions than {other} ({min(lacking)}); {AGAIN}")
 
-    for path, (run, table) in tables.items():
-        first, of_first = next((first, each) for first, (_, each) in tables.items())
-        if _bins(table) != _bins(of_first):
-            raise UserError(f"{path}: has other bins of tilt than {first}; {AGAIN}")
-        first, of_first = firsts.setdefault(run.experiment, (path, table))
-        if other := table.keys() ^ of_first.keys():
-            raise UserError(f"{path}: has other conditions than {first} ({min(other)}); {AGAIN}")
-        for name, row in table.items():
-            for key, value in facts.setdefault(name, row).items():
-                if row[key] != value:
+        for name in table.index.intersection(of_first.index):
+            for key, before in of_first.loc[name].items():
+                if (value := table.loc[name, key]) != before:
                     raise UserError(
-                        f"{path}: {name} has {key}={row[key]:g}, and elsewhere {value:g}; {AGAIN}"
+                        f"{path}: {name} has {key}={float(value):g}, and elsewhere "
+                        f"{float(before):g}; {AGAIN}"
                     )
-    return facts
 
 
-def _bins(table: Mapping[str, dict]) -> set[str]:
-    return {name for name in table if name.startswith("tilt")}
-
-
-def _require_own(run: ScoredRun) -> None:
+def _require_own(run: ScoredRun, path: Path, counts: Counts) -> None:
     """Raises `UserError` where the true attitude was counted unlike the run itself."""
-    path = run.path / ATTITUDE / TALLIES / f"{TRUE}.npz"
-    if not path.is_file():
-        return
-
-    counts = Counts.read(path)
     # Its part has another name, but all frames are those that the run was scored on.
     protocol = replace(counts.protocol, part=run.counts.protocol.part)
-    _require_same_frames({path: replace(counts, protocol=protocol), run.path: run.counts})
+    _require_same_frames(path, replace(counts, protocol=protocol), run.path, run.counts)
 
     table, own = (each.tables["occupancy"]["count"] for each in (counts, run.counts))
     moved = float((table - own).abs().sum() / 2 / own.sum())
@@ -213,9 +199,8 @@ def _require_own(run: ScoredRun) -> None:
         )
 
 
-def _require_same_frames(counts: Mapping[Path, Counts]) -> None:
-    require_same_protocol({str(path): each.protocol for path, each in counts.items()})
-    (first, reference), *others = counts.items()
-    for path, each in others:
-        if other := each.scored_on_other(reference):
-            raise UserError(f"{path}: was scored on {other} than {first}; {AGAIN}")
+def _require_same_frames(first: Path, of_first: Counts, path: Path, counts: Counts) -> None:
+    protocols = {first: of_first.protocol, path: counts.protocol}
+    require_same_protocol({str(each): protocol for each, protocol in protocols.items()})
+    if other := counts.scored_on_other(of_first):
+        raise UserError(f"{path}: was scored on {other} than {first}; {AGAIN}")

@@ -2,7 +2,6 @@
 
 import io
 import json
-import math
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from ..ontology import CLASSES
 from ..run_folder import SCORES as LONG
 from ..run_folder import TALLIES
 from .counts import Counts
-from .render import Cell, Table, print_table, table_of
+from .render import Cell, Table, print_table
 from .table import Parts, run_table
 
 MEANS = ("miou", "miou_occupied", "kar_miou")
@@ -80,7 +79,7 @@ def write_table(table: pd.DataFrame, path: Path) -> None:
 
 
 def write_results(path: str | Path, rows: Sequence[Mapping[str, object]]) -> None:
-    """Writes rows that hold exactly `COLUMNS`; ``protocol`` may be a dict.
+    """Writes rows that hold exactly `COLUMNS`.
 
     The file is replaced as a whole or not at all, and reads back to the same floats. Raises
     `UserError` where it cannot be written.
@@ -89,14 +88,7 @@ def write_results(path: str | Path, rows: Sequence[Mapping[str, object]]) -> Non
         if set(row) != set(COLUMNS):
             raise ValueError(f"a row of results differs in {sorted(set(row) ^ set(COLUMNS))}")
 
-    table = pd.DataFrame([{**row, "protocol": _compact(row["protocol"])} for row in rows])
-    write_table(table.reindex(columns=list(COLUMNS)), Path(path))
-
-
-def _compact(protocol: object) -> str:
-    if isinstance(protocol, str):
-        return protocol
-    return json.dumps(protocol, sort_keys=True, separators=(",", ":"))
+    write_table(pd.DataFrame(rows, columns=list(COLUMNS)), Path(path))
 
 
 def read_results(path: str | Path) -> pd.DataFrame:
@@ -125,17 +117,11 @@ def read_results(path: str | Path) -> pd.DataFrame:
     for name in TEXTS:
         if table[name].isna().any():
             raise _corrupt(path, f"a row has no {name}")
-    if not table["protocol"].map(_is_json).all():
-        raise _corrupt(path, "a protocol is not JSON")
-    return table[list(COLUMNS)]
-
-
-def _is_json(text: str) -> bool:
     try:
-        json.loads(text)
-    except ValueError:
-        return False
-    return True
+        table["protocol"].map(json.loads)
+    except ValueError as error:
+        raise _corrupt(path, "a protocol is not JSON") from error
+    return table[list(COLUMNS)]
 
 
 def _corrupt(path: str | Path, reason: str) -> UserError:
@@ -150,31 +136,23 @@ def print_results(rows: pd.DataFrame, console: Console | None = None) -> None:
     """
     columns = {f"iou/{name}": short for name, short in SHORT_NAMES.items()} | SHORT_MEANS
     for split, of_split in rows.groupby("split", sort=False):
-        lines = [
-            (name, [_percent(row[score]) for score in columns]) for name, row in _named(of_split)
-        ]
-        lines += [
-            (f"{name}: KAR-IoU", [_percent(row[f"kar_{score}"]) for score in list(columns)[:-3]])
-            for name, row in _named(of_split)
-        ]
+        named = [(f"{row['experiment']} {row['seed']}", row) for _, row in of_split.iterrows()]
+        lines = [(name, [Cell(100 * row[score]) for score in columns]) for name, row in named]
+        for name, row in named:
+            of_classes = [Cell(100 * row[f"kar_iou/{each}"]) for each in CLASSES]
+            lines.append((f"{name}: KAR-IoU", [*of_classes, *(None for _ in MEANS)]))
 
         print_table(
             Table(
                 str(split),
                 f"Scores (%), {split}: IoU of every class, mIoU, mIoU occupied and KAR-mIoU",
                 "",
-                table_of(lines, list(columns.values()), "experiment, seed"),
+                list(columns.values()),
+                lines,
+                "experiment, seed",
                 best=dict.fromkeys(columns.values(), "high"),
                 lines=(len(of_split),),
                 ranked=len(of_split),
             ),
             console,
         )
-
-
-def _named(rows: pd.DataFrame) -> list[tuple[str, pd.Series]]:
-    return [(f"{row['experiment']} {row['seed']}", row) for _, row in rows.iterrows()]
-
-
-def _percent(share: float) -> Cell:
-    return Cell(100 * share if not math.isnan(share) else math.nan)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
 from rich import box
 from rich.console import Console
@@ -64,6 +63,10 @@ class Cell(NamedTuple):
         return [_number(end, self.signed, decimals) for end in (self.low, self.high)]
 
 
+# A row of a table: its name, and its entries.
+Row = tuple[str, Sequence[Cell | str | None]]
+
+
 class Shown(NamedTuple):
     """An entry of a table as it is shown: its text, the bounds below it, and whether it is best."""
 
@@ -76,40 +79,29 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Table:
-    """A small DataFrame to be shown, with its title and caption.
+    """A small table to be shown: its title, its caption, and its named columns and rows.
 
-    ``frame`` has a row for each name in its index, whose own name heads them, and in each column a
-    `Cell`, a text, or ``None`` for nothing. ``key`` names the table. ``best`` says of a column
-    whether its "high" or "low" end is the better one, and ``short`` heads it where room is scarce.
-    A line is drawn before the rows ``lines``. Only the first ``ranked`` rows can be the best; those
-    below them were scored on something else.
+    Each row has a name and, for each column, a `Cell`, a text, or ``None`` for nothing. ``head``
+    stands above the names. ``key`` names the table. ``best`` says of a column whether its "high" or
+    "low" end is the better one, and ``short`` heads it where room is scarce. A line is drawn before
+    the rows ``lines``. Only the first ``ranked`` rows can be the best; those below them were scored
+    on something else.
     """
 
     key: str
     title: str
     caption: str
-    frame: pd.DataFrame
+    columns: Sequence[str]
+    rows: Sequence[Row]
+    head: str = "Method"
     best: Mapping[str, str] = field(default_factory=dict)
     short: Mapping[str, str] = field(default_factory=dict)
     lines: tuple[int, ...] = ()
     ranked: int | None = None
 
-    @property
-    def columns(self) -> list[str]:
-        return list(self.frame.columns)
-
-    @property
-    def heads(self) -> list[str]:
-        """What heads the names, and every column."""
-        return [str(self.frame.index.name), *self.columns]
-
-    @property
-    def rows(self) -> list[tuple[str, list]]:
-        """The name of every row, and its entries."""
-        return list(zip(self.frame.index, self.frame.to_numpy(dtype=object).tolist()))
-
     def entries(self, column: str) -> list[Cell | str | None]:
-        return self.frame[column].tolist()
+        place = self.columns.index(column)
+        return [entries[place] for _, entries in self.rows]
 
     def is_text(self, column: str) -> bool:
         return any(isinstance(entry, str) for entry in self.entries(column))
@@ -120,12 +112,10 @@ class Table:
 
     def best_rows(self, column: str) -> set[int]:
         """Returns the rows whose number is to be marked; none where there is no choice."""
-        ranked = len(self.frame) if self.ranked is None else self.ranked
         values = {
             n: cell.value
-            for n, cell in enumerate(self.entries(column))
+            for n, cell in enumerate(self.entries(column)[: self.ranked])
             if isinstance(cell, Cell)
-            and n < ranked
             and not math.isnan(cell.value)
             # A difference below scores is no rival of theirs.
             and cell.signed == self.is_signed(column)
@@ -147,19 +137,6 @@ class Table:
                     text, bounds = entry.text(decimals), entry.bounds(decimals)
                 row.append(Shown(entry, column, text, bounds, n in best[column]))
             yield name, row
-
-
-def table_of(
-    rows: Sequence[tuple[str, Sequence]], columns: Sequence[str], head: str = "Method"
-) -> pd.DataFrame:
-    """Returns the frame of a `Table`: names and entries of its rows, and names of its columns."""
-    # Filled cell by cell, as pandas would take a named tuple for a row of its own.
-    cells = np.full((len(rows), len(columns)), None, dtype=object)
-    for n, (_, entries) in enumerate(rows):
-        for m, entry in enumerate(entries):
-            cells[n, m] = entry
-    index = pd.Index([name for name, _ in rows], name=head, dtype=object)
-    return pd.DataFrame(cells, index=index, columns=list(columns), dtype=object)
 
 
 def _number(value: float, signed: bool, decimals: int) -> str:
@@ -190,7 +167,10 @@ def csv_of(tables: Iterable[Table]) -> str:
 
 def markdown_of(table: Table) -> str:
     """Returns a table with its title and caption; the best of a column is bold."""
-    lines = [list(map(markdown, table.heads)), [":--", *["--:"] * len(table.columns)]]
+    lines = [
+        list(map(markdown, (table.head, *table.columns))),
+        [":--", *["--:"] * len(table.columns)],
+    ]
     for name, row in table.shown():
         cells = [f"**{x.text}**" if x.is_best else markdown(x.text) for x in row]
         bounds = [f" [{', '.join(x.bounds)}]" if x.bounds else "" for x in row]
@@ -229,7 +209,7 @@ def latex_of(table: Table) -> str:
         rf"\label{{tab:{table.key}}}",
         rf"\sbox0{{\begin{{tabular}}{{l{'c' * len(table.columns)}}}",
         r"\toprule",
-        " & ".join(map(latex, table.heads)) + r" \\",
+        " & ".join(map(latex, (table.head, *table.columns))) + r" \\",
         r"\midrule",
         *rows,
         r"\bottomrule",
@@ -291,7 +271,7 @@ def table_html(table: Table) -> str:
 def _html_head(table: Table, column: str | None) -> str:
     """Returns the head of a column, or without one that of the names."""
     is_text = column is None or table.is_text(column)
-    text, kind = escape(column or table.heads[0]), ' class="text"' if is_text else ""
+    text, kind = escape(column or table.head), ' class="text"' if is_text else ""
     if column in table.short:
         short = escape(table.short[column])
         text = f'<span class="long">{text}</span><span class="short">{short}</span>'
@@ -338,7 +318,7 @@ def print_table(table: Table, console: Console | None = None) -> None:
 
 def _drawn(table: Table, stacked: bool) -> RichTable:
     drawn = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), title_justify="left")
-    drawn.add_column(table.heads[0], overflow="fold", max_width=NAME_WIDTH)
+    drawn.add_column(table.head, overflow="fold", max_width=NAME_WIDTH)
     for column in table.columns:
         drawn.add_column(table.short.get(column, column), justify="right", no_wrap=True)
 

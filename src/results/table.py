@@ -1,8 +1,8 @@
 """The one long table of results: a row for each experiment, seed, condition, part and score."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import product
 
 import pandas as pd
 import torch
@@ -13,7 +13,6 @@ from ..metrics.safety import BLOCKED
 from ..ontology import CLASSES
 from ..provenance import digest_of
 from .bootstrap import (
-    Interval,
     interval_of,
     resamplings,
     score_samples,
@@ -21,7 +20,7 @@ from .bootstrap import (
     seed_sample,
 )
 from .counts import Counts
-from .render import Cell
+from .render import Cell, Row
 
 # The last two are empty for a score. Of a difference they say from what: from another experiment,
 # or from the same one under another condition.
@@ -47,18 +46,6 @@ Parts = Mapping[str, Callable[[str], bool]]
 Derived = Mapping[str, Callable[[Samples], Tensor]]
 
 
-@dataclass(frozen=True)
-class Presented:
-    """The part of the test split that was scored, and the condition under which it was presented.
-
-    ``chosen`` says which clips belong to the part.
-    """
-
-    part: str = "test"
-    condition: str = AS_RECORDED
-    chosen: Callable[[str], bool] = lambda clip: True
-
-
 class Resamples:
     """Scores of experiments, each with one or several seeds, on the same resamples of some clips.
 
@@ -68,7 +55,9 @@ class Resamples:
 
     Args:
         counts: of every experiment by its seeds; of one protocol and the same clips.
-        presented: which of the clips count. At least one with a frame must.
+        part: the name of the part of the test split that is scored, for the long table.
+        condition: how its frames were presented, for the long table.
+        chosen: says which clips belong to the part. At least one with a frame must.
         without: metrics whose scores are left out.
         derived: further scores, computed from the samples of the others.
 
@@ -78,12 +67,15 @@ class Resamples:
     def __init__(
         self,
         counts: Mapping[str, Mapping[int, Counts]],
-        presented: Presented = Presented(),
+        part: str = "test",
+        condition: str = AS_RECORDED,
+        chosen: Callable[[str], bool] = lambda clip: True,
         without: Collection[str] = (),
         derived: Derived | None = None,
     ) -> None:
         self.first = next(iter(next(iter(counts.values())).values()))
-        self.presented, self.rows = presented, self.first.rows(presented.chosen)
+        self.part, self.condition, self.rows = part, condition, self.first.rows(chosen)
+        self.clips = len(self.rows)
         self.frames = sum(self.first.frames[row] for row in self.rows)
         settings = self.first.protocol.suite
         self.resamples, self.level = settings["resamples"], settings["level"]
@@ -103,12 +95,10 @@ class Resamples:
             for name, by_seed in counts.items()
         }
         self.protocols = {
-            name: _hash_of(next(iter(by_seed.values()))) for name, by_seed in counts.items()
+            # How an experiment was scored is one for all its seeds.
+            name: digest_of(next(iter(by_seed.values())).protocol.to_json())
+            for name, by_seed in counts.items()
         }
-
-    @property
-    def clips(self) -> int:
-        return len(self.rows)
 
     @cached_property
     def labelled_clips(self) -> dict[str, int]:
@@ -175,25 +165,21 @@ class Resamples:
                     rows.append(self._row(experiment, seed, score, self._mean([sample])))
             for score in _scores(by_seed):
                 rows.append(self._row(experiment, MEAN, score, self.mean(experiment, score)))
-        for experiment, names in (references or {}).items():
-            for reference in names:
-                rows += self._changes(experiment, reference)
+        scores = pd.DataFrame(rows, columns=list(COLUMNS))
+        return joined([scores, self.table_of_changes(references or {})])
 
+    def table_of_changes(
+        self, references: Mapping[str, Sequence[str]], other: "Resamples | None" = None
+    ) -> pd.DataFrame:
+        """Returns the rows of the differences from references, as `change` has them."""
+        condition, rows = other.condition if other else "", []
+        for experiment, names in references.items():
+            for reference, score in product(names, _scores(self.samples.get(experiment, {}))):
+                sample = self.change(experiment, reference, score, other)
+                if sample is not None:
+                    row = self._row(experiment, MEAN, score, sample, reference, condition)
+                    rows.append(row)
         return pd.DataFrame(rows, columns=list(COLUMNS))
-
-    def table_of_changes(self, other: "Resamples") -> pd.DataFrame:
-        """Returns each experiment's differences from itself under the condition of ``other``."""
-        rows = [row for name in self.samples for row in self._changes(name, name, other)]
-        return pd.DataFrame(rows, columns=list(COLUMNS))
-
-    def _changes(self, experiment: str, reference: str, other: "Resamples | None" = None) -> list:
-        rows = []
-        for score in _scores(self.samples.get(experiment, {})):
-            sample = self.change(experiment, reference, score, other)
-            if sample is not None:
-                condition = other.presented.condition if other else ""
-                rows.append(self._row(experiment, MEAN, score, sample, reference, condition))
-        return rows
 
     def _row(
         self,
@@ -204,12 +190,10 @@ class Resamples:
         reference: str = "",
         reference_condition: str = "",
     ) -> tuple:
-        condition, part = self.presented.condition, self.presented.part
-        interval: Interval = interval_of(sample, self.level)
-        protocol = self.protocols[experiment]
-
-        key = (experiment, str(seed), condition, part, score, reference, reference_condition)
-        return (*key, *interval, self.clips, self.frames, protocol)
+        key = (experiment, str(seed), self.condition, self.part, score)
+        key += (reference, reference_condition)
+        interval = interval_of(sample, self.level)
+        return (*key, *interval, self.clips, self.frames, self.protocols[experiment])
 
     def _mean(self, samples: Sequence[Tensor]) -> Tensor | None:
         if not samples:
@@ -238,8 +222,7 @@ def run_table(runs: Mapping[int, Sequence[Counts]], parts: Parts) -> pd.DataFram
         for counts in scored:
             for part, chosen in parts.items():
                 if counts.rows(chosen):
-                    presented = Presented(part, chosen=chosen)
-                    table = Resamples({counts.name: {seed: counts}}, presented).table()
+                    table = Resamples({counts.name: {seed: counts}}, part, chosen=chosen).table()
                     tables.append(table[table["seed"] != MEAN])
     return joined(tables)[list(OF_A_RUN)]
 
@@ -251,34 +234,32 @@ def joined(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
 
 
 def pivoted(
-    table: pd.DataFrame, rows: Sequence[Mapping[str, str]], columns: Sequence[Mapping[str, str]]
-) -> list[list[Cell | None]]:
-    """Returns means over seeds of a long table as the cells of a small one, in percent.
+    table: pd.DataFrame,
+    rows: Sequence[tuple[str, Mapping[str, str]]],
+    columns: Sequence[Mapping[str, str]],
+) -> list[Row]:
+    """Returns means over seeds of a long table as the named rows of a small one, in percent.
 
     Each row and each column says which values of `KEYS` it shows; where both do, the row counts.
     What they leave out is that of a score of the whole split as it was recorded. A cell without a
     row in the long table is ``None``.
     """
     numbers = table[table["seed"] == MEAN].set_index(list(KEYS))[["value", "low", "high"]]
-    cells = dict(zip(numbers.index, numbers.itertuples(index=False)))
+    intervals = dict(zip(numbers.index, numbers.itertuples(index=False)))
     default = {"seed": MEAN, "condition": AS_RECORDED, "part": "test"}
     default |= {"reference": "", "reference_condition": ""}
 
-    def cell(row: Mapping[str, str], column: Mapping[str, str]) -> Cell | None:
-        key = {**default, **column, **row}
-        interval = cells.get(tuple(key[name] for name in KEYS))
+    def cell(key: Mapping[str, str]) -> Cell | None:
+        interval = intervals.get(tuple(key[name] for name in KEYS))
         if interval is None:
             return None
         return Cell(*(100 * number for number in interval), signed=key["reference"] != "")
 
-    return [[cell(row, column) for column in columns] for row in rows]
+    return [
+        (name, [cell({**default, **column, **row}) for column in columns]) for name, row in rows
+    ]
 
 
 def _scores(by_seed: Mapping[int, Samples]) -> list[str]:
     """Returns the names of the scores that any seed has, in their order."""
     return list(dict.fromkeys(score for samples in by_seed.values() for score in samples))
-
-
-def _hash_of(counts: Counts) -> str:
-    """Returns a digest of how a run was scored, which is one for all parts of its split."""
-    return digest_of(counts.protocol.to_json())

@@ -22,7 +22,7 @@ from ..metrics.tables import TableMetric
 from ..results.conditions import ATTITUDE, TABLE, Condition, condition_table, conditions_of
 from ..results.counts import Counts
 from ..results.files import write_table
-from ..results.render import Cell, Table, print_table, table_of
+from ..results.render import Cell, Table, print_table
 from ..results.table import run_table
 from ..run_folder import TALLIES
 from ..terminal import say, tracked
@@ -140,5 +140,4 @@ def _printed(table: pd.DataFrame) -> Table:
         rows.append((str(condition), [str(of_condition["frames"].iloc[0]), *cells]))
 
     title = "Scores (%) by tilt |roll| + |pitch|, and under a wrongly measured attitude"
-    frame = table_of(rows, ["frames", *PRINTED.values()], "condition")
-    return Table("attitude", title, "", frame)
+    return Table("attitude", title, "", ["frames", *PRINTED.values()], rows, "condition")

@@ -21,7 +21,7 @@ from ..results.archive import unpacked
 from ..results.bootstrap import difference_of, interval_of
 from ..results.counts import Counts
 from ..results.files import write_table
-from ..results.render import WIDTH, Cell, Table, print_table, table_of
+from ..results.render import WIDTH, Cell, Table, print_table
 from ..results.table import Resamples
 from ..run_folder import ANCHORS, TALLIES
 
@@ -172,10 +172,10 @@ def _printed(table: pd.DataFrame, clips: int) -> Table:
                 [100 * number for number in each] for each in (numbers[:3], numbers[3:])
             )
             sure = "–" if math.isnan(same) else f"{same:.2f}"
-            beside = [Cell(*change, signed=True), sure] if run != first else []
+            beside = [Cell(*change, signed=True), sure] if run != first else [None, None]
             rows.append((f"{score}, {run}", [Cell(*value), *beside]))
 
     over = counted(clips, "clip")
     title = f"Scores (%) with intervals over {over}, and differences from {first}"
-    frame = table_of(rows, ["value", "difference", "same sign"], "score, run")
-    return Table("differences", title, "", frame, lines=tuple(lines[1:]))
+    columns = ["value", "difference", "same sign"]
+    return Table("differences", title, "", columns, rows, "score, run", lines=tuple(lines[1:]))

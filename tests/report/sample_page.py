@@ -15,7 +15,7 @@ from src.report.curve_plot import Curve, CurvePlot
 from src.report.page import write_page
 from src.report.picture import Picture
 from src.report.scene import VoxelScene
-from src.results.render import Cell, Table, table_html, table_of
+from src.results.render import Cell, Table, table_html
 from tests.report.street import GRID, HEIGHT, WIDTH, fill, street, tilted_frustum
 
 READY = "document.documentElement.dataset.ready === 'true'"
@@ -64,12 +64,12 @@ def tables():
         ("d-run", (Cell(-1.0), Cell(100.0))),
         ("gain", (Cell(99.0, signed=True), None)),
     )
-    ladder = table_of(rows, ["score", "error"])
+    best = {"score": "high", "error": "low"}
     wide = [f"a rather long name {n}" for n in range(20)]
     filled = ("run", tuple(Cell(float(n), n - 1.0, n + 1.0) for n in range(20)))
     made = [
-        Table("ladder", "Ladder", "In percent.", ladder, {"score": "high", "error": "low"}),
-        Table("wide", "Wide", "In percent.", table_of([filled], wide)),
+        Table("ladder", "Ladder", "In percent.", list(best), rows, best=best),
+        Table("wide", "Wide", "In percent.", wide, [filled]),
     ]
     return [Markup(table_html(table)) for table in made]
 

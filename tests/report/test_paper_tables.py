@@ -21,8 +21,8 @@ from src.report.paper_tables import (
 )
 from src.report.run_group import APART, DERIVED, Part, long_table
 from src.results.render import Cell
-from src.results.table import Presented, Resamples
-from tests.results.scored import CLIPS, RIGHT, counts, predicted
+from src.results.table import Resamples
+from tests.results.scored import CLIPS, RIGHT, counts, counts_by_seed
 
 MARKS = {
     **{"baseline": ("✗", "✗", "✗"), "attitude": ("✓", "✗", "✗")},
@@ -33,25 +33,20 @@ SEEDS = (0, 1)
 
 @pytest.fixture(scope="module")
 def scored():
-    made = {
-        name: {
-            seed: counts(name, lambda target, n, k=seed, r=right: predicted(target, r, 50 * k + n))
-            for seed in SEEDS
-        }
-        for name, right in (*RIGHT.items(), ("lss", 0.2), ("bilinear", 0.25))
-    }
-    return made | {"voxel_prior": {0: counts("voxel_prior", lambda t, n: predicted(t, 0.1, n))}}
+    rights = RIGHT | {"lss": 0.2, "bilinear": 0.25}
+    of_seeds = {name: dict.fromkeys(SEEDS, right) for name, right in rights.items()}
+    return counts_by_seed(of_seeds | {"voxel_prior": {0: 0.1}})
 
 
 def resampled(scored, name="test", chosen=lambda clip: True):
-    return Resamples(scored, Presented(name, chosen=chosen), APART, DERIVED)
+    return Resamples(scored, name, chosen=chosen, without=APART, derived=DERIVED)
 
 
 def part_of(scored, *without, name="test", **other_seeds):
     kept = {key: runs for key, runs in scored.items() if key not in without}
     for key, seeds in other_seeds.items():
         kept[key] = {seed: scored[key][seed] for seed in seeds}
-    return Part(name, "tiny-0123", resampled(kept, name))
+    return Part(resampled(kept, name))
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +56,7 @@ def part(scored):
 
 def column(table, name):
     """Entries of a column by the row's name."""
-    return dict(zip(table.frame.index, table.entries(name)))
+    return dict(zip(names(table), table.entries(name)))
 
 
 def numbers(table, name):
@@ -69,7 +64,7 @@ def numbers(table, name):
 
 
 def names(table):
-    return list(table.frame.index)
+    return [name for name, _ in table.rows]
 
 
 def change(part, *key):
@@ -97,13 +92,13 @@ def test_a_score_is_the_mean_of_the_seeds_in_percent(part, scored):
 
 def test_differences_are_those_of_the_scores_beside_them(part):
     """With the same seeds everywhere every table tells the same story."""
-    ablation = ablation_table(part, MARKS)
-    for score, delta in (("mIoU", "Δ mIoU"), ("KAR-mIoU", "Δ KAR")):
-        scores, changes = numbers(ablation, score), numbers(ablation, delta)
-        for name, value in scores.items():
-            assert changes[name] == pytest.approx(value - scores["Baseline"])
-    thin, changes = numbers(main_table([part]), "Thin Struct."), numbers(ablation, "Δ Thin")
-    assert changes["SkyOcc"] == pytest.approx(thin["SkyOcc"] - thin["Baseline"])
+    main, ablation = main_table([part]), ablation_table(part, MARKS)
+    columns = {"mIoU": "Δ mIoU", "KAR-mIoU": "Δ KAR", "Thin Struct.": "Δ Thin", "VRU": "Δ VRU"}
+    for score, delta in columns.items():
+        scores = numbers(main, score)
+        for name, change in numbers(ablation, delta).items():
+            assert change == pytest.approx(scores[name] - scores["Baseline"])
+
     steps, miou = numbers(incremental_table(part), "Δ mIoU"), numbers(ablation, "mIoU")
     expected = [above - below for below, above in pairwise(miou.values())]
     assert list(steps.values()) == pytest.approx(expected)
@@ -191,9 +186,12 @@ def test_the_long_table_has_every_run_its_means_and_its_steps(part):
 # ----------------------------------------------------------------------------------- an own ladder
 
 
+def on_ladder(scored, *names):
+    return Part(resampled(scored), ladder=ladder_named(names))
+
+
 def test_an_own_ladder_has_its_own_rungs_and_reference(scored):
-    ladder = ladder_named(["weights", "skyocc", "lss"])
-    part = dataclasses.replace(part_of(scored), ladder=ladder)
+    part = on_ladder(scored, "weights", "skyocc", "lss")
     table = ablation_table(part, MARKS | {"lss": ("✓", "✓", "✓")})
     assert names(table) == ["weights", "SkyOcc", "lss"]
     assert "relative to weights." in table.caption
@@ -210,10 +208,10 @@ def test_an_own_ladder_has_its_own_rungs_and_reference(scored):
 
 
 def test_a_step_that_the_paper_does_not_take_has_not_its_name(scored):
-    part = dataclasses.replace(part_of(scored), ladder=ladder_named(["baseline", "skyocc"]))
+    part = on_ladder(scored, "baseline", "skyocc")
     assert names(incremental_table(part)) == ["SkyOcc"]
     assert names(progression_table(part, {4}))[0] == "Multi-frame baseline"
-    part = dataclasses.replace(part, ladder=ladder_named(["baseline", "weights"]))
+    part = on_ladder(scored, "baseline", "weights")
     for table in (incremental_table(part), main_table([part]), progression_table(part, {4})):
         assert "weights" in names(table)
         assert not any("Safety-prior" in name for name in names(table))
@@ -249,17 +247,18 @@ def test_a_missing_rung_leaves_its_row_out_and_no_wrong_change_behind(scored):
 
 
 def test_without_a_baseline_there_is_no_gain(scored):
-    part = part_of(scored, "baseline")
-    table = ablation_table(part, MARKS)
+    table = ablation_table(part_of(scored, "baseline"), MARKS)
     assert all(entries[5:] == [None] * 4 for _, entries in table.rows)
     assert all(not math.isnan(entries[3].value) for _, entries in table.rows)
-    assert names(long_tail_table(part, {4}))[-1] == "+ Lovász-Softmax", "nor a row for it"
 
 
-def test_without_the_full_model_its_gain_is_no_row(scored):
-    table = long_tail_table(part_of(scored, "skyocc"), {4})
-    assert names(table)[-1] == "+ Safety-prior class weights"
-    assert table.lines == ()
+@pytest.mark.parametrize(
+    ("missing", "last"),
+    [("baseline", "+ Lovász-Softmax"), ("skyocc", "+ Safety-prior class weights")],
+)
+def test_the_gain_of_the_full_model_is_no_row_where_either_end_is_missing(scored, missing, last):
+    table = long_tail_table(part_of(scored, missing), {4})
+    assert (names(table)[-1], table.lines) == (last, ())
 
 
 def test_a_single_rung_has_no_step(scored):
@@ -292,7 +291,7 @@ def test_one_seed_or_one_clip_says_what_is_drawn(scored):
     assert caption.endswith("Seed: 0.")
     for runs, sentence in ((scored, "so only seeds are drawn."), (one, "No intervals: ")):
         alone = resampled(runs, chosen=lambda clip: clip == CLIPS[0])
-        assert sentence in main_table([Part("test", "d", alone)]).caption
+        assert sentence in main_table([Part(alone)]).caption
 
 
 def test_uneven_seeds_are_listed_and_explained_where_there_are_differences(scored):

@@ -89,7 +89,7 @@ def test_a_mixed_report_keeps_other_protocols_apart_and_the_ladder_first(tmp_pat
     parts = [group.parts(parts_of)[0] for group in (first, second)]
     table = main_table(parts)
     label = "+ Attitude-aware projection (2: dataset=tiny-4567)"
-    assert table.frame.index[-3] == label
+    assert table.rows[-3][0] == label
     assert table.best_rows("Building") <= {*range(table.ranked)}, (
         "no rival of what others were scored on"
     )

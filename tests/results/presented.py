@@ -4,20 +4,11 @@ import dataclasses
 
 import pandas as pd
 
+from src.results.conditions import condition_table, conditions_of
 from src.results.counts import Counts
 from tests.results.scored import FRAMES, counts, predicted
 
-INF = float("inf")
-CONDITIONS = [  # name, tilt from and to, noise, delay, told a level attitude
-    ("true", 0.0, INF, 0.0, 0.0, False),
-    ("tilt_0_5deg", 0.0, 5.0, 0.0, 0.0, False),
-    ("tilt_5_infdeg", 5.0, INF, 0.0, 0.0, False),
-    ("noise_3deg", 0.0, INF, 3.0, 0.0, False),
-    ("delay_0.2s", 0.0, INF, 0.0, 0.2, False),
-    ("level", 0.0, INF, 0.0, 0.0, True),
-    ("level_tilt_0_5deg", 0.0, 5.0, 0.0, 0.0, True),
-    ("level_tilt_5_infdeg", 5.0, INF, 0.0, 0.0, True),
-]
+CONDITIONS = list(conditions_of([5.0], noise_deg=[3.0], delay_s=[0.2], level=True))
 RIGHT = {
     **{"true": 0.5, "tilt_0_5deg": 0.5, "tilt_5_infdeg": 0.3, "noise_3deg": 0.4},
     **{"level": 0.4, "level_tilt_0_5deg": 0.5, "level_tilt_5_infdeg": 0.2},
@@ -42,24 +33,21 @@ def write_attitude(run, gain=0.0, seed=0):
     true attitude they are those of the run."""
     folder = run / "attitude"
     (folder / "tallies").mkdir(parents=True)
-    for name, *_ in CONDITIONS:
+    for name in (condition.name for condition in CONDITIONS):
         right = RIGHT.get(name, 0.2) + gain * (name == "tilt_5_infdeg")
-        own = Counts.read(run / f"tallies/{run.parent.name}.npz")
-        counted = (
-            own
-            if name == "true"
-            else counts(
+        counted = Counts.read(run / f"tallies/{run.parent.name}.npz")
+        if name != "true":
+            counted = counts(
                 name,
                 lambda target, n, r=right: predicted(target, r, 10 * seed + n),
                 frames_of=frames_of(name),
             )
-        )
         frames = sum(counted.frames)
         protocol = dataclasses.replace(counted.protocol, part=f"test, {name}", frames=frames)
         counted = dataclasses.replace(counted, name=name, protocol=protocol)
         counted.write(folder / "tallies" / f"{name}.npz")
-    columns = ["condition", "tilt_low_deg", "tilt_high_deg", "noise_deg", "delay_s", "level"]
-    table = pd.DataFrame(CONDITIONS, columns=columns).assign(noise_seed=0)
+
+    table = condition_table(CONDITIONS, noise_seed=0)
     scored = [table.assign(score=score, value=0.5) for score in ("miou", "kar_miou")]
     pd.concat(scored).sort_values("condition").to_csv(folder / "attitude.csv", index=False)
     return folder

@@ -1,7 +1,7 @@
 """Run folders of a ladder as training leaves them, with random predictions for its networks."""
 
 import copy
-from functools import cache
+from functools import cache, partial
 
 import torch
 import yaml
@@ -83,6 +83,21 @@ def counts(name, predict, labels=0, of=None, cameras=True, frames_of=FRAMES):
     return Counts(name, of, CLIPS, frames_of, suite.tables())
 
 
+def counts_by_seed(rights):
+    """Counts of experiments by seed: ``rights`` are the shares of the voxels that they get right,
+    and elsewhere every seed guesses otherwise."""
+    made = {}
+    for name, by_seed in rights.items():
+        for seed, right in by_seed.items():
+            guess = partial(_guess, right=right, first=50 * seed)
+            made.setdefault(name, {})[seed] = counts(name, guess)
+    return made
+
+
+def _guess(target, n, right, first):
+    return predicted(target, right, first + n)
+
+
 def config_of(experiment, seed, **changes):
     """What a report reads of a composed configuration, and some more; ``a__b`` is ``a.b``."""
     factors = FACTORS.get(experiment, FACTORS["skyocc"])
@@ -137,8 +152,8 @@ def _counted(name, seed, labels, described):
     right = RIGHT.get(name, 0.5)
     predict = {
         "all_free": lambda target, n: torch.full_like(target, 8),
-        "voxel_prior": lambda target, n: predicted(target, 0.2, n),
-    }.get(name, lambda target, n: predicted(target, right, 1000 * seed + n))
+        "voxel_prior": partial(_guess, right=0.2, first=0),
+    }.get(name, partial(_guess, right=right, first=1000 * seed))
     return counts(name, predict, labels, Protocol.from_json(described))
 
 

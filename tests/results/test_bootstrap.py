@@ -77,19 +77,17 @@ def rate(tables, seed=0, resamples=500, **arguments):
 # ---------------------------------------------------------------------------------- resampling
 
 
-def test_every_resample_draws_as_many_clips_as_there_are():
-    weights = resamplings(7, 400, rng(0))
-    assert weights.shape == (400, 7)
-    assert weights.dtype == torch.float64
-    assert torch.equal(weights.sum(1), torch.full((400,), 7.0, dtype=torch.float64))
+@pytest.mark.parametrize("draw", [resamplings, seed_resamplings])
+@pytest.mark.parametrize("number", [1, 2, 3, 4, 5, 10])
+def test_each_is_drawn_once_on_average_with_the_variance_of_a_binomial(draw, number):
+    weights = draw(number, 20_000, rng(0))
+    assert (weights.shape, weights.dtype) == ((20_000, number), torch.float64)
+    assert (weights.sum(1) == number).all()
     assert torch.equal(weights, weights.round())
-    assert weights.min() == 0
-
-
-def test_every_clip_is_drawn_once_on_average_with_the_variance_of_a_binomial():
-    weights = resamplings(10, 20000, rng(0))
-    torch.testing.assert_close(weights.mean(0), torch.ones(10).double(), atol=0.04, rtol=0)
-    torch.testing.assert_close(weights.var(0), torch.full((10,), 0.9).double(), atol=0.06, rtol=0)
+    assert weights.min() >= 0
+    torch.testing.assert_close(weights.mean(0), torch.ones(number).double(), atol=0.04, rtol=0)
+    variance = torch.full((number,), 1 - 1 / number).double()
+    torch.testing.assert_close(weights.var(0), variance, atol=0.06, rtol=0)
 
 
 def test_the_same_seed_draws_the_same_clips():
@@ -107,21 +105,16 @@ def test_nothing_to_draw_is_refused(clips, resamples):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_value_is_that_of_all_clips_and_lies_inside(seed):
-    tables = drawn_clips(12, rng(seed))
-    interval = rate(tables, seed)
-    assert interval.value == pytest.approx(float(tables["hits"].sum() / tables["voxels"].sum()))
-    assert interval.low < interval.value < interval.high
-
-
 @pytest.mark.parametrize("level", [0.5, 0.9])
-def test_the_bounds_are_the_quantiles_of_the_scores_of_the_drawn_clips(level):
-    tables = drawn_clips(6, rng(1))
+def test_the_value_is_of_all_clips_and_the_bounds_are_quantiles_of_the_drawn_ones(level, seed):
+    tables = drawn_clips(6, rng(seed))
     weights = resamplings(6, 101, rng(2))
     rates = sorted(rate_of_drawn(tables, drawn(row)) for row in weights)
-    interval = score_intervals(HitRate(), tables, weights, level)["rate"]
     cut = round(100 * (1 - level) / 2)
-    assert (interval.low, interval.high) == pytest.approx((rates[cut], rates[100 - cut]))
+    expected = rate_of_drawn(tables, range(6)), rates[cut], rates[100 - cut]
+    interval = score_intervals(HitRate(), tables, weights, level)["rate"]
+    assert interval == pytest.approx(expected)
+    assert interval.low < interval.value < interval.high
 
 
 def test_a_score_and_its_complement_have_mirrored_bounds():
@@ -130,11 +123,6 @@ def test_a_score_and_its_complement_have_mirrored_bounds():
     assert both["error"] == pytest.approx(
         (1 - both["rate"].value, 1 - both["rate"].high, 1 - both["rate"].low)
     )
-
-
-def test_identical_clips_give_intervals_without_width():
-    value, low, high = rate(clips_of([30] * 8, [40] * 8))
-    assert value == low == high == 0.75
 
 
 @pytest.mark.parametrize(("level", "least", "most"), [(0.95, 0.88, 0.99), (0.5, 0.38, 0.62)])
@@ -147,16 +135,16 @@ def test_the_interval_covers_the_true_value_about_as_often_as_it_says(level, lea
     assert least <= covered / 200 <= most
 
 
-def test_resamples_without_a_score_are_left_out():
-    tables = clips_of([3, 0, 0, 0], [4, 0, 0, 0])
-    weights = resamplings(4, 200, rng(0))
-    assert (weights[:, 0] == 0).any()
-    assert score_intervals(HitRate(), tables, weights)["rate"] == (0.75, 0.75, 0.75)
-
-
-def test_a_score_that_never_is_has_no_bounds():
-    value, low, high = rate(clips_of([0, 0, 0], [0, 0, 0]))
-    assert all(math.isnan(number) for number in (value, low, high))
+@pytest.mark.parametrize(
+    ("hits", "voxels", "expected"),
+    [
+        ([30] * 8, [40] * 8, 0.75),  # identical clips
+        ([3, 0, 0, 0], [4, 0, 0, 0], 0.75),  # resamples without a score are left out
+        ([0, 0, 0], [0, 0, 0], math.nan),  # in none there is one
+    ],
+)
+def test_where_no_score_can_move_the_interval_has_no_width(hits, voxels, expected):
+    assert rate(clips_of(hits, voxels)) == pytest.approx((expected,) * 3, abs=0, nan_ok=True)
 
 
 # --------------------------------------------------------------------------- paired differences
@@ -176,10 +164,12 @@ def rate_difference(first, second, seed=0):
     return score_differences(HitRate(), first, second, weights)["rate"]
 
 
-def test_a_constant_shift_in_every_clip_is_certain():
+@pytest.mark.parametrize("hits", [5, 0])
+def test_a_constant_shift_in_every_clip_is_certain(hits):
+    """By no hit a run differs from itself by nothing."""
     first = equal_clips(20, rng(0))
-    difference = rate_difference(first, shifted(first, 5))
-    assert difference == pytest.approx((0.05, 0.05, 0.05, 1.0))
+    difference = rate_difference(first, shifted(first, hits))
+    assert difference == pytest.approx((hits / 100, hits / 100, hits / 100, 1.0))
 
 
 def test_a_paired_difference_is_far_narrower_than_an_unpaired_one():
@@ -209,11 +199,6 @@ def test_same_sign_is_the_share_of_resamples_with_the_sign_of_the_difference():
         agree += apart * difference.value > 0
     assert difference.same_sign == pytest.approx(agree / 200)
     assert 0 < difference.same_sign < 1
-
-
-def test_a_run_against_itself_differs_by_nothing():
-    first = drawn_clips(10, rng(0))
-    assert rate_difference(first, first)[:3] == (0.0, 0.0, 0.0)
 
 
 def test_resamples_without_a_difference_are_left_out():
@@ -262,15 +247,6 @@ def test_every_way_to_draw_three_seeds_comes_equally_often_in_random_order():
     assert not torch.equal(weights[:27].sum(0), weights[27:54].sum(0)), "no turns"
     assert torch.equal(weights, seed_resamplings(3, 1000, rng(0)))
     assert not torch.equal(weights, seed_resamplings(3, 1000, rng(1)))
-
-
-@pytest.mark.parametrize("seeds", [1, 2, 3, 4, 5, 12])
-def test_seeds_are_drawn_as_clips_are(seeds):
-    weights = seed_resamplings(seeds, 1000, rng(0))
-    assert (weights.shape, weights.dtype) == ((1000, seeds), torch.float64)
-    assert (weights.sum(1) == seeds).all()
-    if seeds > 1:
-        assert weights.var(0).mean() == pytest.approx(1 - 1 / seeds, abs=0.1)
 
 
 def rates_of(samples):

@@ -127,9 +127,17 @@ def test_the_counts_of_each_condition_are_read_by_experiment_and_seed(pair):
     assert conditions[Condition(noise_deg=3.0)]["attitude"][0].name == "noise_3deg"
 
 
-def test_scores_under_other_conditions_are_refused(pair):
-    rewrite(pair[1], lambda table: table.assign(noise_seed=1))
-    with pytest.raises(UserError, match=r"attitude\.csv: .*noise_seed=1, .*elsewhere 0; sco"):
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda table: table.assign(noise_seed=1), ".*noise_seed=1, .*elsewhere 0; sco"),
+        (without("tilt_0_5deg"), "has other bins of tilt than "),
+        (lambda table: table[["condition"]], "cannot be read .*; run task=attitude"),
+    ],
+)
+def test_a_table_of_other_conditions_or_of_none_is_refused(pair, change, message):
+    rewrite(pair[1], change)
+    with pytest.raises(UserError, match=rf"attitude\.csv: {message}"):
         read(*pair)
 
 
@@ -193,12 +201,6 @@ def test_seeds_of_one_experiment_have_the_same_conditions(tmp_path):
         read(*runs)
 
 
-def test_other_bins_of_tilt_are_refused(pair):
-    rewrite(pair[1], without("tilt_0_5deg"))
-    with pytest.raises(UserError, match=r"attitude\.csv: has other bins of tilt than "):
-        read(*pair)
-
-
 @pytest.mark.parametrize("alone", [True, False])
 def test_a_condition_without_its_counts_is_one_line(pair, alone):
     (pair[1] / "attitude/tallies/delay_0.2s.npz").unlink()
@@ -210,9 +212,3 @@ def test_the_true_attitude_may_be_the_only_condition(pair):
     # "true" in every row of a column is no truth value.
     rewrite(pair[0], lambda table: table[table["condition"] == "true"])
     assert list(read(pair[0])) == [Condition()]
-
-
-def test_what_cannot_be_read_is_one_line(pair):
-    (pair[0] / "attitude/attitude.csv").write_text("nothing\n")
-    with pytest.raises(UserError, match=r"attitude\.csv: cannot be read .*; run task=attitude"):
-        read(*pair)

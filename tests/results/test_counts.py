@@ -31,20 +31,16 @@ def test_counts_read_back_and_score_the_same(mine, tmp_path, compressed):
         assert scored.loc[name, "value"] == pytest.approx(float(value), nan_ok=True)
 
 
-@pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all"])
-def test_a_broken_file_is_one_clear_error(tmp_path, content):
+@pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all", "other", None])
+def test_a_missing_or_broken_file_and_one_of_something_else_are_refused(tmp_path, content):
     path = tmp_path / "mine.npz"
-    path.write_bytes(content)
-    with pytest.raises(UserError, match=r"mine\.npz: cannot be read"):
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content == "other":
+        np.savez(path, a=np.zeros(3))
+    said = "no such file" if content is None else "cannot be read"
+    with pytest.raises(UserError, match=rf"mine\.npz: {said}"):
         Counts.read(path)
-
-
-def test_a_missing_file_and_one_of_something_else_are_refused(tmp_path):
-    with pytest.raises(UserError, match=r"mine\.npz: no such file"):
-        Counts.read(tmp_path / "mine.npz")
-    np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    with pytest.raises(UserError, match=r"other\.npz: cannot be read"):
-        Counts.read(tmp_path / "other.npz")
 
 
 def test_a_damaged_file_is_named_in_one_line_whatever_is_broken(mine, tmp_path):

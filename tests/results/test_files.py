@@ -1,7 +1,6 @@
 """results.csv to disk and back, broken files, and the printed tables."""
 
 import io
-import json
 import math
 import subprocess
 import sys
@@ -30,7 +29,7 @@ def row(experiment="skyocc", split="test", seed=0, **scores):
         "seed": seed,
         "split": split,
         **{name: float(rng.random()) for name in SCORES},
-        "protocol": {"mask": "supervised", "horizon_s": 5.0},
+        "protocol": '{"mask":"supervised","horizon_s":5.0}',
         "seconds": 0.1 + 0.2,
         "parameters": 1_234_567,
         "precision": "32-true",
@@ -59,7 +58,6 @@ def test_rows_read_back_as_they_were_written(tmp_path):
     table = read_results(path)
     assert tuple(table.columns) == COLUMNS
     for read, written in zip(table.to_dict("records"), rows):
-        assert json.loads(read.pop("protocol")) == written.pop("protocol")
         for name, value in written.items():
             both_nan = value != value and read[name] != read[name]
             assert read[name] == value or both_nan, name
@@ -101,35 +99,26 @@ def test_a_missing_file_says_what_to_do(tmp_path):
         read_results(tmp_path / "results.csv")
 
 
-@pytest.mark.parametrize(
-    "corrupt",
-    [
-        lambda text: "",
-        lambda text: "hello\nworld\n",
-        lambda text: text[: len(text) // 2],
-        lambda text: text[:-1],
-        lambda text: text[:-12] + "\n",
-        lambda text: text.replace(",skyocc", ",").replace("supervised", 'super"vised'),
-        lambda text: text.replace("kar_miou", "karmiou"),
-        lambda text: text.replace("0.", "O.", 1),
-        lambda text: "\x00\ufffd" + text[40:],
-    ],
-    ids=[
-        "empty",
-        "prose",
-        "half",
-        "newline",
-        "tail",
-        "protocol",
-        "column",
-        "number",
-        "binary",
-    ],
-)
+CORRUPT = {
+    "empty": lambda text: "",
+    "prose": lambda text: "hello\nworld\n",
+    "half": lambda text: text[: len(text) // 2],
+    "newline": lambda text: text[:-1],
+    "tail": lambda text: text[:-12] + "\n",
+    "no experiment": lambda text: text.replace("skyocc", "", 1),
+    "quote": lambda text: text.replace("supervised", 'super"vised'),
+    "protocol": lambda text: text.replace('""mask""', "mask"),
+    "column": lambda text: text.replace("kar_miou", "karmiou"),
+    "number": lambda text: text.replace("0.", "O.", 1),
+    "binary": lambda text: "\x00\ufffd" + text[40:],
+}
+
+
+@pytest.mark.parametrize("corrupt", CORRUPT)
 def test_a_corrupt_file_is_named_in_one_line(tmp_path, corrupt):
     path = tmp_path / "results.csv"
     write_results(path, [row(), row()])
-    path.write_text(corrupt(path.read_text()))
+    path.write_text(CORRUPT[corrupt](path.read_text()))
     with pytest.raises(UserError, match=r"results\.csv: not a readable results file") as caught:
         read_results(path)
     assert "\n" not in str(caught.value)

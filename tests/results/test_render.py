@@ -3,6 +3,7 @@
 import io
 import math
 import re
+from itertools import accumulate
 
 import pandas as pd
 import pytest
@@ -17,7 +18,6 @@ from src.results.render import (
     markdown_of,
     print_table,
     table_html,
-    table_of,
 )
 from tests.report.typesetting import typeset
 
@@ -26,30 +26,31 @@ TABLE = Table(
     "some_table",
     "Title of 100 %, test_part",
     f"Caption with {NASTY}.",
-    table_of(
-        [
-            (
-                "Baseline",
-                ["✗", Cell(1 / 3, 0.1, 0.7), Cell(0.0, signed=True), Cell(80.0, 70, 95.5)],
-            ),
-            (NASTY, ["✓", Cell(25.085, 20, 30), Cell(-1.5, -3.0, 0.001, True), Cell(7.0, 1, 9)]),
-            ("+ other", ["✓", Cell(math.nan), None, Cell(10.0)]),
-            ("Gain", ["", Cell(99.0, 98.0, 99.5, signed=True), None, None]),
-        ],
-        ["Att. Proj.", "mIoU", "Δ mIoU", "Rate"],
-    ),
+    ["Att. Proj.", "mIoU", "Δ mIoU", "Rate"],
+    [
+        ("Baseline", ["✗", Cell(1 / 3, 0.1, 0.7), Cell(0.0, signed=True), Cell(80.0, 70, 95.5)]),
+        (NASTY, ["✓", Cell(25.085, 20, 30), Cell(-1.5, -3.0, 0.001, True), Cell(7.0, 1, 9)]),
+        ("+ other", ["✓", Cell(math.nan), None, Cell(10.0)]),
+        ("Gain", ["", Cell(99.0, 98.0, 99.5, signed=True), None, None]),
+    ],
     best={"mIoU": "high", "Δ mIoU": "high", "Rate": "low"},
     short={"Rate": "r."},
     lines=(3,),
 )
 
 
-def wide(columns, rows, best="high", short=None):
+def wide(columns, rows, short=""):
     """A table of the same numbers in every column."""
     names = [f"KAR-mIoU {n}" for n in range(columns)]
     cells = [(row, [Cell(88.8 + n / 100, 77.7, 99.9) for n in range(columns)]) for row in rows]
-    shorts = {name: short for name in names} if short else {}
-    return Table("wide", "Wide", "All.", table_of(cells, names), dict.fromkeys(names, best), shorts)
+    best, shorts = dict.fromkeys(names, "high"), dict.fromkeys(names, short) if short else {}
+    return Table("wide", "Wide", "All.", names, cells, best=best, short=shorts)
+
+
+def ranking(cells, end, ranked=None):
+    """A table of one column, ``a``."""
+    rows = [(str(n), [cell]) for n, cell in enumerate(cells)]
+    return Table("k", "t", "c", ["a"], rows, best={"a": end} if end else {}, ranked=ranked)
 
 
 # ------------------------------------------------------------------------------------ the numbers
@@ -76,13 +77,12 @@ def test_what_rounds_to_nothing_has_no_sign():
     ],
 )
 def test_the_best_is_of_scores_and_only_where_there_is_a_choice(cells, end, best):
-    frame = table_of([(str(n), [cell]) for n, cell in enumerate(cells)], ["a"])
-    assert Table("k", "t", "c", frame, {"a": end} if end else {}).best_rows("a") == best
+    assert ranking(cells, end).best_rows("a") == best
 
 
 def test_the_best_row_is_one_of_those_that_were_scored_alike():
-    frame = table_of([("a", [Cell(1.0)]), ("b", [Cell(2.0)]), ("elsewhere", [Cell(3.0)])], ["a"])
-    assert Table("k", "t", "c", frame, {"a": "high"}, ranked=2).best_rows("a") == {1}
+    cells = [Cell(1.0), Cell(2.0), Cell(3.0)]
+    assert ranking(cells, "high", ranked=2).best_rows("a") == {1}
 
 
 # ------------------------------------------------------------------------------------------- CSV
@@ -130,20 +130,14 @@ def body(text):
     return text.split("\\toprule\n")[1].split("\\bottomrule")[0].splitlines()
 
 
-def test_environments_and_braces_are_balanced():
+def test_environments_braces_and_columns_are_balanced():
     text = latex_of(TABLE)
     begun = re.findall(r"\\begin\{([a-z*]+)\}", text)
-    assert re.findall(r"\\end\{([a-z*]+)\}", text) == begun[::-1]
-    assert begun == ["table", "tabular"]
-    depth = 0
-    for brace in re.findall(r"(?<!\\)[{}]", text):
-        depth += 1 if brace == "{" else -1
-        assert depth >= 0
-    assert depth == 0
+    assert begun == re.findall(r"\\end\{([a-z*]+)\}", text)[::-1] == ["table", "tabular"]
+    braces = re.findall(r"(?<!\\)[{}]", text)
+    depths = list(accumulate(1 if brace == "{" else -1 for brace in braces))
+    assert min(depths) == depths[-1] == 0
 
-
-def test_every_line_has_every_column_and_ends():
-    text = latex_of(TABLE)
     lines = [line for line in body(text) if line != "\\midrule"]
     assert {len(re.findall(r"(?<!\\)&", line)) for line in lines} == {len(TABLE.columns)}
     assert all(re.search(r"\\\\(\[2pt\])?$", line) for line in lines)
@@ -224,7 +218,7 @@ def test_heads_of_a_page_are_buttons_that_begin_with_the_best_and_lines_are_befo
 
 def test_names_of_a_page_are_escaped_everywhere():
     wicked = "<script>\"'&"
-    html = table_html(Table("k", wicked, wicked, table_of([(wicked, [wicked])], [wicked], wicked)))
+    html = table_html(Table("k", wicked, wicked, [wicked], [(wicked, [wicked])], wicked))
     assert "<script>" not in html
     assert html.count("&lt;script&gt;") == 6
 

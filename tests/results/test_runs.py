@@ -64,12 +64,8 @@ def test_places_without_a_run_are_refused(tmp_path):
 def test_a_finished_run_is_read_with_its_anchors(tmp_path):
     run = read_run(write_run(tmp_path, "skyocc", 2))
     assert isinstance(run, ScoredRun)
-    assert (run.experiment, run.seed, run.code, str(run)) == (
-        "skyocc",
-        2,
-        "code c0de",
-        "skyocc seed 2",
-    )
+    assert (run.experiment, run.seed, run.code) == ("skyocc", 2, "code c0de")
+    assert str(run) == "skyocc seed 2"
     assert list(run.anchors) == ["all_free", "voxel_prior"]
     assert run.counts.name == "skyocc"
     assert run.row["split"] == "test"
@@ -144,10 +140,7 @@ def config_without_data(folder):
         (cut("config.yaml"), r"config\.yaml: "),
         (config_without_data, r"config\.yaml: has no data\.frames, so this is no run's folder"),
         (cut("results.csv"), r"results\.csv: not a readable results file"),
-        (
-            only_anchors,
-            r"results\.csv: has no test scores of skyocc, only of all_free, vox",
-        ),
+        (only_anchors, r"results\.csv: has no test scores of skyocc, only of all_free, vox"),
         (cut("tallies/skyocc.npz"), r"skyocc\.npz: cannot be read"),
         (without("tallies/skyocc.npz"), r"skyocc\.npz: no such file; give the command of its run"),
         (cut("tallies/voxel_prior.npz"), r"voxel_prior\.npz: cannot be read"),

@@ -9,31 +9,27 @@ import torch
 from src.ontology import CLASSES
 from src.results.bootstrap import interval_of, resamplings, seed_resamplings
 from src.results.render import Cell
-from src.results.table import AS_RECORDED, MEAN, Presented, Resamples, pivoted, run_table
+from src.results.table import AS_RECORDED, MEAN, Resamples, pivoted, run_table
 from src.tasks.scoring import parts_of
-from tests.results.scored import CLIPS, SUITE, UNSEEN, counts, predicted
+from tests.results.scored import CLIPS, SUITE, UNSEEN, counts, counts_by_seed
 
 RUNS = {"baseline": {0: 0.3, 1: 0.35, 2: 0.4}, "skyocc": {0: 0.6, 1: 0.5, 2: 0.7}}
 SCORES = ("miou", "kar_miou", "iou/car", "ray_iou", "false_free_rate", "gap")
 DERIVED = {"gap": lambda scores: scores["miou"] - scores["kar_miou"]}
-UNSEEN_PART = Presented("unseen", chosen=lambda clip: clip in UNSEEN)
-ONE_CLIP = Presented("one", chosen=lambda clip: clip == CLIPS[0])
 
 
 @pytest.fixture(scope="module")
 def scored():
-    return {
-        name: {
-            seed: counts(name, lambda target, n, k=seed, r=right: predicted(target, r, 50 * k + n))
-            for seed, right in by_seed.items()
-        }
-        for name, by_seed in RUNS.items()
-    }
+    return counts_by_seed(RUNS)
 
 
 @pytest.fixture(scope="module")
 def resamples(scored):
     return Resamples(scored, derived=DERIVED)
+
+
+def one_clip(scored):
+    return Resamples(scored, "one", chosen=lambda clip: clip == CLIPS[0])
 
 
 def value(resamples, *key):
@@ -119,17 +115,18 @@ def test_a_seed_has_rows_of_its_own_as_in_the_runs_own_table(scored, resamples):
 
 
 def test_cells_of_a_small_table_are_percentages_and_changes_are_signed(resamples):
-    rows = [{"experiment": name} for name in ("skyocc", "nobody")]
+    rows = [(f"row of {name}", {"experiment": name}) for name in ("skyocc", "nobody")]
     columns = [{"score": "miou"}, {"score": "miou", "reference": "baseline"}]
     table = resamples.table({"skyocc": ["baseline"]})
-    (score, change), nothing = pivoted(table, rows, columns)
-    assert nothing == [None, None]
+    (name, (score, change)), nothing = pivoted(table, rows, columns)
+    assert name == "row of skyocc"
+    assert nothing == ("row of nobody", [None, None])
     interval = interval_of(resamples.mean("skyocc", "miou"), 0.9)
     assert score == Cell(*(100 * number for number in interval))
     assert change.signed
     assert change.value == pytest.approx(100 * value(resamples, "skyocc", "baseline", "miou"))
-    other = pivoted(table, [{"experiment": "skyocc", "part": "elsewhere"}], columns)
-    assert other == [[None, None]]
+    elsewhere = {"experiment": "skyocc", "part": "elsewhere"}
+    assert pivoted(table, [("x", elsewhere)], columns) == [("x", [None, None])]
 
 
 def test_the_share_of_resamples_that_miss_a_class_is_counted(scored):
@@ -151,7 +148,7 @@ def test_the_share_of_resamples_that_miss_a_class_is_counted(scored):
 
 
 def test_a_part_is_resampled_from_its_own_clips(scored, by_hand):
-    part = Resamples(scored, UNSEEN_PART)
+    part = Resamples(scored, "unseen", chosen=lambda clip: clip in UNSEEN)
     assert (part.clips, part.frames) == (1, 3)  # the last clip has no frame
     expected = [by_hand(run, [4])["miou"] for run in scored["skyocc"].values()]
     mean = interval_of(part.mean("skyocc", "miou"), 0.9)
@@ -163,7 +160,7 @@ def test_a_part_is_resampled_from_its_own_clips(scored, by_hand):
 
 def test_one_clip_and_one_seed_have_no_interval(scored):
     alone = {name: {0: of_seeds[0]} for name, of_seeds in scored.items()}
-    table = Resamples(alone, ONE_CLIP).table({"skyocc": ["baseline"]})
+    table = one_clip(alone).table({"skyocc": ["baseline"]})
     rows = table[table["score"] == "miou"]
     assert rows["value"].notna().all()
     assert rows[["low", "high"]].isna().all(axis=None)
@@ -209,14 +206,18 @@ def test_an_experiment_differs_from_itself_by_nothing_and_without_doubt(resample
 
 def test_differences_from_another_condition_are_of_the_same_clips(scored):
     worse = {"skyocc": scored["baseline"]}
-    level = Resamples(worse, Presented("test", "level"))
-    true = Resamples(scored, Presented("test", "true"))
-    (row,) = true.table_of_changes(level).query("score == 'miou'").to_dict("records")
+    level = Resamples(worse, condition="level")
+    true = Resamples(scored, condition="true")
+    (row,) = (
+        true.table_of_changes({"skyocc": ["skyocc"]}, level)
+        .query("score == 'miou'")
+        .to_dict("records")
+    )
     assert (row["experiment"], row["reference"]) == ("skyocc", "skyocc")
     assert (row["condition"], row["reference_condition"]) == ("true", "level")
     assert row["value"] == pytest.approx(value(true, "skyocc", "baseline", "miou"))
     with pytest.raises(ValueError, match="cannot be paired"):
-        true.table_of_changes(Resamples(worse, ONE_CLIP))
+        true.table_of_changes({"skyocc": ["skyocc"]}, one_clip(worse))
 
 
 def test_a_score_that_a_suite_lacks_is_no_row(scored):
