@@ -28,6 +28,7 @@ class Canvas:
         self.width_pix, self.height_pix = width_pix, height_pix
         size_inches = (width_pix / DPI, height_pix / DPI)
         self.figure = Figure(figsize=size_inches, dpi=DPI, facecolor="white")
+        self._pictures: list[tuple[UInt8[np.ndarray, "h w 3"], tuple[int, int]]] = []
 
     def text(self, u: float, v: float, content: str, **style) -> None:
         """Text whose middle is at height ``v``; ``style`` is matplotlib's."""
@@ -36,17 +37,20 @@ class Canvas:
 
     def picture(self, pixels: UInt8[np.ndarray, "h w 3"], u: int, v: int) -> None:
         """A picture, pixel by pixel, with its upper left corner at a place."""
-        # figimage counts from the bottom, and is the one way to place pixels unresampled.
-        bottom = self.height_pix - v - pixels.shape[0]
-        self.figure.figimage(pixels[::-1], u, bottom, origin="lower")
+        self._pictures.append((pixels, (u, v)))
 
     def drawn(self) -> Image.Image:
         """The page as it is now."""
         canvas = FigureCanvasAgg(self.figure)
         canvas.draw()
+        page = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
         # Inches are rounded to pixels upwards now and then.
-        pixels = np.asarray(canvas.buffer_rgba())[: self.height_pix, : self.width_pix, :3]
-        return Image.fromarray(pixels.copy())
+        page = page.crop((0, 0, self.width_pix, self.height_pix))
+
+        # Pasted, not drawn: matplotlib loses the last column of pixels where inches are rounded.
+        for pixels, corner in self._pictures:
+            page.paste(Image.fromarray(pixels), corner)
+        return page
 
 
 def resized(

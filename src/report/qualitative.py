@@ -15,7 +15,6 @@ from ..ontology import CLASSES, COLORS
 from .canvas import MUTED, Canvas, write_picture
 from .scene import VoxelScene
 from .top import render_top
-from .voxels import ground_level, render_voxels, view_of
 
 ROW_PIX, GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 440, 18, 46, 112, 104
 IMAGE_ASPECT, VOXEL_ASPECT, TOP_ASPECT = 1.2, 1.25, 0.93
@@ -68,16 +67,12 @@ def qualitative_sheet(
 
 def _pictures(scene: VoxelScene, tops: bool) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
     """The pictures of a row, all of one height."""
-    known, grid = scene.known().values(), scene.grid
     size, top_size = ((round(ROW_PIX * a), ROW_PIX) for a in (VOXEL_ASPECT, TOP_ASPECT))
-    view = view_of(list(known), grid, size)
-    # One floor and one point of view, so that a row compares labels and nothing else.
-    floor_m = ground_level(scene.truth, grid)
     yield _fit(scene.image)
-    for labels in known:
-        yield render_voxels(labels, grid, size, view, scene.frustum, floor_m)
-    for labels in known if tops else ():
-        yield render_top(labels, grid, top_size)
+    yield from scene.drawn(size).values()
+    if tops:
+        for labels in scene.known().values():
+            yield render_top(labels, scene.grid, top_size)
 
 
 def _fit(image: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:

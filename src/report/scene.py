@@ -15,7 +15,7 @@ from ..geometry import VoxelGrid
 from ..ontology import FREE, UNKNOWN
 from .overlay import FRUSTUM_SHARE
 from .picture import Picture
-from .view import Frustum
+from .view import Frustum, Viewpoint
 from .voxel_mesh import CLASS_PALETTE, voxel_meshes
 from .voxels import check_labels, ground_level, render_voxels, view_of
 
@@ -149,12 +149,24 @@ class VoxelScene:
         image.thumbnail((IMAGE_PIX, IMAGE_PIX), Image.Resampling.LANCZOS)
         yield Picture.jpeg(image, "RGB", IMAGE_QUALITY)
 
-        known = self.known()
-        view = view_of(list(known.values()), self.grid, STILL_PIX)
-        floor_m = ground_level(self.truth, self.grid)
-        for name, labels in known.items():
-            drawn = render_voxels(labels, self.grid, STILL_PIX, view, self.frustum, floor_m)
+        for name, drawn in self.drawn(STILL_PIX).items():
             yield Picture.jpeg(Image.fromarray(drawn), name, STILL_QUALITY)
+
+    def drawn(
+        self, size_pix: tuple[int, int], view: Viewpoint | None = None
+    ) -> dict[str, UInt8[np.ndarray, "h w 3"]]:
+        """Returns a picture of each `known` volume in 3-D, by its name.
+
+        All have one floor and one point of view, so that they differ in their labels alone. Without
+        ``view`` it is the one that has all their occupied voxels in the picture.
+        """
+        known, grid = self.known(), self.grid
+        view = view or view_of(list(known.values()), grid, size_pix)
+        floor_m = ground_level(self.truth, grid)
+        return {
+            name: render_voxels(labels, grid, size_pix, view, self.frustum, floor_m)
+            for name, labels in known.items()
+        }
 
 
 def errors_of(truth: Labels, preds: Labels) -> Labels:
