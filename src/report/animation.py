@@ -1,7 +1,6 @@
 """One flight as a looping picture: what the camera sees, the labels of the space ahead, and what a
 model predicts there."""
 
-import io
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -13,7 +12,8 @@ from ..atomic import replacing
 from ..data.clip import Clip
 from ..data.predictions import Predictions, Sample
 from ..data.statistics import Statistics, visible_actors
-from .canvas import Canvas, resized, within_bytes
+from .canvas import Canvas, beside, resized, within_bytes
+from .picture import encoded
 from .scene import VoxelScene
 from .view import Frustum, Viewpoint
 from .voxels import view_of
@@ -102,15 +102,14 @@ def _scene(clip: Clip, frame: int, predictions: Predictions | None) -> VoxelScen
 
 def _page(scene: VoxelScene, view: Viewpoint) -> Image.Image:
     """Draws the image and the volumes of a frame side by side, with a title over each."""
-    width_pix = round(HEIGHT_PIX * scene.image.shape[1] / scene.image.shape[0])
-    image = resized(scene.image, width_pix, HEIGHT_PIX)
+    image = resized(scene.image, height_pix=HEIGHT_PIX)
     pictures = {"Front camera": image, **scene.drawn(VOXEL_PIX, view)}
-    total_pix = sum(picture.shape[1] + GAP_PIX for picture in pictures.values()) - GAP_PIX
-    page, left = Canvas(total_pix, TITLE_PIX + HEIGHT_PIX), 0
+    row = beside(list(pictures.values()), GAP_PIX)
+    page, left = Canvas(row.shape[1], TITLE_PIX + HEIGHT_PIX), 0
 
+    page.picture(row, 0, TITLE_PIX)
     for title, picture in pictures.items():
         page.text(left + picture.shape[1] / 2, TITLE_PIX / 2, title, size=12, ha="center")
-        page.picture(picture, left, TITLE_PIX)
         left += picture.shape[1] + GAP_PIX
 
     return page.drawn()
@@ -120,7 +119,4 @@ def _gif(pictures: list[Image.Image], duration_ms: int) -> bytes:
     # Median cut would give the few voxels of a rare class their neighbours' color.
     first, *others = (p.quantize(256, Image.Quantize.FASTOCTREE) for p in pictures)
     settings = {"duration": duration_ms, "loop": 0, "optimize": False}
-
-    buffer = io.BytesIO()
-    first.save(buffer, "GIF", save_all=True, append_images=others, **settings)
-    return buffer.getvalue()
+    return encoded(first, "GIF", save_all=True, append_images=others, **settings)

@@ -8,7 +8,8 @@ import pandas as pd
 from ..data.clip import CLIP_SECONDS
 from ..data.statistics import DENOMINATORS, PARTS, Statistics
 from . import paper
-from .statistics_figure import percent, readable, visible_totals
+from .canvas import readable
+from .statistics_figure import percent, visible_totals
 
 NONE = "–"
 BESIDE = ("", "here", "the paper")

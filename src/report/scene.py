@@ -57,18 +57,21 @@ class VoxelScene:
     def __post_init__(self) -> None:
         if TRUTH in self.predictions:
             raise UserError(f"{self.title}: {TRUTH!r} is no name for a prediction; rename the run")
-        for _, labels in self.volumes():
+        for labels in self.volumes.values():
             check_labels(labels, self.grid)
 
-    def volumes(self) -> Iterator[tuple[str, Labels]]:
-        """Yields name and labels of each view, the ground truth first."""
-        yield TRUTH, self.truth
-        yield from self.predictions.items()
+    @property
+    def volumes(self) -> dict[str, Labels]:
+        """The labels of each view by its name, the ground truth first."""
+        return {TRUTH: self.truth, **self.predictions}
 
     def known(self) -> dict[str, Labels]:
         """Returns all `volumes`, unknown where the ground truth is: they show the same space."""
         is_unknown = self.truth == UNKNOWN
-        return {name: np.where(is_unknown, np.uint8(UNKNOWN), v) for name, v in self.volumes()}
+        return {
+            name: np.where(is_unknown, np.uint8(UNKNOWN), labels)
+            for name, labels in self.volumes.items()
+        }
 
     def packed(self) -> str:
         """Returns `encoded` as base64 of deflated JSON, a fifth of its size."""
@@ -77,7 +80,7 @@ class VoxelScene:
 
     def encoded(self) -> dict:
         """Returns the JSON that the page's viewer reads. Lengths are in metres of the occ frame."""
-        occupied = [labels < FREE for _, labels in self.volumes()]
+        occupied = [labels < FREE for labels in self.volumes.values()]
         layers = np.flatnonzero(np.any(occupied, axis=(0, 1, 2)))
         edges = self.grid.lower_m[2] + self.grid.voxel_m * np.append(layers, layers + 1)
         # Above and below all voxels and the UAV, at height 0, there is nothing to look at.
@@ -102,7 +105,7 @@ class VoxelScene:
         They are the classes where the ground truth is known, the errors there, and the classes
         everywhere. ``labels`` are one digit a voxel, z fastest, 9 for unknown.
         """
-        labels = self.predictions.get(name, self.truth)
+        labels = self.volumes[name]
         digits = np.minimum(labels, FREE + 1) + ord("0")
         view = {"name": name, "labels": digits.tobytes().decode("ascii"), "counts": ""}
         view["meshes"] = {"classes": voxel_meshes(known, self.grid, CLASS_PALETTE)}

@@ -4,17 +4,16 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from ..atomic import replacing
 from ..data.statistics import DENOMINATORS, LOW_FLIGHT_M, Statistics
 from ..ontology import ACTOR_TYPES, CLASSES, COLORS
 from . import paper
-from .canvas import INK, MUTED
+from .canvas import INK, MUTED, readable
+from .figure_file import write_figure
 
 SIZE_INCHES, DPI = (13.0, 8.6), 130
 RULE, BAR, ACCENT = "#e3e6ea", "#7d9cc0", "#d1495b"
@@ -29,8 +28,7 @@ def draw_statistics(statistics: Statistics, path: str | Path) -> None:
     The paper's own numbers are marked where it gives them. Raises `UserError` for a path that
     cannot be written.
     """
-    with replacing(path) as temporary:
-        FigureCanvasAgg(statistics_figure(statistics)).print_png(temporary)
+    write_figure(statistics_figure(statistics), path)
 
 
 def statistics_figure(statistics: Statistics) -> Figure:
@@ -149,11 +147,6 @@ def _draw_actors(axes: Axes, statistics: Statistics) -> None:
 def visible_totals(statistics: Statistics) -> dict[str, int]:
     """Visible actors summed over all frames, by type."""
     return {name: int(statistics.frames[f"visible/{name}"].sum()) for name in ACTOR_TYPES}
-
-
-def readable(name: str) -> str:
-    """A class, town or weather in words."""
-    return name.upper() if name == "vru" else name.replace("_", " ")
 
 
 def percent(share: float) -> str:

@@ -43,7 +43,7 @@ def test_it_draws_the_faces_that_a_brute_force_search_finds(page):
     assert page.evaluate(FACES) == faces_of(known, [n for n in range(FREE) if n != GROUND])
     click(page, kind(GROUND))
     choose(page, SHOWS, "everywhere")
-    volumes = [labels for _, labels in scene.volumes()]
+    volumes = list(scene.volumes.values())
     expected = [faces_of(known[:1], range(FREE))[0], *faces_of(volumes[1:], range(FREE))]
     assert page.evaluate(FACES) == expected
 
