@@ -106,7 +106,7 @@ def test_every_occupied_voxel_the_uav_and_the_ground_are_in_the_view():
     view = view_of([labels], GRID, SIZE)
     points = GRID.centers(torch.float64)[torch.from_numpy(labels < FREE)]
     uav = torch.tensor([[0, 0, 0], [0, 0, ground_level(labels, GRID)]], dtype=torch.float64)
-    pix, depth_m = view.project(torch.cat([points, uav]), SIZE)
+    pix, depth_m = view.camera(SIZE).project(torch.cat([points, uav]))
     assert (depth_m > 0).all()
     room = torch.minimum(pix, torch.tensor(SIZE) - pix).amin(dim=0)
     assert (room >= 0).all()
