@@ -44,14 +44,11 @@ class Pen:
         for n in np.flatnonzero(visible[:-1] & visible[1:]):
             self.draw.line([points[n], points[n + 1]], fill=color, width=width_pix)
 
-    def loop(self, corners: Float[Tensor, "n 3"], color: tuple, width_pix: int) -> None:
-        """A closed polyline."""
-        for start, end in zip(corners, corners.roll(-1, dims=0)):
-            self.line(start, end, color, width_pix)
-
     def disc(self, middle: Float[Tensor, "3"], radius_m: float, color: tuple) -> None:
         """A filled horizontal disc, drawn whole."""
-        pix, depth_m = self.camera.project(middle[None] + circle(radius_m, 24))
+        angle = torch.arange(24, dtype=torch.float64) * (2 * math.pi / 24)
+        rim = torch.stack([angle.cos(), angle.sin(), torch.zeros_like(angle)], dim=-1)
+        pix, depth_m = self.camera.project(middle + radius_m * rim)
         if (depth_m > 0).all():
             self.draw.polygon([tuple(point) for point in pix.tolist()], fill=color)
 
@@ -61,12 +58,6 @@ class Pen:
         column = np.clip(np.floor(pix[:, 0]), 0, width - 1).astype(int)
         row = np.clip(np.floor(pix[:, 1]), 0, height - 1).astype(int)
         return (depth_m > 0) & (depth_m <= self.depth_m[row, column] + self.tolerance_m)
-
-
-def circle(radius_m: float, n: int) -> Float[Tensor, "n 3"]:
-    """Points of a horizontal circle around the origin."""
-    angle = torch.arange(n, dtype=torch.float64) * (2 * math.pi / n)
-    return radius_m * torch.stack([angle.cos(), angle.sin(), torch.zeros(n)], dim=-1)
 
 
 def draw_floor(pen: Pen, grid: VoxelGrid, floor_m: float, width_pix: int) -> None:
@@ -104,9 +95,9 @@ def draw_frustum(pen: Pen, grid: VoxelGrid, frustum: Frustum, share: float, widt
     of the grid's length."""
     corners = frustum.corners(share * (grid.upper_m[0] - grid.lower_m[0]))
     apex = frustum.corners(0.0)[0]
-    for corner in corners:
+    for corner, following in zip(corners, corners.roll(-1, dims=0)):
         pen.line(apex, corner, FRUSTUM_COLOR, width_pix)
-    pen.loop(corners, FRUSTUM_COLOR, width_pix)
+        pen.line(corner, following, FRUSTUM_COLOR, width_pix)
 
 
 def _point(x_m: float, y_m: float, z_m: float) -> Float[Tensor, "3"]:
