@@ -6,7 +6,8 @@ import pytest
 from src.ontology import CAR, CLASSES, FREE, GROUND, VRU
 from src.report.scene import ERROR_PALETTE
 from src.report.voxels import PALETTE
-from tests.report.sample_page import box_of, choose, click, middle_of, pixels_of, plain_scene, view
+from tests.report.sample_page import box_of, choose, click, middle_of, plain_scene, view
+from tests.report.street import pixels_of
 from tests.report.test_voxel_mesh import count_faces
 
 pytestmark = pytest.mark.slow
