@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from src.data.clip import Clip
 from src.data.predictions import Predictions, PredictionWriter
@@ -55,11 +55,8 @@ def predicted(root, tmp_path):
 
 def frames_of(path):
     with Image.open(path) as gif:
-        pictures = []
-        for n in range(gif.n_frames):
-            gif.seek(n)
-            pictures.append(np.asarray(gif.convert("RGB")).astype(float))
-        return pictures, gif.info
+        frames = [frame.convert("RGB") for frame in ImageSequence.Iterator(gif)]
+        return [np.asarray(frame).astype(float) for frame in frames], gif.info
 
 
 def panels_of(picture):
