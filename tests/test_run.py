@@ -493,6 +493,7 @@ MISTAKES = {
     "suite.ttc_edges_s=[1.0,2.0] task=score": "predictions: .*predictions=DIR",
     "task=score predictions=nowhere dataset=nowhere": "nowhere",
     "task=predict": "ckpt_path: task=predict",
+    "task=predict task.animation=flight.mp4": r"task.animation: 'flight\.mp4'; .*\.gif",
     "task=compare": "task.runs: ",
     "task=attitude task.tilt_edges_deg=[5,15] task.noise_deg=[]": "ckpt_path: task=attitude",
     "task=attitude task.delay_s=[soon]": r"task.delay_s: \['soon'\]",

@@ -22,7 +22,8 @@ Voxels = Bool[np.ndarray, "X Y Z"]
 
 def _no_counts() -> pd.DataFrame:
     rows = [*(CLASSES[k] for k in OCCUPIED), ALL]
-    return pd.DataFrame(0, index=rows, columns=COUNTS, dtype=np.int64)
+    index = pd.MultiIndex.from_product([SCOPES, rows], names=["scope", "class"])
+    return pd.DataFrame(0, index=index, columns=COUNTS, dtype=np.int64)
 
 
 @dataclass
@@ -40,9 +41,7 @@ class SurfaceAgreement:
     """
 
     frames: int = 0
-    counts: dict[str, pd.DataFrame] = field(
-        default_factory=lambda: {scope: _no_counts() for scope in SCOPES}
-    )
+    counts: pd.DataFrame = field(default_factory=_no_counts)
 
     def add(self, semantics: UInt8[np.ndarray, "X Y Z"], truth: SurfaceTruth) -> None:
         """Counts one frame."""
@@ -56,8 +55,7 @@ class SurfaceAgreement:
     def join(self, other: "SurfaceAgreement") -> None:
         """Adds the counts of other frames."""
         self.frames += other.frames
-        for scope in SCOPES:
-            self.counts[scope] += other.counts[scope]
+        self.counts += other.counts
 
     def _add(
         self,
@@ -68,7 +66,7 @@ class SurfaceAgreement:
         open_space: Voxels,
     ) -> None:
         """Counts a frame's ``surfaces``, the labels there, and those in the ``open_space``."""
-        counts, occupied = self.counts[scope], semantics < FREE
+        occupied = semantics < FREE
         true, in_scope = truth.holds & surfaces, surfaces.any(axis=-1) | open_space
         holds_any, named_any = truth.holds.any(axis=-1), np.zeros(semantics.shape, dtype=bool)
 
@@ -83,15 +81,19 @@ class SurfaceAgreement:
                 "right_name": own & truth.holds[..., k],
                 "ghosts": own & ~truth.touches[..., k],
             }
-            _count(counts, CLASSES[k], voxels)
+            self._count(scope, CLASSES[k], voxels)
             named_any |= (semantics == k) & truth.holds[..., k]
 
         # A voxel has one label, but may hold several classes: true ones do not add up.
-        for name in ("labelled", "right", "right_name", "ghosts"):
-            counts.loc[ALL, name] = counts[name].drop(ALL).sum()
+        of_labels = ["labelled", "right", "right_name", "ghosts"]
+        classes = self.counts.loc[scope, of_labels].drop(ALL)
+        self.counts.loc[(scope, ALL), of_labels] = classes.sum()
         any_true, free = true.any(axis=-1), (semantics == FREE) & open_space
         voxels = {"true": any_true, "found": any_true & occupied, "named": any_true & named_any}
-        _count(counts, ALL, voxels | {"free": free, "free_wrong": free & holds_any})
+        self._count(scope, ALL, voxels | {"free": free, "free_wrong": free & holds_any})
+
+    def _count(self, scope: str, row: str, voxels: dict[str, Voxels]) -> None:
+        self.counts.loc[(scope, row), list(voxels)] += [each.sum() for each in voxels.values()]
 
     def table(self) -> pd.DataFrame:
         """Returns counts and shares by scope and class; shares are NaN where there is nothing.
@@ -99,7 +101,7 @@ class SurfaceAgreement:
         ``recall`` is found / true, ``class_recall`` named / true, ``precision`` right / labelled,
         ``class_precision`` right_name / labelled, ``free_error`` free_wrong / free.
         """
-        table = pd.concat(self.counts, names=["scope", "class"]).reset_index()
+        table = self.counts.reset_index()
         table["recall"] = table["found"] / table["true"]
         table["class_recall"] = table["named"] / table["true"]
         table["precision"] = table["right"] / table["labelled"]
@@ -111,9 +113,4 @@ class SurfaceAgreement:
     def moving_ghosts(self) -> int:
         """Visible voxels labelled as a moving class where nothing of it is within 1 mm."""
         rows = [CLASSES[k] for k in MOVING]
-        return int(self.counts["visible"].loc[rows, "ghosts"].sum())
-
-
-def _count(counts: pd.DataFrame, row: str, voxels: dict[str, Voxels]) -> None:
-    for name, each in voxels.items():
-        counts.loc[row, name] += each.sum()
+        return int(self.counts.loc["visible"].loc[rows, "ghosts"].sum())

@@ -159,7 +159,7 @@ def _frames_of(clip: Clip, role: str) -> pd.DataFrame:
     motion = rows[["altitude_m", "roll_rad", "pitch_rad"]]
     speed_mps = np.linalg.norm(rows[["vx_mps", "vy_mps", "vz_mps"]].to_numpy(), axis=1)
     table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
-    return pd.concat([table, _voxel_counts(clip), _visible_actors(clip)], axis=1)
+    return pd.concat([table, _voxel_counts(clip), visible_actors(clip)], axis=1)
 
 
 def _voxel_counts(clip: Clip) -> pd.DataFrame:
@@ -174,8 +174,8 @@ def _voxel_counts(clip: Clip) -> pd.DataFrame:
     return table
 
 
-def _visible_actors(clip: Clip) -> pd.DataFrame:
-    """Counts the visible actors of each type, a row a frame."""
+def visible_actors(clip: Clip) -> pd.DataFrame:
+    """Counts the visible actors of each type (``visible/<type>``), a row a frame."""
     # A share of the image, so that the count means the same at every resolution.
     pixels = clip.meta.width * clip.meta.height
     visible = clip.actors[clip.actors["visible_pixels"] >= MIN_VISIBLE_SHARE * pixels]

@@ -1,6 +1,7 @@
 """The picture of how a frame is annotated (App. A.3), from the annotation's own arrays."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import matplotlib
@@ -8,10 +9,12 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int, UInt8
 from matplotlib.colors import LogNorm
-from PIL import Image
+from PIL import Image, ImageOps
 
 from ..geometry import in_image, inverse, project
 from ..ontology import FREE, SKY, UNKNOWN
+from ..report.canvas import Pixels, write_picture
+from ..report.titled_sheet import titled_sheet
 from ..report.top import render_top
 from ..report.view import Frustum
 from ..report.voxels import PALETTE, render_voxels, view_of
@@ -20,14 +23,13 @@ from ..sim.annotation import elect, is_supported, vote_actors, vote_camera
 from ..sim.clip_maker import ClipMaker, ClipPlan, Observation
 from ..sim.sensors import scan
 from ..sim.world import Rendering
-from .sheet import write_sheet
 from .shot import entropy
 
 CELL_PIX = (560, 315)
 MAX_BYTES = 900_000
 DEPTH_M = (1.0, 80.0)
 DOT_PIX = 3
-Picture = UInt8[np.ndarray, "h w 3"]
+NEAREST = Image.Resampling.NEAREST
 
 
 def draw_pipeline(sim: Mapping, plan: ClipPlan, path: Path) -> None:
@@ -40,35 +42,35 @@ def draw_pipeline(sim: Mapping, plan: ClipPlan, path: Path) -> None:
     # More frames would take longer and fuse nothing more.
     rate_hz = min(sim["capture_hz"], sim["lidar_hz"])
     maker = ClipMaker({**sim, "capture_hz": rate_hz}, Path())
-    images: list[Picture] = []
+    images: list[Pixels] = []
 
-    def keep(_: int, image: Picture, __: Rendering) -> None:
+    def keep(_: int, image: Pixels, __: Rendering) -> None:
         images.append(image)
 
     seen = maker.observe(plan, keep)
-    views = [signal.view for signal in seen.signals]
-    frame = max(range(len(views)), key=lambda n: entropy(views[n].class_id))
+    frame = int(np.argmax([entropy(signal.view.class_id) for signal in seen.signals]))
     rows = [_sensed(maker, seen, frame, images[frame]), _labelled(maker, seen, frame)]
-    write_sheet(rows, path, CELL_PIX[0], MAX_BYTES)
+    write_picture(titled_sheet(rows, CELL_PIX[0]).drawn(), path, MAX_BYTES)
 
 
 # ---------------------------------------------------------------------------------- what is sensed
 
 
 def _sensed(
-    maker: ClipMaker, seen: Observation, frame: int, image: Picture
-) -> list[tuple[str, Picture]]:
+    maker: ClipMaker, seen: Observation, frame: int, image: Pixels
+) -> list[tuple[str, Pixels]]:
     view = seen.signals[frame].view
-    return [
-        ("1  front image", _shaped(image)),
-        ("2  depth, 1 to 80 m", _shaped(_depth(view))),
-        ("3  semantics", _shaped(_classes(view))),
-        ("4  instances of moving actors", _shaped(_instances(view))),
-        ("5  returns of both LiDARs, by range", _shaped(_returns(maker, seen, frame, image))),
-    ]
+    pictures = {
+        "1  front image": image,
+        "2  depth, 1 to 80 m": _depth(view),
+        "3  semantics": _classes(view),
+        "4  instances of moving actors": _instances(view),
+        "5  returns of both LiDARs, by range": _returns(maker, seen, frame, image),
+    }
+    return [(title, _shaped(picture)) for title, picture in pictures.items()]
 
 
-def _depth(view: View) -> Picture:
+def _depth(view: View) -> Pixels:
     return np.where(np.isinf(view.depth_m)[..., None], np.uint8(255), _by_range(view.depth_m))
 
 
@@ -77,19 +79,19 @@ def _by_range(distance_m: Float[np.ndarray, "*n"]) -> UInt8[np.ndarray, "*n 3"]:
     return matplotlib.colormaps["turbo_r"](share, bytes=True)[..., :3]
 
 
-def _classes(view: View) -> Picture:
+def _classes(view: View) -> Pixels:
     colors = np.append(PALETTE, [[255, 255, 255]], axis=0).astype(np.uint8)
     return colors[np.where(view.class_id == SKY, len(PALETTE), view.class_id)]
 
 
-def _instances(view: View) -> Picture:
+def _instances(view: View) -> Pixels:
     """Every actor in a color of its own, all else pale."""
     hues = matplotlib.colormaps["tab20"](view.actor_id % 20, bytes=True)[..., :3]
     pale = (0.25 * _classes(view) + 0.75 * 255).astype(np.uint8)
     return np.where((view.actor_id > 0)[..., None], hues, pale)
 
 
-def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) -> Picture:
+def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Pixels) -> Pixels:
     """The LiDAR returns of the frame's own scan that lie in the image, over it."""
     view, sim = seen.signals[frame].view, maker.sim
     world_from_body, step = view.world_from_body.numpy(), maker.step_of(frame)
@@ -117,7 +119,7 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Picture) ->
 # --------------------------------------------------------------------------------- what is labelled
 
 
-def _labelled(maker: ClipMaker, seen: Observation, frame: int) -> list[tuple[str, Picture]]:
+def _labelled(maker: ClipMaker, seen: Observation, frame: int) -> list[tuple[str, Pixels]]:
     view, grid = seen.signals[frame].view, maker.grid
     fused = _elected(_static_votes(maker, seen, view))
     # App. A.3: static surfaces are fused over time, actors are placed as they are now.
@@ -128,7 +130,7 @@ def _labelled(maker: ClipMaker, seen: Observation, frame: int) -> list[tuple[str
     meta = (view.camera_from_occ, view.pix_from_camera, view.depth_m.shape[::-1])
     frustum, point_of_view = Frustum(*meta), view_of([fused, placed], grid, CELL_PIX)
 
-    def voxels(semantics: UInt8[np.ndarray, "X Y Z"]) -> Picture:
+    def voxels(semantics: UInt8[np.ndarray, "X Y Z"]) -> Pixels:
         return render_voxels(semantics, grid, CELL_PIX, point_of_view, frustum)
 
     return [
@@ -163,19 +165,14 @@ def _elected(votes: Int[np.ndarray, "X Y Z 8"]) -> UInt8[np.ndarray, "X Y Z"]:
     return elect(votes, np.zeros(votes.shape[:3], dtype=bool))
 
 
-def _scaled(picture: Picture) -> Picture:
+def _scaled(picture: Pixels) -> Pixels:
     height = round(CELL_PIX[0] * picture.shape[0] / picture.shape[1])
-    return np.asarray(Image.fromarray(picture).resize((CELL_PIX[0], height), 0))
+    return np.asarray(Image.fromarray(picture).resize((CELL_PIX[0], height), NEAREST))
 
 
-def _shaped(picture: Picture) -> Picture:
+def _shaped(picture: Pixels) -> Pixels:
     """A picture as wide as a cell: its middle where it is higher, on white where it is lower."""
-    scaled = _scaled(picture) if picture.shape[1] != CELL_PIX[0] else picture
-    height = scaled.shape[0]
-    if height >= CELL_PIX[1]:
-        top = (height - CELL_PIX[1]) // 2
-        return scaled[top : top + CELL_PIX[1]]
-    cell = np.full((CELL_PIX[1], CELL_PIX[0], 3), 255, dtype=np.uint8)
-    top = (CELL_PIX[1] - height) // 2
-    cell[top : top + height] = scaled
-    return cell
+    image = Image.fromarray(picture)
+    is_higher = image.height * CELL_PIX[0] >= image.width * CELL_PIX[1]
+    shaped = ImageOps.fit if is_higher else partial(ImageOps.pad, color="white")
+    return np.asarray(shaped(image, CELL_PIX, NEAREST))

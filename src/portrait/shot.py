@@ -72,18 +72,15 @@ def street_shot(sim: Mapping, town: str) -> Shot:
     """
     maker = ClipMaker(sim, Path())
     flight, scene = maker.stage(ClipPlan(f"{town}/clip00", town, "cloudy", 0))
-    world_from_camera = flight.world_from_body @ maker.body_from_camera.numpy()
+    world_from_camera = torch.from_numpy(flight.world_from_body) @ maker.body_from_camera
     hfov_rad = math.radians(sim["image"]["hfov_deg"])
     steps, cloudy = range(0, len(world_from_camera), STEP_HZ), Weather.of(sim, "cloudy")
 
     with World(scene, pinhole(*PREVIEW_PIX, hfov_rad), *PREVIEW_PIX) as world:
-        previews = [
-            world.render(step, torch.from_numpy(world_from_camera[step]), cloudy) for step in steps
-        ]
+        previews = (world.render(step, world_from_camera[step], cloudy) for step in steps)
+        richest = steps[int(np.argmax([entropy(preview.class_id) for preview in previews]))]
 
-    richest = steps[max(range(len(steps)), key=lambda n: entropy(previews[n].class_id))]
-    camera = torch.from_numpy(world_from_camera[richest])
-    return Shot(scene, richest, camera, pinhole(*SIZE_PIX, hfov_rad))
+    return Shot(scene, richest, world_from_camera[richest], pinhole(*SIZE_PIX, hfov_rad))
 
 
 def entropy(class_id: UInt8[np.ndarray, "h w"]) -> float:

@@ -1,37 +1,83 @@
-"""One flight as a looping picture: what the camera sees, and the labels of the space ahead."""
+"""One flight as a looping picture: what the camera sees, the labels of the space ahead, and what a
+model predicts there."""
 
-import io
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
-from jaxtyping import UInt8
 from PIL import Image
 
 from ..atomic import replacing
 from ..data.clip import Clip
-from ..data.statistics import Statistics
-from .canvas import within_bytes
-from .view import Frustum
-from .voxels import render_voxels, view_of
+from ..data.predictions import Predictions, Sample
+from ..data.statistics import Statistics, visible_actors
+from .canvas import Canvas, beside, resized, within_bytes
+from .picture import encoded
+from .scene import VoxelScene
+from .view import Frustum, Viewpoint
+from .voxels import view_of
 
 SECONDS, FRAME_HZ = 4.0, 5.0
-HEIGHT_PIX, VOXEL_ASPECT, GAP_PIX = 288, 1.25, 8
-MAX_BYTES = 6_000_000
+HEIGHT_PIX, VOXEL_ASPECT, GAP_PIX, TITLE_PIX = 224, 1.25, 8, 28
+VOXEL_PIX = (round(HEIGHT_PIX * VOXEL_ASPECT), HEIGHT_PIX)
+MAX_BYTES = 2_000_000
 
 
 def draw_flight(root: Path, statistics: Statistics, path: str | Path) -> None:
-    """Write a GIF of at most 6 MB: image left, labels in 3-D right, in real time.
+    """Writes a GIF of at most 2 MB: the image, and the labels in 3-D, in real time.
 
-    Shows the `liveliest` clip, 4 s around its middle. Raises `UserError` for a clip that cannot be
-    read and a path that cannot be written.
+    Shows the `liveliest` clip of the first weather, 4 s around its middle. Raises `UserError` for a
+    clip that cannot be read and a path that cannot be written.
     """
-    clip = Clip(root / liveliest(statistics.clips, statistics.frames))
+    frames, first_weather = statistics.frames, statistics.clips["weather"].iloc[0]
+    clip = Clip(root / liveliest(frames[frames["weather"] == first_weather]))
+    _draw(clip, range(len(clip)), None, path)
+
+
+def draw_predicted_flight(
+    clips: Mapping[str, Clip], samples: Sequence[Sample], predictions: Predictions, path: str | Path
+) -> None:
+    """Writes the GIF of `draw_flight` with a third picture: the prediction, beside the labels.
+
+    ``samples`` are the predicted frames of the clips. Shows the clip that has most of them, of
+    several the `liveliest`, at most 4 s around the middle of its predicted frames. A prediction is
+    hidden where the labels are unknown. Raises `UserError` as `draw_flight` does, and for a
+    prediction that cannot be read.
+    """
+    frames = pd.DataFrame(samples, columns=["clip", "frame"]).groupby("clip", sort=False)["frame"]
+    # Of a clip that is held out every frame is predicted, of another only one part: the end.
+    counts = frames.count()
+    longest = counts.index[counts == counts.max()]
+    actors = pd.concat([visible_actors(clips[name]).assign(clip=name) for name in longest])
+
+    shown = liveliest(actors)
+    _draw(clips[shown], frames.get_group(shown).tolist(), predictions, path)
+
+
+def liveliest(frames: pd.DataFrame) -> str:
+    """Returns the clip in whose image most actors are visible in a frame, of equal ones the first.
+
+    ``frames`` has a row a frame: ``clip``, and the visible actors by type, ``visible/<type>``.
+    """
+    visible = frames.filter(like="visible/").sum(axis=1)
+    return visible.groupby(frames["clip"], sort=False).mean().idxmax()
+
+
+def _draw(
+    clip: Clip, frames: Sequence[int], predictions: Predictions | None, path: str | Path
+) -> None:
+    """Draws the middle of some consecutive frames of a clip, with their predictions if given."""
     stride = max(1, round(clip.meta.capture_hz / FRAME_HZ))
-    count = round(SECONDS * clip.meta.capture_hz / stride)
-    first = (len(clip) - count * stride) // 2
-    pictures = _pictures(clip, range(first, first + count * stride, stride))
+    length = stride * round(SECONDS * clip.meta.capture_hz / stride)
+    first = max(0, (len(frames) - length) // 2)
+    shown = frames[first : first + length : stride]
+    scenes = [_scene(clip, frame, predictions) for frame in shown]
+
+    # One point of view for all frames and volumes, so that nothing moves but the flight.
+    labels = [volume for scene in scenes for volume in scene.known().values()]
+    view = view_of(labels, clip.meta.grid, VOXEL_PIX)
+    pictures = [_page(scene, view) for scene in scenes]
     duration_ms = round(1000 * stride / clip.meta.capture_hz)
     encoded = within_bytes(pictures, partial(_gif, duration_ms=duration_ms), MAX_BYTES)
 
@@ -39,43 +85,38 @@ def draw_flight(root: Path, statistics: Statistics, path: str | Path) -> None:
         temporary.write_bytes(encoded)
 
 
-def liveliest(clips: pd.DataFrame, frames: pd.DataFrame) -> str:
-    """The clip in whose image most actors are visible, among those of the first weather."""
-    first = frames[frames["weather"] == clips["weather"].iloc[0]].set_index("clip")
-    visible = first.filter(like="visible/").sum(axis=1)
-    return visible.groupby(level=0, sort=False).mean().idxmax()
+def _scene(clip: Clip, frame: int, predictions: Predictions | None) -> VoxelScene:
+    predicted = {}
+    if predictions:
+        predicted["Prediction"] = predictions.labels(clip.clip_id, frame).numpy()
+
+    return VoxelScene(
+        title=f"{clip.clip_id} frame {frame}",
+        grid=clip.meta.grid,
+        image=clip.image(frame),
+        truth=clip.semantics(frame),
+        predictions=predicted,
+        frustum=Frustum.of(clip, frame),
+    )
 
 
-def _pictures(clip: Clip, frames: range) -> list[Image.Image]:
-    """Image and labels of every frame, side by side, the labels from one steady point of view."""
-    grid, size_pix = clip.meta.grid, (round(HEIGHT_PIX * VOXEL_ASPECT), HEIGHT_PIX)
-    labels = {n: clip.semantics(n) for n in frames}
-    view = view_of(list(labels.values()), grid, size_pix)
+def _page(scene: VoxelScene, view: Viewpoint) -> Image.Image:
+    """Draws the image and the volumes of a frame side by side, with a title over each."""
+    image = resized(scene.image, height_pix=HEIGHT_PIX)
+    pictures = {"Front camera": image, **scene.drawn(VOXEL_PIX, view)}
+    row = beside(list(pictures.values()), GAP_PIX)
+    page, left = Canvas(row.shape[1], TITLE_PIX + HEIGHT_PIX), 0
 
-    return [
-        _side_by_side(
-            clip.image(n), render_voxels(labels[n], grid, size_pix, view, Frustum.of(clip, n))
-        )
-        for n in frames
-    ]
+    page.picture(row, 0, TITLE_PIX)
+    for title, picture in pictures.items():
+        page.text(left + picture.shape[1] / 2, TITLE_PIX / 2, title, size=12, ha="center")
+        left += picture.shape[1] + GAP_PIX
 
-
-def _side_by_side(
-    image: UInt8[np.ndarray, "h w 3"], voxels: UInt8[np.ndarray, "H W 3"]
-) -> Image.Image:
-    left, right = Image.fromarray(image), Image.fromarray(voxels)
-    width_pix = round(left.width * HEIGHT_PIX / left.height)
-    sheet = Image.new("RGB", (width_pix + GAP_PIX + right.width, HEIGHT_PIX), (255, 255, 255))
-    sheet.paste(left.resize((width_pix, HEIGHT_PIX), Image.Resampling.LANCZOS), (0, 0))
-    sheet.paste(right, (width_pix + GAP_PIX, 0))
-    return sheet
+    return page.drawn()
 
 
 def _gif(pictures: list[Image.Image], duration_ms: int) -> bytes:
     # Median cut would give the few voxels of a rare class their neighbours' color.
     first, *others = (p.quantize(256, Image.Quantize.FASTOCTREE) for p in pictures)
     settings = {"duration": duration_ms, "loop": 0, "optimize": False}
-
-    buffer = io.BytesIO()
-    first.save(buffer, "GIF", save_all=True, append_images=others, **settings)
-    return buffer.getvalue()
+    return encoded(first, "GIF", save_all=True, append_images=others, **settings)

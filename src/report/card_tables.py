@@ -8,7 +8,8 @@ import pandas as pd
 from ..data.clip import CLIP_SECONDS
 from ..data.statistics import DENOMINATORS, PARTS, Statistics
 from . import paper
-from .statistics_figure import percent, readable, visible_totals
+from .canvas import readable
+from .statistics_figure import percent, visible_totals
 
 NONE = "–"
 BESIDE = ("", "here", "the paper")
@@ -108,17 +109,20 @@ def benchmark_table(statistics: Statistics) -> str:
 
 def clip_rows(clips: pd.DataFrame) -> str:
     """A row a clip of `Statistics.clip_table`, the columns that one reads first."""
-    header = ["clip", "weather", "role", "frames", "height (m)", "speed (m/s)"]
-    header += ["visible actors a frame", "thin", "car", "VRU", "MB"]
+    shares = {"thin": "thin_structure", "car": "car", "VRU": "vru"}
     actors = clips.filter(like="visible_").sum(axis=1) / clips["frames"]
-
-    rows = []
-    for clip, visible in zip(clips.itertuples(), actors):
-        row = [f"`{clip.clip}`", readable(clip.weather), clip.role, str(clip.frames)]
-        row += [f"{clip.mean_altitude_m:.1f}", f"{clip.mean_speed_mps:.1f}", f"{visible:.1f}"]
-        row += map(percent, (clip.share_thin_structure, clip.share_car, clip.share_vru))
-        rows.append([*row, f"{clip.bytes / 1e6:.1f}"])
-    return _table(header, rows)
+    columns = {
+        "clip": clips["clip"].map("`{}`".format),
+        "weather": clips["weather"].map(readable),
+        "role": clips["role"],
+        "frames": clips["frames"].map(str),
+        "height (m)": clips["mean_altitude_m"].map("{:.1f}".format),
+        "speed (m/s)": clips["mean_speed_mps"].map("{:.1f}".format),
+        "visible actors a frame": actors.map("{:.1f}".format),
+        **{head: clips[f"share_{name}"].map(percent) for head, name in shares.items()},
+        "MB": (clips["bytes"] / 1e6).map("{:.1f}".format),
+    }
+    return _table(list(columns), list(zip(*columns.values())))
 
 
 def _span(values: pd.Series, form: str) -> str:

@@ -3,18 +3,16 @@
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import UInt8
 
 from ..data.clip import Clip
-from .canvas import MUTED, Canvas, resized, write_jpeg
+from .canvas import Pixels, beside, readable, resized, write_picture
 from .labels_in_image import labels_in_image
-from .qualitative import add_legend
+from .titled_sheet import titled_sheet
 from .view import Frustum
 
 FRAMES = 6
 COLUMNS = 2
-CELL_WIDTH_PIX, GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 420, 8, 30, 56, 56
-JPEG_QUALITY = 88
+IMAGE_WIDTH_PIX, GAP_PIX, HEADER_PIX, FOOTER_PIX = 420, 8, 56, 48
 
 
 def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading: str) -> None:
@@ -25,12 +23,21 @@ def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading:
     Raises `UserError` for a clip that cannot be read and a path that cannot be written.
     """
     picked = [(Clip(root / clip_ids[n]), frame) for n, frame in _picked(root, clip_ids)]
-    pairs = [(clip.image(frame), overlaid(clip, frame)) for clip, frame in picked]
-    titles = [_title(clip, frame) for clip, frame in picked]
-    write_jpeg(_page(pairs, titles, heading).drawn(), path, JPEG_QUALITY)
+    pairs = [(_title(clip, frame), _pair(clip, frame)) for clip, frame in picked]
+    rows = [pairs[n : n + COLUMNS] for n in range(0, len(pairs), COLUMNS)]
+    page = titled_sheet(rows, 2 * IMAGE_WIDTH_PIX + GAP_PIX, HEADER_PIX, FOOTER_PIX)
+    page.text(GAP_PIX, HEADER_PIX / 2, heading, size=19)
+    page.legend(page.height_pix - FOOTER_PIX / 2, skip=("free",))
+    write_picture(page.drawn(), path)
 
 
-def overlaid(clip: Clip, frame: int) -> UInt8[np.ndarray, "h w 3"]:
+def _pair(clip: Clip, frame: int) -> Pixels:
+    """A frame's image, and beside it the image under its labels."""
+    pictures = clip.image(frame), overlaid(clip, frame)
+    return beside([resized(picture, IMAGE_WIDTH_PIX) for picture in pictures], GAP_PIX)
+
+
+def overlaid(clip: Clip, frame: int) -> Pixels:
     """A frame's image under its labels, by the chain that the model projects with."""
     labels, camera = clip.semantics(frame), Frustum.of(clip, frame)
     return labels_in_image(clip.image(frame), labels, clip.meta.grid, camera)
@@ -56,27 +63,6 @@ def _title(clip: Clip, frame: int) -> str:
     row = clip.frames.iloc[frame]
     roll_deg, pitch_deg = np.degrees([row["roll_rad"], row["pitch_rad"]])
     return (
-        f"{clip.folder.name} frame {frame} · {clip.meta.weather.replace('_', ' ')} · "
+        f"{clip.folder.name} frame {frame} · {readable(clip.meta.weather)} · "
         f"roll {roll_deg:+.0f}° pitch {pitch_deg:+.0f}°"
     )
-
-
-def _page(pairs: list[tuple[np.ndarray, np.ndarray]], titles: list[str], heading: str) -> Canvas:
-    height_pix, width_pix = pairs[0][0].shape[:2]
-    cell_pix = (CELL_WIDTH_PIX, round(CELL_WIDTH_PIX * height_pix / width_pix))
-    pair_pix = 2 * cell_pix[0] + 3 * GAP_PIX
-    row_pix = cell_pix[1] + TITLE_PIX
-    rows = -(-len(pairs) // COLUMNS)
-    page = Canvas(COLUMNS * pair_pix, HEADER_PIX + rows * row_pix + FOOTER_PIX)
-    page.text(GAP_PIX, HEADER_PIX / 2, heading, size=19)
-
-    for n, (pair, title) in enumerate(zip(pairs, titles)):
-        row, column = divmod(n, COLUMNS)
-        left, top = GAP_PIX + column * pair_pix, HEADER_PIX + row * row_pix
-        page.text(left, top + TITLE_PIX / 2, title, size=13, color=MUTED)
-        for side, picture in enumerate(pair):
-            u = left + side * (cell_pix[0] + GAP_PIX)
-            page.picture(resized(picture, *cell_pix), u, top + TITLE_PIX)
-    add_legend(page.figure, FOOTER_PIX / 2 / page.height_pix, skip=("free",))
-
-    return page

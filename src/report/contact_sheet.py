@@ -2,15 +2,11 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from ..data.clip import Clip
 from ..data.statistics import Statistics
-from .canvas import Canvas, resized, write_jpeg
-from .statistics_figure import readable
+from .canvas import Canvas, Pixels, readable, resized, write_picture
 
 CELL_WIDTH_PIX, GAP_PIX, LABEL_PIX, HEADER_PIX = 288, 8, 34, 44
-JPEG_QUALITY = 88
 
 
 def draw_contact_sheet(root: Path, statistics: Statistics, path: str | Path) -> None:
@@ -42,11 +38,9 @@ def draw_contact_sheet(root: Path, statistics: Statistics, path: str | Path) -> 
 
     for (row, column), picture in pictures.items():
         page.picture(picture, lefts[column], tops[row])
-    write_jpeg(page.drawn(), path, JPEG_QUALITY)
+    write_picture(page.drawn(), path)
 
 
-def _picture(clip: Clip) -> np.ndarray:
+def _picture(clip: Clip) -> Pixels:
     """The frame in the middle of a clip, as wide as a cell."""
-    image = clip.image(len(clip) // 2)
-    height_pix = round(image.shape[0] * CELL_WIDTH_PIX / image.shape[1])
-    return resized(image, CELL_WIDTH_PIX, height_pix)
+    return resized(clip.image(len(clip) // 2), CELL_WIDTH_PIX)

@@ -1,5 +1,6 @@
 """Learning curves from the ``metrics.csv`` of a run."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -13,7 +14,7 @@ from .figure_file import write_figure
 
 TRAIN_LOSS = "train/total"
 VALIDATION = {"val/kar_miou": "KAR-mIoU", "val/miou_occupied": "mIoU occupied"}
-COLORS = ("#d1495b", "#2962ff", "#00898a")
+LOSS_COLORS, SCORE_COLORS = ("#d1495b",), ("#2962ff", "#00898a")
 SIZE_INCHES, DPI = (9.0, 3.4), 150
 
 
@@ -25,26 +26,30 @@ def draw_curves(metrics_csv: str | Path, path: str | Path) -> None:
     what was never logged is left out. Raises `UserError` for a file that is missing, unreadable or
     without any of these columns, and for a path that cannot be written.
     """
-    table = _read(metrics_csv)
+    loss = read_curve(metrics_csv, TRAIN_LOSS, "training loss")
+    # Scores are logged as shares, and drawn in percent.
+    scores = [read_curve(metrics_csv, column, name, 100) for column, name in VALIDATION.items()]
+
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
     loss_axes, score_axes = figure.subplots(1, 2)
-
-    _draw(loss_axes, table, TRAIN_LOSS, "training loss", COLORS[0])
-    # Scores are logged as shares, and drawn in percent.
-    for (column, label), color in zip(VALIDATION.items(), COLORS[1:]):
-        _draw(score_axes, table, column, label, color, scale=100)
-    for axes, title in ((loss_axes, "Training loss"), (score_axes, "Validation (%)")):
-        _finish(axes, title)
+    _draw(loss_axes, "Training loss", [loss], LOSS_COLORS)
+    _draw(score_axes, "Validation (%)", scores, SCORE_COLORS)
     write_figure(figure, path)
 
 
 def read_curve(metrics_csv: str | Path, column: str, name: str, scale: float = 1.0) -> Curve:
-    """Reads one column of a ``metrics.csv`` as the curve of a run.
+    """Reads one column of a ``metrics.csv`` as the curve of a run: its mean in each epoch.
 
     It has no point in an epoch in which nothing was logged. Raises `UserError` as `draw_curves`
     does.
     """
-    return _curve(_read(metrics_csv), column, name, scale)
+    table = _read(metrics_csv)
+    if column not in table:
+        return Curve(name, (), ())
+
+    values = table.dropna(subset=[column]).groupby("epoch")[column].mean() * scale
+    # A mean of an epoch stands at its end.
+    return Curve(name, tuple((values.index + 1.0).tolist()), tuple(values.tolist()))
 
 
 def _read(metrics_csv: str | Path) -> pd.DataFrame:
@@ -62,25 +67,13 @@ def _read(metrics_csv: str | Path) -> pd.DataFrame:
     return table
 
 
-def _draw(
-    axes: Axes, table: pd.DataFrame, column: str, label: str, color: str, scale: float = 1.0
-) -> None:
-    """Draws one curve, where the column was logged."""
-    curve = _curve(table, column, label, scale)
-    if curve.epochs:
-        style = {"color": color, "label": label, "marker": "o", "markersize": 3.5}
-        axes.plot(curve.epochs, curve.values, **style)
+def _draw(axes: Axes, title: str, curves: Sequence[Curve], colors: Sequence[str]) -> None:
+    """Draws the curves that have points."""
+    for curve, color in zip(curves, colors):
+        if curve.epochs:
+            style = {"color": color, "label": curve.name, "marker": "o", "markersize": 3.5}
+            axes.plot(curve.epochs, curve.values, **style)
 
-
-def _curve(table: pd.DataFrame, column: str, name: str, scale: float) -> Curve:
-    """Returns the mean of a column in each epoch, at the epoch's end; empty where never logged."""
-    if column not in table:
-        return Curve(name, (), ())
-    values = table.dropna(subset=[column]).groupby("epoch")[column].mean() * scale
-    return Curve(name, tuple((values.index + 1.0).tolist()), tuple(values.tolist()))
-
-
-def _finish(axes: Axes, title: str) -> None:
     axes.set_title(title, loc="left", fontsize=11, fontweight="bold")
     axes.set_xlabel("epoch")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

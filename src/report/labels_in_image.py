@@ -3,12 +3,10 @@
 import numpy as np
 from jaxtyping import UInt8
 
-from ..geometry import VoxelGrid, pixel_centers
-from ..ontology import FREE
-from ..voxels import rays_in_grid
-from .raycast import VOXEL, cast
+from ..geometry import VoxelGrid
+from .raycast import VOXEL
 from .view import Frustum
-from .voxels import PALETTE, SUN
+from .voxels import PALETTE, cast_pixels
 
 # How much of a pixel is its voxel's color, and how much darker the voxel's edges are.
 COLOR_SHARE, EDGE_SHARE = 0.6, 0.35
@@ -25,14 +23,14 @@ def labels_in_image(
     The ray is the one through the pixel's center. With another ``camera`` than the one that took
     the image, colors stand beside their objects.
     """
-    pix = pixel_centers(*camera.size_pix).reshape(-1, 2)
-    origin, rays = rays_in_grid(pix, camera.camera_from_occ, camera.pix_from_camera, grid)
-    hits = cast(labels < FREE, origin.numpy(), rays.contiguous().numpy(), SUN, -np.inf)
+    hits = cast_pixels(labels, grid, camera)
     met = hits.kind == VOXEL
+
     color = PALETTE[labels[tuple(hits.voxel[met].T)]]
     # An edge is a pixel wide, however far away it is.
     pixel = hits.distance[met] / float(camera.pix_from_camera[0, 0]) / grid.voxel_m
     color = color * (1 - EDGE_SHARE * (hits.edge[met] < pixel))[:, None]
+
     tinted = image.reshape(-1, 3).astype(np.float32)
     tinted[met] += COLOR_SHARE * (color - tinted[met])
 

@@ -9,7 +9,7 @@ from PIL import ImageDraw
 from torch import Tensor
 
 from ..geometry import VoxelGrid
-from .view import Frustum, Viewpoint
+from .view import Frustum
 
 FLOOR_LINE_M = 10.0
 FLOOR_LINE_COLOR, PLUMB_COLOR, FRUSTUM_COLOR = (214, 219, 226), (90, 96, 106), (235, 94, 20)
@@ -26,10 +26,11 @@ class Pen:
         self,
         draw: ImageDraw.ImageDraw,
         depth_m: Float[np.ndarray, "h w"],
-        view: Viewpoint,
+        camera: Frustum,
         tolerance_m: float,
     ) -> None:
-        self.draw, self.depth_m, self.view, self.tolerance_m = draw, depth_m, view, tolerance_m
+        self.draw, self.depth_m = draw, depth_m
+        self.camera, self.tolerance_m = camera, tolerance_m
 
     def line(
         self, start: Float[Tensor, "3"], end: Float[Tensor, "3"], color: tuple, width_pix: int
@@ -37,29 +38,19 @@ class Pen:
         """A straight line between two points in metres, cut up so that it can be half hidden."""
         # Pieces are short enough that a voxel's edge cuts a line cleanly.
         share = torch.linspace(0, 1, 161, dtype=torch.float64)[:, None]
-        pix, depth_m = self._project(start + share * (end - start))
-        visible = self._visible(pix, depth_m)
+        pix, depth_m = self.camera.project(start + share * (end - start))
+        visible = self._visible(pix.numpy(), depth_m.numpy())
         points = [tuple(point) for point in pix.tolist()]
         for n in np.flatnonzero(visible[:-1] & visible[1:]):
             self.draw.line([points[n], points[n + 1]], fill=color, width=width_pix)
 
-    def loop(self, corners: Float[Tensor, "n 3"], color: tuple, width_pix: int) -> None:
-        """A closed polyline."""
-        for start, end in zip(corners, corners.roll(-1, dims=0)):
-            self.line(start, end, color, width_pix)
-
     def disc(self, middle: Float[Tensor, "3"], radius_m: float, color: tuple) -> None:
         """A filled horizontal disc, drawn whole."""
-        pix, depth_m = self._project(middle[None] + circle(radius_m, 24))
+        angle = torch.arange(24, dtype=torch.float64) * (2 * math.pi / 24)
+        rim = torch.stack([angle.cos(), angle.sin(), torch.zeros_like(angle)], dim=-1)
+        pix, depth_m = self.camera.project(middle + radius_m * rim)
         if (depth_m > 0).all():
             self.draw.polygon([tuple(point) for point in pix.tolist()], fill=color)
-
-    def _project(
-        self, points: Float[Tensor, "n 3"]
-    ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
-        height, width = self.depth_m.shape
-        pix, depth_m = self.view.project(points, (width, height))
-        return pix.numpy(), depth_m.numpy()
 
     def _visible(self, pix: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
         height, width = self.depth_m.shape
@@ -67,12 +58,6 @@ class Pen:
         column = np.clip(np.floor(pix[:, 0]), 0, width - 1).astype(int)
         row = np.clip(np.floor(pix[:, 1]), 0, height - 1).astype(int)
         return (depth_m > 0) & (depth_m <= self.depth_m[row, column] + self.tolerance_m)
-
-
-def circle(radius_m: float, n: int) -> Float[Tensor, "n 3"]:
-    """Points of a horizontal circle around the origin."""
-    angle = torch.arange(n, dtype=torch.float64) * (2 * math.pi / n)
-    return radius_m * torch.stack([angle.cos(), angle.sin(), torch.zeros(n)], dim=-1)
 
 
 def draw_floor(pen: Pen, grid: VoxelGrid, floor_m: float, width_pix: int) -> None:
@@ -110,9 +95,9 @@ def draw_frustum(pen: Pen, grid: VoxelGrid, frustum: Frustum, share: float, widt
     of the grid's length."""
     corners = frustum.corners(share * (grid.upper_m[0] - grid.lower_m[0]))
     apex = frustum.corners(0.0)[0]
-    for corner in corners:
+    for corner, following in zip(corners, corners.roll(-1, dims=0)):
         pen.line(apex, corner, FRUSTUM_COLOR, width_pix)
-    pen.loop(corners, FRUSTUM_COLOR, width_pix)
+        pen.line(corner, following, FRUSTUM_COLOR, width_pix)
 
 
 def _point(x_m: float, y_m: float, z_m: float) -> Float[Tensor, "3"]:

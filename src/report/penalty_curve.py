@@ -4,12 +4,11 @@ import sys
 from pathlib import Path
 
 import torch
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..atomic import replacing
 from ..metrics.functional import Penalty
 from .canvas import INK, MUTED
+from .figure_file import write_figure
 
 SPEEDS_MPS = (5.0, 8.0, 12.0)
 COLORS = ("#2962ff", "#00898a", "#d1495b")
@@ -44,8 +43,7 @@ def draw_penalty(path: str | Path) -> None:
     axes.legend(frameon=False, fontsize=9, title="speed", alignment="left")
     axes.spines[["top", "right"]].set_visible(False)
 
-    with replacing(path) as temporary:
-        FigureCanvasAgg(figure).print_png(temporary)
+    write_figure(figure, path)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,13 @@ from PIL import Image
 from ..errors import UserError
 
 
+def encoded(image: Image.Image, kind: str, **options: object) -> bytes:
+    """Returns the bytes of a file of a kind, such as JPEG; ``options`` are those of Pillow."""
+    buffer = io.BytesIO()
+    image.save(buffer, kind, **options)
+    return buffer.getvalue()
+
+
 @dataclass(frozen=True)
 class Picture:
     """The bytes of a PNG or a JPEG, and the caption below it."""
@@ -19,9 +26,7 @@ class Picture:
     @classmethod
     def jpeg(cls, image: Image.Image, caption: str, quality: int) -> "Picture":
         """Encodes an image as a JPEG."""
-        buffer = io.BytesIO()
-        image.save(buffer, "JPEG", quality=quality, optimize=True)
-        return cls(buffer.getvalue(), caption)
+        return cls(encoded(image, "JPEG", quality=quality, optimize=True), caption)
 
     @property
     def address(self) -> str:

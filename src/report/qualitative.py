@@ -1,21 +1,17 @@
 """The paper's qualitative figure: RGB, ground truth and predictions, in 3-D and from above."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, UInt8
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
-from PIL import Image
+from jaxtyping import Float
+from PIL import Image, ImageOps
 
 from ..errors import UserError
-from ..ontology import CLASSES, COLORS
-from .canvas import MUTED, Canvas, write_picture
+from .canvas import MUTED, Canvas, Pixels, beside, write_picture
 from .scene import VoxelScene
 from .top import render_top
-from .voxels import ground_level, render_voxels, view_of
 
 ROW_PIX, GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 440, 18, 46, 112, 104
 IMAGE_ASPECT, VOXEL_ASPECT, TOP_ASPECT = 1.2, 1.25, 0.93
@@ -53,58 +49,45 @@ def qualitative_sheet(
     if not scenes:
         raise UserError(f"{path}: no frames to draw; the split is empty")
 
-    names = [name for name, _ in scenes[0].volumes()]
+    names = list(scenes[0].volumes)
     # One header names the columns of all rows.
-    if any([name for name, _ in scene.volumes()] != names for scene in scenes):
+    if any(list(scene.volumes) != names for scene in scenes):
         raise UserError(f"{path}: its rows show predictions of different models; draw two sheets")
 
     columns = ["RGB", *names, *(f"{name}, top" for name in names if tops)]
-    rows = [list(_pictures(scene, tops)) for scene in scenes]
+    rows = [_pictures(scene, tops) for scene in scenes]
     caption = f"{BEHIND}{ABOVE if tops else ';'}{HIDDEN}"
     sheet = _compose(rows, columns, [scene.title for scene in scenes], heading, caption)
 
     write_picture(sheet, path)
 
 
-def _pictures(scene: VoxelScene, tops: bool) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+def _pictures(scene: VoxelScene, tops: bool) -> list[Pixels]:
     """The pictures of a row, all of one height."""
-    known, grid = scene.known().values(), scene.grid
-    size, top_size = ((round(ROW_PIX * a), ROW_PIX) for a in (VOXEL_ASPECT, TOP_ASPECT))
-    view = view_of(list(known), grid, size)
-    # One floor and one point of view, so that a row compares labels and nothing else.
-    floor_m = ground_level(scene.truth, grid)
-    yield _fit(scene.image)
-    for labels in known:
-        yield render_voxels(labels, grid, size, view, scene.frustum, floor_m)
-    for labels in known if tops else ():
-        yield render_top(labels, grid, top_size)
-
-
-def _fit(image: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
-    """The image as large as its cell allows, at the top of it, on white."""
-    height, width = image.shape[:2]
-    cell_pix = (round(ROW_PIX * IMAGE_ASPECT), ROW_PIX)
-    scale = min(cell_pix[0] / width, cell_pix[1] / height)
-    scaled = Image.fromarray(image).resize(
-        (round(width * scale), round(height * scale)), Image.Resampling.BICUBIC
+    image_size, size, top_size = (
+        (round(ROW_PIX * aspect), ROW_PIX) for aspect in (IMAGE_ASPECT, VOXEL_ASPECT, TOP_ASPECT)
     )
-    cell = Image.new("RGB", cell_pix, (255, 255, 255))
-    cell.paste(scaled, ((cell_pix[0] - scaled.width) // 2, 0))
-    return np.asarray(cell)
+    # The image is as large as its cell allows, at the top of it.
+    image = ImageOps.pad(
+        Image.fromarray(scene.image), image_size, color="white", centering=(0.5, 0.0)
+    )
+    pictures = [np.asarray(image), *scene.drawn(size).values()]
+    if tops:
+        pictures += [render_top(v, scene.grid, top_size) for v in scene.known().values()]
+    return pictures
 
 
 def _compose(
-    rows: Sequence[Sequence[UInt8[np.ndarray, "h w 3"]]],
+    rows: Sequence[Sequence[Pixels]],
     columns: Sequence[str],
     titles: Sequence[str],
     heading: str,
     caption: str,
 ) -> Image.Image:
-    widths = [max(row[n].shape[1] for row in rows) for n in range(len(columns))]
+    widths = [picture.shape[1] for picture in rows[0]]
     # Where each column begins, and at last where the page ends.
     *left, width = accumulate((w + GAP_PIX for w in widths), initial=GAP_PIX)
-    height = HEADER_PIX + len(rows) * (ROW_PIX + TITLE_PIX) + FOOTER_PIX
-    page = Canvas(width, height)
+    page = Canvas(width, HEADER_PIX + len(rows) * (ROW_PIX + TITLE_PIX) + FOOTER_PIX)
     page.text(GAP_PIX, 30, heading, size=21, weight="bold")
 
     for name, u, w in zip(columns, left, widths):
@@ -112,35 +95,8 @@ def _compose(
     for n, (row, title) in enumerate(zip(rows, titles)):
         top = HEADER_PIX + n * (ROW_PIX + TITLE_PIX)
         page.text(GAP_PIX, top + TITLE_PIX / 2, title, size=15, color=MUTED)
-        for picture, u in zip(row, left):
-            page.picture(picture, u, top + TITLE_PIX)
-    add_legend(page.figure, 66 / height)
-    page.text(width / 2, height - 22, caption, size=14, ha="center", color=MUTED)
+        page.picture(beside(row, GAP_PIX), GAP_PIX, top + TITLE_PIX)
+    page.legend(page.height_pix - 66)
+    page.text(width / 2, page.height_pix - 22, caption, size=14, ha="center", color=MUTED)
 
     return page.drawn()
-
-
-def add_legend(figure: Figure, middle: float, skip: Sequence[str] = ()) -> None:
-    """Name the classes' colors in one line, ``middle`` of the figure's height above its foot."""
-    patches = [
-        Patch(
-            facecolor=np.array(COLORS[name]) / 255,
-            edgecolor="#9aa0a8",
-            label=name.upper() if name == "vru" else name.replace("_", " "),
-        )
-        for name in CLASSES
-        if name not in skip
-    ]
-
-    figure.legend(
-        handles=patches,
-        loc="center",
-        bbox_to_anchor=(0.5, middle),
-        ncols=len(patches),
-        frameon=False,
-        fontsize=16,
-        handlelength=1.1,
-        handleheight=1.0,
-        columnspacing=1.6,
-        handletextpad=0.5,
-    )

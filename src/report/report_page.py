@@ -38,8 +38,6 @@ def write_report_page(
     Raises `UserError` where the page cannot be written.
     """
     facts = facts_of(report) | {"Settings": report.settings}
-    settings = [_settings_table(report.differing)] if report.differing else []
-
     write_page(
         path,
         heading,
@@ -49,21 +47,22 @@ def write_report_page(
         sheets=[Picture(picture.read_bytes(), caption) for picture, caption in figures.items()],
         scenes=scenes,
         alarms={"Not a clean comparison": report.warnings, "Missing": report.missing},
-        settings=[Markup(table_html(table)) for table in settings],
+        settings=[_settings_table(report.differing)] if report.differing else [],
         remarks={SETTINGS: report.others, TABLES: [NUMBERS]},
     )
 
 
-def _settings_table(differing: Values) -> Table:
-    head, *rows = settings_rows(differing)
-    return Table(
+def _settings_table(differing: Values) -> Markup:
+    (corner, *columns), *rows = settings_rows(differing)
+    table = Table(
         "settings",
         "What the rungs do not share",
         "Every key of their configurations in which two of them differ.",
-        head[1:],
+        columns,
         [(name, values) for name, *values in rows],
-        head[0],
+        corner,
     )
+    return Markup(table_html(table))
 
 
 def learning_curves(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[CurvePlot]:
@@ -73,13 +72,10 @@ def learning_curves(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[CurvePl
     """
     logs = [(name, run.path / METRICS) for name, run in named_runs]
     logs = [(name, log) for name, log in logs if log.is_file()]
-    if not logs:
-        return []
-
     plots = []
     for column, (title, unit) in PLOTS.items():
         scale = 100 if unit == "%" else 1
         curves = tuple(read_curve(log, column, name, scale) for name, log in logs)
         plots.append(CurvePlot(title, unit, curves))
 
-    return plots
+    return plots if logs else []

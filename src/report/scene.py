@@ -15,7 +15,7 @@ from ..geometry import VoxelGrid
 from ..ontology import FREE, UNKNOWN
 from .overlay import FRUSTUM_SHARE
 from .picture import Picture
-from .view import Frustum
+from .view import Frustum, Viewpoint
 from .voxel_mesh import CLASS_PALETTE, voxel_meshes
 from .voxels import check_labels, ground_level, render_voxels, view_of
 
@@ -57,18 +57,21 @@ class VoxelScene:
     def __post_init__(self) -> None:
         if TRUTH in self.predictions:
             raise UserError(f"{self.title}: {TRUTH!r} is no name for a prediction; rename the run")
-        for _, labels in self.volumes():
+        for labels in self.volumes.values():
             check_labels(labels, self.grid)
 
-    def volumes(self) -> Iterator[tuple[str, Labels]]:
-        """Yields name and labels of each view, the ground truth first."""
-        yield TRUTH, self.truth
-        yield from self.predictions.items()
+    @property
+    def volumes(self) -> dict[str, Labels]:
+        """The labels of each view by its name, the ground truth first."""
+        return {TRUTH: self.truth, **self.predictions}
 
     def known(self) -> dict[str, Labels]:
         """Returns all `volumes`, unknown where the ground truth is: they show the same space."""
         is_unknown = self.truth == UNKNOWN
-        return {name: np.where(is_unknown, np.uint8(UNKNOWN), v) for name, v in self.volumes()}
+        return {
+            name: np.where(is_unknown, np.uint8(UNKNOWN), labels)
+            for name, labels in self.volumes.items()
+        }
 
     def packed(self) -> str:
         """Returns `encoded` as base64 of deflated JSON, a fifth of its size."""
@@ -77,7 +80,7 @@ class VoxelScene:
 
     def encoded(self) -> dict:
         """Returns the JSON that the page's viewer reads. Lengths are in metres of the occ frame."""
-        occupied = [labels < FREE for _, labels in self.volumes()]
+        occupied = [labels < FREE for labels in self.volumes.values()]
         layers = np.flatnonzero(np.any(occupied, axis=(0, 1, 2)))
         edges = self.grid.lower_m[2] + self.grid.voxel_m * np.append(layers, layers + 1)
         # Above and below all voxels and the UAV, at height 0, there is nothing to look at.
@@ -102,7 +105,7 @@ class VoxelScene:
         They are the classes where the ground truth is known, the errors there, and the classes
         everywhere. ``labels`` are one digit a voxel, z fastest, 9 for unknown.
         """
-        labels = self.predictions.get(name, self.truth)
+        labels = self.volumes[name]
         digits = np.minimum(labels, FREE + 1) + ord("0")
         view = {"name": name, "labels": digits.tobytes().decode("ascii"), "counts": ""}
         view["meshes"] = {"classes": voxel_meshes(known, self.grid, CLASS_PALETTE)}
@@ -149,12 +152,24 @@ class VoxelScene:
         image.thumbnail((IMAGE_PIX, IMAGE_PIX), Image.Resampling.LANCZOS)
         yield Picture.jpeg(image, "RGB", IMAGE_QUALITY)
 
-        known = self.known()
-        view = view_of(list(known.values()), self.grid, STILL_PIX)
-        floor_m = ground_level(self.truth, self.grid)
-        for name, labels in known.items():
-            drawn = render_voxels(labels, self.grid, STILL_PIX, view, self.frustum, floor_m)
+        for name, drawn in self.drawn(STILL_PIX).items():
             yield Picture.jpeg(Image.fromarray(drawn), name, STILL_QUALITY)
+
+    def drawn(
+        self, size_pix: tuple[int, int], view: Viewpoint | None = None
+    ) -> dict[str, UInt8[np.ndarray, "h w 3"]]:
+        """Returns a picture of each `known` volume in 3-D, by its name.
+
+        All have one floor and one point of view, so that they differ in their labels alone. Without
+        ``view`` it is the one that has all their occupied voxels in the picture.
+        """
+        known, grid = self.known(), self.grid
+        view = view or view_of(list(known.values()), grid, size_pix)
+        floor_m = ground_level(self.truth, grid)
+        return {
+            name: render_voxels(labels, grid, size_pix, view, self.frustum, floor_m)
+            for name, labels in known.items()
+        }
 
 
 def errors_of(truth: Labels, preds: Labels) -> Labels:

@@ -4,17 +4,15 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from ..atomic import replacing
 from ..data.statistics import DENOMINATORS, LOW_FLIGHT_M, Statistics
 from ..ontology import ACTOR_TYPES, CLASSES, COLORS
 from . import paper
-from .canvas import INK, MUTED
+from .canvas import INK, MUTED, readable
+from .figure_file import write_figure
 
 SIZE_INCHES, DPI = (13.0, 8.6), 130
 RULE, BAR, ACCENT = "#e3e6ea", "#7d9cc0", "#d1495b"
@@ -29,8 +27,7 @@ def draw_statistics(statistics: Statistics, path: str | Path) -> None:
     The paper's own numbers are marked where it gives them. Raises `UserError` for a path that
     cannot be written.
     """
-    with replacing(path) as temporary:
-        FigureCanvasAgg(statistics_figure(statistics)).print_png(temporary)
+    write_figure(statistics_figure(statistics), path)
 
 
 def statistics_figure(statistics: Statistics) -> Figure:
@@ -92,16 +89,17 @@ def _draw_voxels(axes: Axes, statistics: Statistics) -> None:
     shares = statistics.class_shares().sort_values("labelled", ascending=False)
     places = np.arange(len(shares))
 
-    for n, (denominator, opacity) in enumerate(DENOMINATOR_OPACITY.items()):
-        bars = axes.bar(places + 0.27 * (n - 1), shares[denominator], 0.25, alpha=opacity)
-        for bar, name in zip(bars, shares.index):
-            bar.set(facecolor=VOXEL_COLORS[name], edgecolor="#8a919c", linewidth=0.5)
+    style = {"edgecolor": "#8a919c", "linewidth": 0.5}
+    style["color"] = [VOXEL_COLORS[name] for name in shares.index]
 
-    for place, share in zip(places - 0.27, shares["labelled"]):
-        if share:
-            axes.text(place, 1.22 * share, percent(share), ha="center", fontsize=8.5, color=INK)
+    for n, (denominator, opacity) in enumerate(DENOMINATOR_OPACITY.items()):
+        axes.bar(places + 0.27 * (n - 1), shares[denominator], 0.25, alpha=opacity, **style)
+    labels = [percent(share) if share else "" for share in shares["labelled"]]
+    axes.bar_label(axes.containers[0], labels, padding=3, fontsize=8.5, color=INK)
+
     reported = [(shares.index.get_loc(name), share) for name, share in paper.CLASS_SHARES.items()]
-    axes.scatter(*zip(*reported), marker="D", s=34, color="white", edgecolor=INK, zorder=3)
+    diamonds = axes.scatter(*zip(*reported), marker="D", s=34, color="white", ec=INK, zorder=3)
+    diamonds.set_label("the paper's (of which, it does not say)")
     least = min(*shares.to_numpy()[shares > 0], *paper.CLASS_SHARES.values())
     # Free space is thousands of times as frequent as VRUs.
     axes.set_yscale("log")
@@ -113,16 +111,7 @@ def _draw_voxels(axes: Axes, statistics: Statistics) -> None:
         Patch(facecolor=INK, alpha=0.75 * o, label=f"of {d} voxels".replace("in ", "in-"))
         for d, o in DENOMINATOR_OPACITY.items()
     ]
-    diamond = Line2D(
-        [],
-        [],
-        marker="D",
-        ls="",
-        markerfacecolor="white",
-        markeredgecolor=INK,
-        label="the paper's (of which, it does not say)",
-    )
-    axes.legend(handles=[*grey, diamond], frameon=False, fontsize=9)
+    axes.legend(handles=[*grey, diamonds], frameon=False, fontsize=9)
     _finish(axes, "C", "Voxels of each class (log)")
 
 
@@ -132,13 +121,12 @@ def _draw_actors(axes: Axes, statistics: Statistics) -> None:
     reported = [paper.INSTANCES[name] / paper.FRAMES for name in here.index]
     places = np.arange(len(here))
     colors = [VOXEL_COLORS[CLASSES[ACTOR_TYPES[name]]] for name in here.index]
-    axes.bar(places - 0.2, here, 0.38, color=colors)
+    bars = axes.bar(places - 0.2, here, 0.38, color=colors)
+    sums = [f"{count:,}" for count in visible_totals(statistics).values()]
+    axes.bar_label(bars, sums, padding=1, fontsize=8)
+
     hatched = {"facecolor": "white", "edgecolor": MUTED, "hatch": "////"}
     axes.bar(places + 0.2, reported, 0.38, label="the paper's", **hatched)
-
-    for place, count, height in zip(places - 0.2, visible_totals(statistics).values(), here):
-        label = axes.text(place, height, f"{count:,}", ha="center", va="bottom", fontsize=8)
-        label.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4})
     axes.set_xticks(places, here.index)
     axes.set_ylabel("visible actors in a frame")
     axes.margins(y=0.1)
@@ -149,11 +137,6 @@ def _draw_actors(axes: Axes, statistics: Statistics) -> None:
 def visible_totals(statistics: Statistics) -> dict[str, int]:
     """Visible actors summed over all frames, by type."""
     return {name: int(statistics.frames[f"visible/{name}"].sum()) for name in ACTOR_TYPES}
-
-
-def readable(name: str) -> str:
-    """A class, town or weather in words."""
-    return name.upper() if name == "vru" else name.replace("_", " ")
 
 
 def percent(share: float) -> str:

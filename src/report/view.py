@@ -44,25 +44,15 @@ class Viewpoint:
 
         return cls(position_m, PITCH_RAD, HFOV_RAD)
 
-    @property
-    def occ_from_view(self) -> Float[Tensor, "4 4"]:
-        """The transform of the observer's frame (x right, y down, z forward), float64."""
-        return front_mount(self.position_m, self.pitch_rad)
-
-    def pix_from_view(self, size_pix: tuple[int, int]) -> Float[Tensor, "3 3"]:
-        """Intrinsics for a picture of some width and height, float64."""
-        return pinhole(*size_pix, self.hfov_rad)
-
-    def project(
-        self, points_occ: Float[Tensor, "n 3"], size_pix: tuple[int, int]
-    ) -> tuple[Float[Tensor, "n 2"], Float[Tensor, "n"]]:
-        """Location in the picture and z-depth in metres of points in the occ frame."""
-        return project(points_occ, inverse(self.occ_from_view), self.pix_from_view(size_pix))
+    def camera(self, size_pix: tuple[int, int]) -> "Frustum":
+        """The observer's camera for a picture of some width and height, in float64."""
+        view_from_occ = inverse(front_mount(self.position_m, self.pitch_rad))
+        return Frustum(view_from_occ, pinhole(*size_pix, self.hfov_rad), size_pix)
 
 
 @dataclass(frozen=True)
 class Frustum:
-    """The UAV's own camera: its transform, its intrinsics, and its image's width and height."""
+    """A camera, such as the UAV's own: transform, intrinsics, and its image's width and height."""
 
     camera_from_occ: Float[Tensor, "4 4"]
     pix_from_camera: Float[Tensor, "3 3"]
@@ -74,6 +64,12 @@ class Frustum:
         meta = clip.meta
         chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
         return cls(chain, meta.pix_from_camera, (meta.width, meta.height))
+
+    def project(
+        self, points_occ: Float[Tensor, "n 3"]
+    ) -> tuple[Float[Tensor, "n 2"], Float[Tensor, "n"]]:
+        """Location in the image and z-depth in metres of points in the occ frame."""
+        return project(points_occ, self.camera_from_occ, self.pix_from_camera)
 
     def corners(self, depth_m: float) -> Float[Tensor, "4 3"]:
         """The image's corners at a z-depth, in the occ frame, clockwise from the top left."""

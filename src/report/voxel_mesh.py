@@ -8,12 +8,10 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES, COLORS, OCCUPIED
+from .canvas import readable
 
 Palette = Mapping[str, tuple[int, int, int]]
-CLASS_PALETTE = {
-    name.replace("_", " ").replace("vru", "VRU"): COLORS[name]
-    for name in (CLASSES[kind] for kind in OCCUPIED)
-}
+CLASS_PALETTE = {readable(CLASSES[kind]): COLORS[CLASSES[kind]] for kind in OCCUPIED}
 
 # The darkest a face gets between its neighbors, as a share of its class's color, and how much
 # darker every second voxel is: so a reader can count voxels on a plain wall.

@@ -8,8 +8,9 @@ from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw
 
 from ..errors import UserError
-from ..geometry import VoxelGrid, pixel_centers, rotate, unproject
+from ..geometry import VoxelGrid, pixel_centers
 from ..ontology import CLASSES, COLORS, FREE
+from ..voxels import rays_in_grid
 from .overlay import FRUSTUM_SHARE, Pen, draw_floor, draw_frustum, draw_uav
 from .raycast import FLOOR, VOXEL, PixelHits, cast
 from .view import Frustum, Viewpoint
@@ -78,13 +79,18 @@ def render_voxels(
     view = view or view_of([labels], grid, size_pix)
     floor_m = ground_level(labels, grid) if floor_m is None else floor_m
     width, height = size_pix[0] * SUPERSAMPLING, size_pix[1] * SUPERSAMPLING
-    hits = _cast_pixels(labels, grid, view, (width, height), floor_m)
-    rgb = _shade(labels, grid, view, width, hits)
+    camera = view.camera((width, height))
+    hits = cast_pixels(labels, grid, camera, floor_m)
+
+    # Haze begins where the grid does.
+    near_m = grid.lower_m[0] - view.position_m[0]
+    rgb = _shade(labels, grid, hits, float(camera.pix_from_camera[0, 0]), near_m)
     image = Image.fromarray(rgb.reshape(height, width, 3))
-    depth_m = (hits.distance * grid.voxel_m).reshape(height, width)
+    depth_m = hits.distance.reshape(height, width)
+
     # Lines keep their share of the picture at any size.
     line_pix = max(1, round(width / 500))
-    pen = Pen(ImageDraw.Draw(image), depth_m, view, tolerance_m=0.3 * grid.voxel_m)
+    pen = Pen(ImageDraw.Draw(image), depth_m, camera, tolerance_m=0.3 * grid.voxel_m)
     draw_floor(pen, grid, floor_m, line_pix)
     if frustum is not None:
         draw_frustum(pen, grid, frustum, frustum_share, line_pix + 1)
@@ -102,43 +108,36 @@ def check_labels(labels: np.ndarray, grid: VoxelGrid) -> None:
         )
 
 
-def _cast_pixels(
-    labels: UInt8[np.ndarray, "X Y Z"],
-    grid: VoxelGrid,
-    view: Viewpoint,
-    size_pix: tuple[int, int],
-    floor_m: float,
+def cast_pixels(
+    labels: UInt8[np.ndarray, "X Y Z"], grid: VoxelGrid, camera: Frustum, floor_m: float = -np.inf
 ) -> PixelHits:
-    """One ray a pixel, of unit z-depth: a hit's distance is its z-depth in voxels."""
-    occ_from_view = view.occ_from_view
-    pix = pixel_centers(*size_pix).reshape(-1, 2)
-    unit = torch.ones(len(pix), dtype=torch.float64)
-    rays_occ = rotate(occ_from_view, unproject(pix, unit, view.pix_from_view(size_pix)))
-    origin = (occ_from_view[:3, 3].numpy() - grid.lower_m) / grid.voxel_m
-    floor = (floor_m - grid.lower_m[2]) / grid.voxel_m
+    """Returns what the ray through each pixel's center meets first: a voxel, or the floor.
 
-    return cast(labels < FREE, origin, rays_occ.contiguous().numpy(), SUN, floor)
+    The rays have unit z-depth: a hit's distance is its z-depth in metres.
+    """
+    pix = pixel_centers(*camera.size_pix).reshape(-1, 2)
+    origin, rays = rays_in_grid(pix, camera.camera_from_occ, camera.pix_from_camera, grid)
+    floor = (floor_m - grid.lower_m[2]) / grid.voxel_m
+    return cast(labels < FREE, origin.numpy(), rays.contiguous().numpy(), SUN, floor)
 
 
 def _shade(
     labels: UInt8[np.ndarray, "X Y Z"],
     grid: VoxelGrid,
-    view: Viewpoint,
-    width: int,
     hits: PixelHits,
+    focal_pix: float,
+    near_m: float,
 ) -> UInt8[np.ndarray, "n 3"]:
     """Color of every ray: class color x light x edge, fading with distance; white for a miss."""
     rgb = np.full((len(hits.kind), 3), 255.0, dtype=np.float32)
     floor, voxel = hits.kind == FLOOR, hits.kind == VOXEL
     rgb[floor] = FLOOR_COLOR * np.where(hits.sunlit[floor], 1.0, 0.90)[:, None]
+
     surface = PixelHits(*(field[voxel] for field in hits))
-    # Distances are z-depths in voxels, so focal length over distance is a voxel's size.
-    pix_per_voxel = float(view.pix_from_view((width, 1))[0, 0]) / surface.distance
-    brightness = _light(surface) * _edges(surface, pix_per_voxel)
+    brightness = _light(surface) * _edges(surface, focal_pix * grid.voxel_m / surface.distance)
     color = np.minimum(PALETTE[labels[tuple(surface.voxel.T)]] * brightness[:, None], 255)
-    # Haze begins where the grid does, and ends with it.
-    near = (grid.lower_m[0] - view.position_m[0]) / grid.voxel_m
-    haze = HAZE * np.clip((surface.distance - near) / grid.shape[0], 0, 1)
+    # Haze is thickest at the far end of the grid.
+    haze = HAZE * np.clip((surface.distance - near_m) / (grid.upper_m[0] - grid.lower_m[0]), 0, 1)
     rgb[voxel] = color + (HAZE_COLOR - color) * haze[:, None]
 
     return rgb.round().astype(np.uint8)

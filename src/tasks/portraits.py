@@ -6,8 +6,9 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 
 from ..portrait.pipeline import draw_pipeline
-from ..portrait.sheet import write_sheet
 from ..portrait.shot import aerial_shot, photograph, street_shot
+from ..report.canvas import readable, write_picture
+from ..report.titled_sheet import titled_sheet
 from ..sim.clip_maker import ClipPlan
 from ..sim.plan import plan_clips
 from ..sim.renderer import require_renderer
@@ -41,21 +42,22 @@ def _draw(sim: Mapping, plan: ClipPlan, folder: Path) -> Iterator[Path]:
         first = first or street
         shots = {"from above": aerial_shot(sim, town), "from the UAV": street}
         pictures = [
-            (f"{town.replace('_', ' ')}, {name}", photograph(shot, ["clear"], sim)["clear"])
+            (f"{readable(town)}, {name}", photograph(shot, ["clear"], sim)["clear"])
             for name, shot in shots.items()
         ]
         path = folder / "towns" / f"{town}.jpg"
-        write_sheet([pictures], path, TOWN_WIDTH_PIX, MAX_TOWN_BYTES)
+        write_picture(titled_sheet([pictures], TOWN_WIDTH_PIX).drawn(), path, MAX_TOWN_BYTES)
         yield path
 
     # One frame under all weathers: that of the first town.
     weathers = [
-        (name.replace("_", " "), picture)
+        (readable(name), picture)
         for name, picture in photograph(first, sim["weathers"], sim).items()
     ]
     rows = [weathers[k : k + WEATHER_COLUMNS] for k in range(0, len(weathers), WEATHER_COLUMNS)]
-    write_sheet(rows, folder / "weathers.jpg", WEATHER_WIDTH_PIX, MAX_WEATHER_BYTES)
-    yield folder / "weathers.jpg"
+    path = folder / "weathers.jpg"
+    write_picture(titled_sheet(rows, WEATHER_WIDTH_PIX).drawn(), path, MAX_WEATHER_BYTES)
+    yield path
 
     draw_pipeline(sim, plan, folder / "pipeline.jpg")
     yield folder / "pipeline.jpg"

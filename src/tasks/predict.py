@@ -6,24 +6,30 @@ import torch
 from omegaconf import DictConfig
 
 from ..bounds import require_choice
-from ..data.predictions import PredictionWriter
+from ..data.predictions import Predictions, PredictionWriter
 from ..data.split import held_out_clips
 from ..data.truth import PARTS
 from ..errors import UserError
 from ..models.network import SkyOcc
 from ..provenance import git_commit
+from ..report.animation import draw_predicted_flight
 from ..terminal import say, tracked
 from .predictor import predictor
 from .session import Session
 
 
-def predict(cfg: DictConfig, part: str, logits: bool) -> None:
+def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = None) -> None:
     """Writes ``predictions`` (null: ``predictions/<part>`` under the run) and prints where.
 
-    Clips that are not on the disk any more are left out. Raises `UserError` without a checkpoint,
-    for one of another model, where no clip is left, and where the folder exists.
+    Clips that are not on the disk any more are left out. An ``animation`` is a GIF of one flight of
+    the part, with its predictions beside the labels. Raises `UserError` without a checkpoint, for
+    one of another model, where no clip is left, where the folder exists, and for an animation that
+    is no GIF.
     """
     require_choice("task.part", part, PARTS)
+    # Predicting takes long, and would have been done before the picture is drawn.
+    if animation is not None and Path(str(animation)).suffix != ".gif":
+        raise UserError(f"task.animation: {animation!r}; give a path that ends in .gif, or null")
     session = Session(cfg, allow_missing=True)
     trainer, checkpoint, data = session.trainer, session.checkpoint("predict"), session.data
     if not data.split[part]:
@@ -40,6 +46,9 @@ def predict(cfg: DictConfig, part: str, logits: bool) -> None:
                 labels = scores[n].argmax(dim=0).to(torch.uint8)
                 writer.add(clip, int(frame), labels, scores[n] if logits else None)
 
+    if animation is not None:
+        draw_predicted_flight(data.clips, data.split[part], Predictions(folder), animation)
+        say(animation)
     missing = f"; {len(data.missing)} clips are not there" if data.missing else ""
     say(f"{folder}: {len(data.split[part])} frames{missing}")
 

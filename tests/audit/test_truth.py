@@ -128,6 +128,5 @@ def test_counts_of_frames_add_up(truth, labels):
     two.add(labels.semantics, truth)
     two.join(one)
     assert two.frames == 2
-    for scope in ("visible", "supervised"):
-        assert (two.counts[scope] == 2 * one.counts[scope]).all(axis=None)
-    assert list(two.counts["visible"].index) == [*CLASSES[:8], "all"]
+    assert (two.counts == 2 * one.counts).all(axis=None)
+    assert list(two.counts.loc["visible"].index) == [*CLASSES[:8], "all"]

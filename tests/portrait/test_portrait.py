@@ -6,8 +6,9 @@ from PIL import Image
 
 from src.ontology import BUILDING, CAR, SKY
 from src.portrait.pipeline import draw_pipeline
-from src.portrait.sheet import GAP_PIX, TITLE_PIX, write_sheet
 from src.portrait.shot import aerial_shot, entropy, photograph, street_shot
+from src.report.canvas import write_picture
+from src.report.titled_sheet import GAP_PIX, TITLE_PIX, titled_sheet
 from src.sim.plan import plan_clips
 from src.tasks.portraits import portraits
 from tests.synthetic import compose_config
@@ -27,7 +28,7 @@ def test_a_sheet_places_its_pictures_and_keeps_to_its_bytes(tmp_path):
     colors = [(250, 20, 20), (20, 250, 20), (20, 20, 250), (90, 90, 90)]
     flat = [np.full((40, 60, 3), color, np.uint8) for color in colors]
     rows = [[("a", flat[0]), ("b", flat[1])], [("c", flat[2]), ("d", flat[3])]]
-    write_sheet(rows, tmp_path / "sheet.jpg", 90, 100_000)
+    write_picture(titled_sheet(rows, 90).drawn(), tmp_path / "sheet.jpg", 100_000)
     sheet = np.asarray(Image.open(tmp_path / "sheet.jpg")).astype(int)
     assert sheet.shape == (2 * (60 + TITLE_PIX) + GAP_PIX, 3 * GAP_PIX + 2 * 90, 3)
 
@@ -36,7 +37,7 @@ def test_a_sheet_places_its_pictures_and_keeps_to_its_bytes(tmp_path):
         u = GAP_PIX + 45 + (n % 2) * (90 + GAP_PIX)
         assert np.abs(sheet[v, u] - color).max() < 12
     noise = [[("noise", rng.integers(0, 256, (300, 400, 3), dtype=np.uint8))]]
-    write_sheet(noise, tmp_path / "noise.jpg", 400, 70_000)
+    write_picture(titled_sheet(noise, 400).drawn(), tmp_path / "noise.jpg", 70_000)
     assert (tmp_path / "noise.jpg").stat().st_size <= 70_000
 
 

@@ -10,29 +10,30 @@ import pytest
 from markupsafe import Markup
 from PIL import Image
 
-from src.ontology import BUILDING, CAR, FREE, GROUND, UNKNOWN, VRU
+from src.ontology import BUILDING, CAR, FREE, UNKNOWN, VRU
 from src.report.curve_plot import Curve, CurvePlot
 from src.report.page import write_page
 from src.report.picture import Picture
 from src.report.scene import VoxelScene
 from src.results.render import Cell, Table, table_html
-from tests.report.street import GRID, HEIGHT, WIDTH, fill, street, tilted_frustum
+from tests.report.street import (
+    FLOOR,
+    GRID,
+    HEIGHT,
+    WIDTH,
+    fill,
+    labels_of,
+    street,
+    tilted_frustum,
+)
 
 READY = "document.documentElement.dataset.ready === 'true'"
-FLOOR = (GROUND, (0, -25, -11), (50, 25, -10))
 LEFT_CAR = (CAR, (20, 8, -10), (25, 12, -8))
 RIGHT_VRU = (VRU, (20, -12, -10), (25, -8, -7))
 WALL = (BUILDING, (30, -10, -10), (32, 10, 2))
 SECRET = (VRU, (40, 20, -5), (44, 24, -1))
 """Predicted where the truth is unknown."""
 NAN = float("nan")
-
-
-def labels_of(*boxes):
-    labels = np.full(GRID.shape, FREE, dtype=np.uint8)
-    for class_id, lower_m, upper_m in boxes:
-        fill(labels, GRID, class_id, lower_m, upper_m)
-    return labels
 
 
 def plain_scene():
@@ -145,12 +146,3 @@ def view(page, n):
         last, shot = shot, page.screenshot()
     corners = (box["left"] + 2, box["top"] + 2, box["right"] - 2, box["bottom"] - 2)
     return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB").crop([*map(round, corners)]))
-
-
-def pixels_of(image, color):
-    """Row and column of the pixels of a color's hue, which light changes little."""
-    rgb = image.reshape(-1, 3).astype(np.float32)
-    hue, wanted = (c - c.min(axis=-1, keepdims=True) for c in (rgb, np.asarray(color, np.float32)))
-    strength = np.linalg.norm(hue, axis=-1)
-    alike = hue @ wanted > 0.985 * strength * np.linalg.norm(wanted)
-    return np.argwhere((alike & (strength > 60)).reshape(image.shape[:2]))

@@ -1,6 +1,7 @@
 """A synthetic street as a label grid, for the tests of the figures."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -12,7 +13,6 @@ from src.geometry import (
     front_mount,
     in_image,
     pinhole,
-    project,
     rigid,
     rotation_from_euler,
 )
@@ -33,8 +33,9 @@ from src.report.view import Frustum
 GRID = VoxelGrid(shape=(50, 50, 30))
 WIDTH, HEIGHT = 224, 128
 
+FLOOR = (GROUND, (0, -25, -11), (50, 25, -10))
 BOXES = (
-    (GROUND, (0, -25, -11), (50, 25, -10)),
+    FLOOR,
     (GROUND, (0, 7, -10), (50, 25, -9.5)),
     (BUILDING, (10, 12, -10), (26, 24, 4)),
     (BUILDING, (30, 11, -10), (46, 25, -1)),
@@ -69,6 +70,23 @@ def fill(
     labels[inside] = class_id
 
 
+def labels_of(*boxes: tuple, grid: VoxelGrid = GRID) -> UInt8[np.ndarray, "X Y Z"]:
+    """Free space with some boxes in it: of each the class, and the lower and upper corner."""
+    labels = np.full(grid.shape, FREE, dtype=np.uint8)
+    for class_id, lower_m, upper_m in boxes:
+        fill(labels, grid, class_id, lower_m, upper_m)
+    return labels
+
+
+def pixels_of(image: UInt8[np.ndarray, "h w 3"], color: Sequence[float]) -> np.ndarray:
+    """Row and column of the pixels of a color's hue, which light and haze change little."""
+    rgb = image.reshape(-1, 3).astype(np.float32)
+    hue, wanted = (c - c.min(axis=-1, keepdims=True) for c in (rgb, np.asarray(color, np.float32)))
+    strength = np.linalg.norm(hue, axis=-1)
+    alike = hue @ wanted > 0.985 * strength * np.linalg.norm(wanted)
+    return np.argwhere((alike & (strength > 60)).reshape(image.shape[:2]))
+
+
 def tilted_frustum(roll_rad: float, pitch_rad: float) -> Frustum:
     """A 90-degree camera on a UAV with some tilt."""
     angles = torch.tensor([roll_rad, pitch_rad, 0.0], dtype=torch.float64)
@@ -83,12 +101,9 @@ def tilted_frustum(roll_rad: float, pitch_rad: float) -> Frustum:
 
 def street(grid: VoxelGrid = GRID, frustum: Frustum | None = None) -> UInt8[np.ndarray, "X Y Z"]:
     """Buildings left and right of a road with everything on it; unknown outside the frustum."""
-    labels = np.full(grid.shape, FREE, dtype=np.uint8)
-    for class_id, lower_m, upper_m in BOXES:
-        fill(labels, grid, class_id, lower_m, upper_m)
+    labels = labels_of(*BOXES, grid=grid)
     if frustum is not None:
         centers = grid.centers(torch.float64).reshape(-1, 3)
-        pix, depth_m = project(centers, frustum.camera_from_occ, frustum.pix_from_camera)
-        seen = in_image(pix, depth_m, *frustum.size_pix).reshape(grid.shape).numpy()
+        seen = in_image(*frustum.project(centers), *frustum.size_pix).reshape(grid.shape).numpy()
         labels[~seen] = UNKNOWN
     return labels

@@ -52,7 +52,7 @@ def test_a_scene_says_where_its_voxels_are_and_what_they_are():
     assert encoded["names"][CAR] == "car"
     assert encoded["names"][FREE:] == ["free", "unknown"]
     assert [view["name"] for view in encoded["views"]] == [TRUTH, "baseline", "skyocc"]
-    for view, (_, labels) in zip(encoded["views"], scene.volumes()):
+    for view, labels in zip(encoded["views"], scene.volumes.values()):
         assert (labels_in(view, SMALL.shape) == labels).all()
 
 

@@ -8,7 +8,8 @@ from src.data.statistics import statistics_of
 from src.errors import UserError
 from src.ontology import ACTOR_TYPES, CLASSES
 from src.report import paper
-from src.report.statistics_figure import draw_statistics, percent, readable, statistics_figure
+from src.report.canvas import readable
+from src.report.statistics_figure import draw_statistics, percent, statistics_figure
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,8 @@ import pytest
 from src.ontology import CAR, CLASSES, FREE, GROUND, VRU
 from src.report.scene import ERROR_PALETTE
 from src.report.voxels import PALETTE
-from tests.report.sample_page import box_of, choose, click, middle_of, pixels_of, plain_scene, view
+from tests.report.sample_page import box_of, choose, click, middle_of, plain_scene, view
+from tests.report.street import pixels_of
 from tests.report.test_voxel_mesh import count_faces
 
 pytestmark = pytest.mark.slow
@@ -43,7 +44,7 @@ def test_it_draws_the_faces_that_a_brute_force_search_finds(page):
     assert page.evaluate(FACES) == faces_of(known, [n for n in range(FREE) if n != GROUND])
     click(page, kind(GROUND))
     choose(page, SHOWS, "everywhere")
-    volumes = [labels for _, labels in scene.volumes()]
+    volumes = list(scene.volumes.values())
     expected = [faces_of(known[:1], range(FREE))[0], *faces_of(volumes[1:], range(FREE))]
     assert page.evaluate(FACES) == expected
 

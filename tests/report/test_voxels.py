@@ -8,68 +8,62 @@ import torch
 
 from src.errors import UserError
 from src.geometry import VoxelGrid
-from src.ontology import BUILDING, CAR, FREE, GROUND, THIN_STRUCTURE, UNKNOWN, VEGETATION, VRU
+from src.ontology import BUILDING, CAR, FREE, THIN_STRUCTURE, UNKNOWN, VEGETATION, VRU
 from src.report.overlay import FRUSTUM_COLOR
 from src.report.top import render_top
 from src.report.view import Viewpoint
 from src.report.voxels import PALETTE, ground_level, render_voxels, view_of
-from tests.report.street import GRID, HEIGHT, WIDTH, fill, street, tilted_frustum
+from tests.report.street import (
+    FLOOR,
+    GRID,
+    HEIGHT,
+    WIDTH,
+    fill,
+    labels_of,
+    pixels_of,
+    street,
+    tilted_frustum,
+)
 
 SIZE = (200, 150)
 
 
-def scene(*boxes):
-    labels = np.full(GRID.shape, FREE, dtype=np.uint8)
-    for class_id, lower_m, upper_m in boxes:
-        fill(labels, GRID, class_id, lower_m, upper_m)
-    return labels
-
-
-def pixels_of(image, class_id):
-    """Row and column of the pixels of a class's hue, which neither light nor haze changes."""
-    hue, wanted = (
-        color - color.min(axis=-1, keepdims=True) for color in (image, PALETTE[class_id])
-    )
-    strength = np.linalg.norm(hue, axis=-1)
-    return np.argwhere((hue @ wanted > 0.98 * strength * np.linalg.norm(wanted)) & (strength > 50))
-
-
 def middle_of(image, class_id):
-    found = pixels_of(image, class_id)
+    found = pixels_of(image, PALETTE[class_id])
     assert len(found) > 3
     return found.mean(axis=0)
 
 
-FLOOR = (GROUND, (0, -25, -11), (50, 25, -10))
-
-
 @pytest.mark.parametrize("render", [render_voxels, render_top])
 def test_the_uavs_left_is_left(render):
-    image = render(scene(FLOOR, (CAR, (20, 8, -10), (25, 12, -8))), GRID, SIZE)
+    image = render(labels_of(FLOOR, (CAR, (20, 8, -10), (25, 12, -8))), GRID, SIZE)
     assert middle_of(image, CAR)[1] < SIZE[0] / 2
-    image = render(scene(FLOOR, (CAR, (20, -12, -10), (25, -8, -8))), GRID, SIZE)
+    image = render(labels_of(FLOOR, (CAR, (20, -12, -10), (25, -8, -8))), GRID, SIZE)
     assert middle_of(image, CAR)[1] > SIZE[0] / 2
 
 
 @pytest.mark.parametrize("render", [render_voxels, render_top])
 def test_what_is_ahead_is_further_up(render):
     boxes = (CAR, (12, -2, -10), (16, 2, -8)), (VRU, (40, -2, -10), (44, 2, -8))
-    image = render(scene(FLOOR, *boxes), GRID, SIZE)
+    image = render(labels_of(FLOOR, *boxes), GRID, SIZE)
     assert middle_of(image, VRU)[0] < middle_of(image, CAR)[0]
 
 
 def test_what_is_higher_is_further_up():
     boxes = (CAR, (20, 5, -10), (24, 9, -6)), (VRU, (20, -9, 0), (24, -5, 4))
-    image = render_voxels(scene(FLOOR, *boxes), GRID, SIZE)
+    image = render_voxels(labels_of(FLOOR, *boxes), GRID, SIZE)
     assert middle_of(image, VRU)[0] < middle_of(image, CAR)[0]
 
 
 def test_what_stands_in_front_hides_what_is_behind():
     car = (CAR, (30, -2, -10), (34, 2, -8))
-    view = view_of([scene(FLOOR, car)], GRID, SIZE)
     wall = (BUILDING, (20, -10, -10), (22, 10, 2))
-    assert len(pixels_of(render_voxels(scene(FLOOR, car), GRID, SIZE, view), CAR)) > 3
-    assert len(pixels_of(render_voxels(scene(FLOOR, car, wall), GRID, SIZE, view), CAR)) == 0
+    view = view_of([labels_of(FLOOR, car)], GRID, SIZE)
+    seen, hidden = (
+        render_voxels(labels_of(FLOOR, *boxes), GRID, SIZE, view) for boxes in ([car], [car, wall])
+    )
+    assert len(pixels_of(seen, PALETTE[CAR])) > 3
+    assert len(pixels_of(hidden, PALETTE[CAR])) == 0
 
 
 def test_free_and_unknown_are_not_drawn():
@@ -106,7 +100,7 @@ def test_every_occupied_voxel_the_uav_and_the_ground_are_in_the_view():
     view = view_of([labels], GRID, SIZE)
     points = GRID.centers(torch.float64)[torch.from_numpy(labels < FREE)]
     uav = torch.tensor([[0, 0, 0], [0, 0, ground_level(labels, GRID)]], dtype=torch.float64)
-    pix, depth_m = view.project(torch.cat([points, uav]), SIZE)
+    pix, depth_m = view.camera(SIZE).project(torch.cat([points, uav]))
     assert (depth_m > 0).all()
     room = torch.minimum(pix, torch.tensor(SIZE) - pix).amin(dim=0)
     assert (room >= 0).all()
@@ -133,18 +127,18 @@ def test_the_frustum_is_drawn_and_voxels_hide_it():
         return (np.abs(image - FRUSTUM_COLOR).sum(axis=-1) < 60).sum()
 
     view = view_of([street()], GRID, (400, 300))
-    open_air = scene()
-    walled = scene((BUILDING, (-1, -25, -20), (1, 25, 10)))
+    open_air = labels_of()
+    walled = labels_of((BUILDING, (-1, -25, -20), (1, 25, 10)))
     assert orange(open_air) > 50
     assert orange(walled) < orange(open_air) / 4
 
 
 def test_a_given_floor_makes_two_pictures_comparable():
     view = Viewpoint((-60.0, 0.0, 45.0), math.radians(32), math.radians(40))
-    shallow = scene((CAR, (20, 8, 0), (25, 12, 2)))
+    shallow = labels_of((CAR, (20, 8, 0), (25, 12, 2)))
     same = render_voxels(shallow, GRID, SIZE, view, floor_m=-10.0)
     assert (same != render_voxels(shallow, GRID, SIZE, view)).any()
-    empty = render_voxels(scene(), GRID, SIZE, view, floor_m=-10.0)
+    empty = render_voxels(labels_of(), GRID, SIZE, view, floor_m=-10.0)
     differing = (same != empty).any(axis=-1).mean()
     assert 0 < differing < 0.05, "the car and its shadow alone"
 
@@ -153,15 +147,15 @@ def test_the_map_shows_the_highest_class_brighter_when_higher():
     low, high = ((VEGETATION, (20, -5, z), (30, 5, z + 1)) for z in (-9, 8))
     wire = (THIN_STRUCTURE, (20, -5, 9), (30, 5, 10))
     maps = {
-        name: render_top(scene(FLOOR, *boxes), GRID, (480, 480)).astype(int)
+        name: render_top(labels_of(FLOOR, *boxes), GRID, (480, 480)).astype(int)
         for name, boxes in {"low": [low], "high": [high], "wire": [low, wire]}.items()
     }
     green = [middle_of(maps[name], VEGETATION) for name in ("low", "high")]
     row, column = green[0].round().astype(int)
     assert np.abs(green[0] - green[1]).max() < 1
     assert maps["high"][row, column].sum() > maps["low"][row, column].sum()
-    assert len(pixels_of(maps["wire"], VEGETATION)) == 0
-    assert len(pixels_of(maps["wire"], THIN_STRUCTURE)) > 1000
+    assert len(pixels_of(maps["wire"], PALETTE[VEGETATION])) == 0
+    assert len(pixels_of(maps["wire"], PALETTE[THIN_STRUCTURE])) > 1000
 
 
 def test_the_map_is_to_scale_and_tells_free_from_unknown():

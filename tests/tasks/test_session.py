@@ -99,8 +99,9 @@ def labels_read(monkeypatch):
 
 def test_predict_and_attitude_read_no_training_label(configured, labels_read, tmp_path):
     cfg = configured("task=predict", f"predictions={tmp_path}/mine")
-    predict(cfg, "test", logits=False)
+    predict(cfg, "test", logits=False, animation=f"{tmp_path}/flight.gif")
     attitude(cfg, **ATTITUDE)
+    assert (tmp_path / "flight.gif").stat().st_size > 0
     data = SkyShieldData(root_of(cfg), seed=0, **{**cfg.data, "workers": 0})
     assert not labels_read & {*data.split["train"], *data.split["val"]}
 
