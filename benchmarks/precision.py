@@ -10,6 +10,7 @@ import sys
 from functools import partial
 
 from hydra.utils import instantiate
+from lightning.fabric.utilities import move_data_to_device
 from lightning.pytorch.plugins import MixedPrecision, Precision
 from rich.markup import escape
 
@@ -18,7 +19,6 @@ from benchmarks.tables import print_table
 from benchmarks.timing import milliseconds
 from src.ontology import NUM_CLASSES
 from src.tasks.dataset import data_of, finished_dataset
-from src.tasks.predictor import on_device
 from src.tasks.trainer import BF16, FP32
 
 ROUNDS = 10
@@ -30,7 +30,7 @@ def measure(overrides: list[str]) -> dict[str, list[float]]:
     data = data_of(cfg, finished_dataset(cfg))
     network = instantiate(cfg.model).to(device())
     loss = instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES).to(device())
-    batch = on_device(next(iter(data.train_dataloader())), device())
+    batch = move_data_to_device(next(iter(data.train_dataloader())), device())
 
     # The optimizer's part is the same in both, so it is left out.
     def step(precision: Precision) -> None:

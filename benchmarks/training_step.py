@@ -17,6 +17,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 import torch
 from hydra.utils import instantiate
+from lightning.fabric.utilities import move_data_to_device
 from omegaconf import DictConfig
 from torch import Tensor
 
@@ -28,7 +29,6 @@ from src.models.network import Frame, SkyOcc
 from src.ontology import NUM_CLASSES
 from src.provenance import git_commit
 from src.tasks.dataset import data_of, finished_dataset
-from src.tasks.predictor import on_device
 from src.tasks.trainer import BF16, precision_of
 from tests.simulated_cuda import CUDA, Waits, simulated_cuda
 
@@ -106,7 +106,7 @@ def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]
         with timed(spent, "waiting for the loader"):
             batch = next(batches)
         with timed(spent, "to the device"):
-            batch = on_device(batch, device())
+            batch = move_data_to_device(batch, device())
         step(batch, spent)
 
     where = f"{BF16 if step.bf16 else 'fp32'}, {device_name()}, peak memory {peak_mib():.0f} MiB"
@@ -124,7 +124,7 @@ def peak_mib() -> float:
 def waits_of_step(cfg: DictConfig, batch: Mapping[str, Tensor]) -> Waits:
     """Returns the operations of a training step that would make the host wait for a GPU."""
     with simulated_cuda() as waits:
-        Step(cfg, CUDA)(on_device(batch, CUDA), defaultdict(float))
+        Step(cfg, CUDA)(move_data_to_device(batch, CUDA), defaultdict(float))
         return waits.copy()
 
 
