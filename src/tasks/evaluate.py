@@ -79,6 +79,7 @@ def _part_company() -> None:
 
 
 def _draw(cfg: DictConfig, folder: RunFolder, module: OccupancyModule, data: SkyShieldData) -> None:
+    """Draws the qualitative sheet, and the learning curves where training has left a log."""
     # Scoring needs no drawing code; it is loaded for the figures alone.
     from ..report.curves import draw_curves
     from .scenes import draw_sheet

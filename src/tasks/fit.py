@@ -56,6 +56,7 @@ def _shown_again(session: Session) -> bool:
 
 
 def _train(session: Session, named: Path | None) -> str:
+    """Trains from the checkpoint ``named``, the last one, or anew, and scores the best."""
     cfg, folder = session.cfg, session.folder
     path = named or folder.to_resume(afresh=cfg.overwrite)
 

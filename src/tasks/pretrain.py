@@ -95,6 +95,7 @@ def _train(
     epochs: int,
     limit: int | float,
 ) -> None:
+    """Trains the module in its folder, from the last checkpoint there if there is one."""
     checkpoint = folder.open(afresh=cfg.overwrite)
     if checkpoint:
         # A broken one is refused here, in one line.
@@ -122,6 +123,7 @@ def _trainer_of(
 
 
 def _loader(cfg: DictConfig, data: SkyShieldData, part: str, batch_size: int) -> DataLoader:
+    """Returns the loader of a part, whose labels are those of the pixels of the feature map."""
     frames = data.dataset(part, images=False)
     dataset = ImageLabelDataset(frames, data.grid, STRIDES[0])
     if part == "train":

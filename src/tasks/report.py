@@ -134,6 +134,7 @@ def _write(made: LadderReport, heading: str, figures: Mapping[Path, str], folder
 
 
 def _print(made: LadderReport, folder: Path) -> None:
+    """Prints the main tables, what is wrong or missing, and where the report lies."""
     console = Console(width=WIDTH)
     for key in PRINTED:
         if table := made.table(key):

@@ -86,6 +86,7 @@ def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
 
 
 def _write(folder: Path, counts: Counts, parts: Parts, facts: Mapping[str, object]) -> None:
+    """Writes every table of the scores, and prints the results."""
     files.write_scores(folder, {facts["seed"]: [counts]}, parts)
     files.write_table(protocol_table(counts), folder / "protocols.csv")
     summed = {name: table.sum(0) for name, table in counts.tables["breakdown"].items()}

@@ -53,7 +53,7 @@ class _Viewer(NamedTuple):
 def showcase(
     cfg: DictConfig, runs: Sequence[ScoredRun], folder: Path, count: int, ladder: Ladder = PAPER
 ) -> Showcase:
-    """Up to ``count`` frames, by `hard_cases`, and the figures of them, drawn into ``folder``.
+    """Returns up to ``count`` frames, by `hard_cases`, and draws their figures into ``folder``.
 
     Needs the dataset and the runs' best checkpoints; without them it only says so.
     """
@@ -74,7 +74,7 @@ def showcase(
 
 
 def _data_of(run: ScoredRun, root: Path) -> SkyShieldData:
-    """A run's data. Raises `UserError` for settings of other code."""
+    """Opens the data that a run was trained on. Raises `UserError` for settings of other code."""
     settings = {**run.config["data"], "workers": 0}
     try:
         signature(SkyShieldData).bind(root, seed=0, **settings)
@@ -84,7 +84,7 @@ def _data_of(run: ScoredRun, root: Path) -> SkyShieldData:
 
 
 def ends_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[ScoredRun]:
-    """The lowest and the highest rung, of the lowest seed that most of the rungs have."""
+    """Returns the lowest and the highest rung, of the lowest seed that most of the rungs have."""
     rungs = [run for run in runs if run.experiment in ladder]
     seeds = sorted({run.seed for run in rungs})
     if not seeds:
@@ -98,6 +98,7 @@ def ends_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[ScoredRun
 def _drawn(
     data: SkyShieldData, viewers: Sequence[_Viewer], folder: Path, count: int, seed: int
 ) -> Showcase:
+    """Predicts the hardest frames with every network, and draws both figures."""
     cases = hard_cases(facts_of(data), count)
     scenes = [_scene(case, viewers, data.grid) for case in tracked(cases, "predicting")]
     heading = f"{data.root.name}, seed {seed}: the hardest test frames by rule"
@@ -119,6 +120,7 @@ def _drawn(
 
 
 def _scene(case: HardCase, viewers: Sequence[_Viewer], grid: VoxelGrid) -> VoxelScene:
+    """Returns a hard case as a scene with the prediction of every viewer."""
     samples = [_sample(case, viewer.frames) for viewer in viewers]
     predictions = {
         viewer.name: labels_of(viewer.network, sample) for viewer, sample in zip(viewers, samples)
@@ -127,11 +129,12 @@ def _scene(case: HardCase, viewers: Sequence[_Viewer], grid: VoxelGrid) -> Voxel
 
 
 def _sample(case: HardCase, frames: OccupancyDataset) -> Batch:
+    """Returns the frame of a hard case from a dataset of test frames."""
     return frames[frames.samples.index((case.clip, case.frame))]
 
 
 def facts_of(data: SkyShieldData) -> pd.DataFrame:
-    """The tilt of every test frame, and how many voxels of each class the camera sees there."""
+    """Returns the tilt of every test frame, and how many voxels of each class the camera sees."""
     rows = []
     for clip_id, frame in tracked(data.split["test"], "choosing frames"):
         clip = data.clips[clip_id]
