@@ -28,14 +28,17 @@ def test_it_scores_every_condition_and_the_true_one_as_the_run_did(trained, caps
         *("true", "tilt_0_6deg", "tilt_6_infdeg", "noise_20deg", "delay_0.4s"),
         *("level", "level_tilt_0_6deg", "level_tilt_6_infdeg"),
     ]
+
     results = read_results(f"{cfg.paths.run}/results.csv")
     ours = results[(results["experiment"] == "skyocc") & (results["split"] == "test")].iloc[0]
     assert kar.loc["true", "value"] == pytest.approx(ours["kar_miou"], abs=1e-7)
     assert kar.loc["noise_20deg", "value"] != kar.loc["true", "value"]
+
     frames = kar["frames"]
     assert frames["tilt_0_6deg"] + frames["tilt_6_infdeg"] == frames["true"]
     assert frames["level_tilt_6_infdeg"] == frames["tilt_6_infdeg"]
     assert kar.loc["level_tilt_6_infdeg", "value"] != kar.loc["tilt_6_infdeg", "value"]
+
     counts = Counts.read(f"{folder}/tallies/noise_20deg.npz")
     assert counts.protocol.part == "test, noise_20deg"
 

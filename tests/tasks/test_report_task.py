@@ -26,7 +26,7 @@ def ladder(tmp_path_factory):
 
 @pytest.fixture
 def runs(ladder, tmp_path):
-    """The same, to be changed."""
+    """A copy of the ladder that a test may change."""
     return shutil.copytree(ladder, tmp_path / "runs/tiny")
 
 
@@ -78,12 +78,14 @@ def test_a_ladder_leaves_every_table_in_every_form(ladder, tmp_path, capsys):
     assert {path.name for path in out.iterdir()} == {
         *("tables.csv", "tables.tex", "scores.csv", "report.md", "report.html")
     }
+
     page, latex = page_of(out), (out / "tables.tex").read_text()
     assert page.count("| --: |\n") == len(expected)
     assert all(f"\\label{{tab:{key}}}" in latex for key in expected)
     assert "## Missing" not in page
     assert "Not a clean comparison" not in page
     assert "All 12 runs of the ladder share every setting but: model.encoder.projection" in page
+
     said = capsys.readouterr().out
     assert max(map(len, said.splitlines()[:-1])) <= 110
     for words in ("Main results, test", "Ablation study, test", "SkyOcc", "All 12 runs"):
@@ -111,6 +113,7 @@ def test_the_long_table_has_the_scores_of_every_run_and_part(ladder, tmp_path):
             mine = results["experiment"] == row.experiment
             (value,) = results[mine & (results["split"] == part)][row.score]
             assert row.value == pytest.approx(value, abs=1e-7)
+
     means = scores_of(out).query("score == 'kar_miou'").groupby("experiment")["value"].mean()
     chosen = "table == 'main' & row == 'SkyOcc' & column == 'KAR-mIoU'"
     (cell,) = tables(out).query(chosen).itertuples()
@@ -237,6 +240,7 @@ def test_an_interrupted_sweep_says_what_is_missing_and_reports_the_rest(runs, ca
         "difference of the means beside it",
     ]
     assert "weights seed 1: unfinished, 3 of 8 epochs logged" in capsys.readouterr().out
+
     both = scores_of(out).query("score == 'miou' and seed != '1'")
     change = both.pivot(index="seed", columns="experiment", values="value")
     expected = 100 * (change["weights"] - change["baseline"]).mean()
@@ -354,18 +358,22 @@ def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs, tm
     write_run(runs, "attitude", 0, **unlike)
     with pytest.raises(UserError, match=r"trained by code .*; .*task\.mixed=true"):
         reported(runs)
+
     out = reported(runs, mixed=True)
     main, other = table(out, "main"), " (2: dataset=tiny-4567)"
     assert {f"+ Attitude-aware projection{other}", f"Voxel prior{other}"} < set(main.index)
     assert "+ Attitude-aware projection" not in main.index
     assert table(out, "incremental").loc["Safety-prior class weights"].isna().all()
+
     warned = section_of(out, "Not a clean comparison")
     assert "different code: code c0de (" in warned
     assert "code 0ther (attitude seed 0)" in warned
     assert re.search(r"scored unlike the others .*attitude seed 0", warned)
+
     reported(runs, out=tmp_path / "public", mixed=True, publish=True)
     again = reported(runs, tmp_path / "public/runs", out=tmp_path / "again", mixed=True)
     assert page_of(again) == page_of(out)
+
     experiments = set(scores_of(out)["experiment"])
     assert {f"attitude{other}", f"all_free{other}"} < experiments
     assert "attitude" not in experiments

@@ -198,12 +198,14 @@ def test_occ3d_folders_are_scored_in_our_classes(dataset, tmp_path):
         path = tmp_path / folder / "scene-0001" / "token" / "labels.npz"
         path.parent.mkdir(parents=True)
         np.savez(path, semantics=semantics, mask_camera=seen, mask_lidar=seen)
+
     grid = "layout.grid={lower_m:[0,-4,-3],upper_m:[10,4,3],shape:[5,4,3]}"
     words = ("layout=occ3d", grid, "layout.velocity_mps=[8,0,0]")
     folder = scored(tmp_path / "gts", tmp_path / "mine", *words)
     rows = read_results(folder / "results.csv").iloc[0]
     assert rows["kar_miou"] == 1  # wrong only where the camera does not see
     assert "velocity_mps" in rows["protocol"]
+
     everywhere = scored(tmp_path / "gts", tmp_path / "mine", *words, "layout.mask=supervised")
     assert read_results(everywhere / "results.csv").iloc[0]["kar_miou"] < 0.9
 

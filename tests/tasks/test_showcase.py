@@ -64,6 +64,7 @@ def test_frames_are_chosen_by_their_tilt_and_by_what_the_camera_sees(cfg, monkey
     # The made-up flights hide nothing of themselves.
     monkeypatch.setattr(Clip, "visible", lambda *frame: every_other_slice(visible_of(*frame)))
     data = Session(cfg).data
+
     facts = facts_of(data).set_index(["clip", "frame"])
     assert list(facts.index) == data.split["test"]
     for clip_id, frame in data.split["test"]:
@@ -122,15 +123,18 @@ def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path
     (title,) = re.findall(r'<option value="0">1 of 1: (.*?)</option>', page)
     clip_id, frame = re.match(r"(\S+) frame (\d+) .* most tilted", title).groups()
     assert [view["name"] for view in scene["views"]] == [TRUTH, "Baseline", "SkyOcc"]
+
     truth, *predictions = (labels_in(view, scene["shape"]) for view in scene["views"])
     clip = Clip(root_of(cfg) / clip_id)
     assert (truth == clip.semantics(int(frame))).all()
     assert not (predictions[0] == predictions[1]).all()
     facts = facts_of(Session(cfg).data).set_index(["clip", "frame"])["tilt_rad"]
     assert facts[clip_id, int(frame)] == facts.max() > 0.15
+
     for name in ("comparison.jpg", "tilt.jpg"):
         with Image.open(tmp_path / "out/figures" / name) as figure:
             assert np.ptp(np.asarray(figure)) > 100
+
     with opened() as browser:
         browser.open(tmp_path / "out/report.html")
         browser.wait("document.documentElement.dataset.ready === 'true'")
