@@ -10,12 +10,12 @@ from collections.abc import Callable
 from functools import partial
 
 from hydra.utils import instantiate
+from lightning.fabric.utilities import move_data_to_device
 from lightning.pytorch.plugins import MixedPrecision, Precision
 
 from benchmarks.settings import composed_with_data, device, run
 from benchmarks.tables import print_costs
 from src.ontology import NUM_CLASSES
-from src.tasks.predictor import on_device
 from src.tasks.trainer import BF16, FP32
 
 ROUNDS = 10
@@ -26,7 +26,7 @@ def steps(overrides: list[str]) -> dict[str, Callable[[], None]]:
     cfg, data = composed_with_data(overrides)
     network = instantiate(cfg.model).to(device())
     loss = instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES).to(device())
-    batch = on_device(next(iter(data.train_dataloader())), device())
+    batch = move_data_to_device(next(iter(data.train_dataloader())), device())
 
     # The optimizer's part is the same in both, so it is left out.
     def step(precision: Precision) -> None:

@@ -16,6 +16,7 @@ from contextlib import AbstractContextManager, nullcontext
 
 import torch
 from hydra.utils import instantiate
+from lightning.fabric.utilities import move_data_to_device
 from omegaconf import DictConfig
 from torch import Tensor
 
@@ -26,7 +27,6 @@ from src.models.memory import PillarMemory
 from src.models.network import Frame, SkyOcc
 from src.ontology import NUM_CLASSES
 from src.provenance import git_commit
-from src.tasks.predictor import on_device
 from src.tasks.trainer import BF16, precision_of
 from tests.simulated_cuda import CUDA, simulated_cuda
 
@@ -95,7 +95,7 @@ def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]
         with timed(spent, "waiting for the loader"):
             batch = next(batches)
         with timed(spent, "to the device"):
-            batch = on_device(batch, device())
+            batch = move_data_to_device(batch, device())
         step(batch, spent)
 
     where = f"{BF16 if step.bf16 else 'fp32'}, {device_name()}, peak memory {peak_mib():.0f} MiB"
@@ -113,7 +113,7 @@ def peak_mib() -> float:
 def waits_of_step(cfg: DictConfig, batch: Mapping[str, Tensor]) -> Counter[str]:
     """Returns the operations of a training step that would make the host wait for a GPU."""
     with simulated_cuda() as waits:
-        Step(cfg, CUDA)(on_device(batch, CUDA), defaultdict(float))
+        Step(cfg, CUDA)(move_data_to_device(batch, CUDA), defaultdict(float))
         return waits.copy()
 
 

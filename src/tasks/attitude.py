@@ -1,6 +1,6 @@
 """task=attitude: a checkpoint's scores by the UAV's tilt, and under a wrongly measured attitude."""
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -14,7 +14,6 @@ from torch import Tensor
 from ..atomic_folder import replacing_folder
 from ..data.batch import Batch
 from ..data.datamodule import SkyShieldData
-from ..data.dataset import history_stride
 from ..data.measured_attitude import MeasuredAttitude
 from ..metrics.by_clip import ByClip
 from ..metrics.protocol import Protocol
@@ -26,9 +25,9 @@ from ..results.render import Cell, Table, print_table
 from ..results.table import run_table
 from ..run_folder import TALLIES
 from ..terminal import say, tracked
-from .predictor import Predictor, predictor
 from .scoring import clips_of, protocol_of
 from .session import Session
+from .trainer import Predictor, predictor
 
 SCORE = "kar_miou"
 # The scores that are printed, and their names.
@@ -103,22 +102,20 @@ def _count(
     counters: Sequence[ConditionCount], data: SkyShieldData, scores_of: Predictor, seed: int
 ) -> None:
     """Counts the test split under every condition; each wrong attitude is predicted with once."""
-    of_fault = defaultdict(list)
-    for counter in counters:
-        of_fault[counter.condition.fault].append(counter)
     clips = {clip: data.clips[clip] for clip in clips_of(data.split["test"])}
-    capture_hz = next(iter(clips.values())).meta.capture_hz
-    step = history_stride(data.history_step_s, capture_hz)
+    step = data.dataset("test").step
+    faults = dict.fromkeys(counter.condition.fault for counter in counters)
     attitudes = {
         (noise_deg, delay_s, level): MeasuredAttitude(clips, step, noise_deg, delay_s, seed, level)
-        for noise_deg, delay_s, level in of_fault
+        for noise_deg, delay_s, level in faults
     }
 
     for batch in tracked(data.in_order("test"), "scoring"):
         for fault, measured in attitudes.items():
             labels = scores_of(measured(batch)).argmax(dim=1).to(torch.uint8).cpu()
-            for counter in of_fault[fault]:
-                counter.add(batch, labels)
+            for counter in counters:
+                if counter.condition.fault == fault:
+                    counter.add(batch, labels)
 
 
 def _described(

@@ -66,6 +66,7 @@ def _audit_clip(sim: Mapping, root: Path, frames_per_clip: int, plan: ClipPlan) 
 
 
 def _require_rebuildable(cfg: DictConfig, root: Path) -> None:
+    """Raises `UserError` for a dataset whose scenes this code and these settings do not build."""
     manifest, spec = read_manifest(root), spec_of(cfg)
     require_same_data(root, spec)
     if manifest["generator"] != spec.generator:
@@ -79,6 +80,7 @@ def _require_rebuildable(cfg: DictConfig, root: Path) -> None:
 
 
 def _write(folder: Path, total: SurfaceAgreement, root: Path, sim: Mapping) -> None:
+    """Writes ``audit.csv`` and ``audit.md``, each as a whole."""
     folder.mkdir(parents=True, exist_ok=True)
     table = total.table()
     with replacing(folder / "audit.csv") as temporary:
@@ -114,6 +116,7 @@ Ghosts of moving classes among what is visible: {total.moving_ghosts}.
 
 
 def _readable(table: pd.DataFrame) -> str:
+    """Returns the main columns of the table as text for people."""
     columns = ["scope", "class", "true", "recall", "class_recall", "labelled", "precision"]
     columns += ["class_precision", "ghosts", "free", "free_error"]
     # Free space has no class, so its two columns stand in the row of all classes alone.

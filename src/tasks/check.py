@@ -64,6 +64,7 @@ def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
 
 
 def _report(findings: Findings, root: Path) -> None:
+    """Prints how labels agree with the depth. Raises `UserError` where there is a problem."""
     if findings.agreement.pixels:
         for name, share in findings.agreement.shares().items():
             say(f"{name}: {100 * share:.2f} %")
@@ -149,6 +150,7 @@ def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
 
 
 def _draw_sheets(root: Path) -> None:
+    """Draws a sheet for every town, and prints its path."""
     clip_ids = sorted(read_manifest(root)["clips"])
     for town, clips in groupby(clip_ids, key=lambda clip: clip.split("/")[0]):
         path = root / "check" / f"{town}.jpg"

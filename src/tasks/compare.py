@@ -2,7 +2,6 @@
 depends on the parameters of KAR-mIoU."""
 
 import math
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -83,9 +82,10 @@ def _read(runs: Sequence[str]) -> dict[str, Counts]:
         raise UserError("task.runs: name two or more, as task.runs=[A,B]")
     with unpacked([Path(run) for run in runs]) as (places, _):
         files = [_file_of(place) for place in places]
-        for n, file in enumerate(files):
-            if file.resolve() in [earlier.resolve() for earlier in files[:n]]:
-                raise UserError(f"task.runs: {runs[n]} is named twice")
+        resolved = [file.resolve() for file in files]
+        for n, run in enumerate(runs):
+            if resolved[n] in resolved[:n]:
+                raise UserError(f"task.runs: {run} is named twice")
 
         scored = [Counts.read(file) for file in files]
         return dict(zip(_names(scored, files, runs), scored))
@@ -120,27 +120,21 @@ def _clips_like(patterns: Sequence[str], counts: Counts) -> set[str]:
 def _names(scored: Sequence[Counts], files: Sequence[Path], given: Sequence[str]) -> list[str]:
     """Returns names of runs. Those of one name are told apart by what differs in their files'
     paths, such as the seed, or by what was given where the paths do not align."""
-    # Seeds of one experiment have one name, and so have two scorings of one run.
-    alike = defaultdict(list)
-    for n, counts in enumerate(scored):
-        alike[counts.name].append(n)
-
-    names = [counts.name for counts in scored]
-    for name, rows in alike.items():
-        if len(rows) > 1:
-            parts = _differing([files[row] for row in rows]) or [given[row] for row in rows]
-            for row, part in zip(rows, parts):
-                names[row] = f"{name} {part}"
+    names = []
+    for counts, file, words in zip(scored, files, given):
+        # Seeds of one experiment have one name, and so have two scorings of one run.
+        alike = [each for other, each in zip(scored, files) if other.name == counts.name]
+        own = f" {_own_parts(file, alike) or words}" if len(alike) > 1 else ""
+        names.append(counts.name + own)
     return names
 
 
-def _differing(paths: Sequence[Path]) -> list[str]:
-    """Returns the parts in which paths of one depth differ; nothing for paths of several depths."""
-    parts = [path.parts for path in paths]
-    if len(set(map(len, parts))) > 1:
-        return []
-    differing = [n for n, column in enumerate(zip(*parts)) if len(set(column)) > 1]
-    return ["/".join(each[n] for n in differing) for each in parts]
+def _own_parts(path: Path, alike: Sequence[Path]) -> str:
+    """Returns the parts of a path in which paths differ; nothing for paths of several depths."""
+    if len({len(each.parts) for each in alike}) > 1:
+        return ""
+    columns = zip(*(each.parts for each in alike))
+    return "/".join(part for part, column in zip(path.parts, columns) if len(set(column)) > 1)
 
 
 def _differences(scored: Mapping[str, Counts]) -> pd.DataFrame:
@@ -168,12 +162,10 @@ def _printed(table: pd.DataFrame, clips: int) -> Table:
     for score in PRINTED:
         lines.append(len(rows))
         for run, _, *numbers, same in table[table["score"] == score].itertuples(index=False):
-            value, change = (
-                [100 * number for number in each] for each in (numbers[:3], numbers[3:])
-            )
+            percent = [100 * number for number in numbers]
             sure = "–" if math.isnan(same) else f"{same:.2f}"
-            beside = [Cell(*change, signed=True), sure] if run != first else [None, None]
-            rows.append((f"{score}, {run}", [Cell(*value), *beside]))
+            beside = [Cell(*percent[3:], signed=True), sure] if run != first else [None, None]
+            rows.append((f"{score}, {run}", [Cell(*percent[:3]), *beside]))
 
     over = counted(clips, "clip")
     title = f"Scores (%) with intervals over {over}, and differences from {first}"

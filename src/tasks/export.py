@@ -43,7 +43,10 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
     flight = made_up_flight(config["sim"], frames, step_s)
     stream = SkyOccStream(network, step_s)
     expected, seconds = run_stream(stream, flight)
-    rows = [_row("the model itself", 0.0, 1.0, seconds)]
+    table = Table(title=f"{frames} frames of a stream; {machine()}")
+    for column in ("", "largest difference", "labels alike", "ms a frame", "MB"):
+        table.add_column(column, justify="right" if column else "left", overflow="fold")
+    table.add_row("the model itself", *_cells(0.0, 1.0, seconds))
 
     # A moment later the history of the stream is still there, and so the example is a full one.
     batch, history = stream.arguments(flight[-1]._replace(time_s=flight[-1].time_s + 1e-3))
@@ -56,13 +59,14 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
             path = unchecked / FORMATS[name]
             worst, alike = _difference(path, logits, expected, tolerance)
             megabytes = f"{path.stat().st_size / 1e6:.1f}"
-            rows.append(_row(path.name, worst, alike, seconds, megabytes))
+            table.add_row(path.name, *_cells(worst, alike, seconds), megabytes)
 
-    _print(rows, frames)
+    Console(width=120).print(table)
     say(folder)
 
 
 def _facts(session: Session, config: Mapping) -> dict[str, object]:
+    """Returns what the description beside the graphs says of the model."""
     return {
         "name": config["name"],
         "frames": config["data"]["frames"],
@@ -129,17 +133,6 @@ def run_stream(
     return logits, seconds
 
 
-def _row(
-    name: str, worst: float, alike: float, seconds: Sequence[float], megabytes: str = ""
-) -> tuple[str, ...]:
-    fastest_ms = 1e3 * min(seconds)
-    return name, f"{worst:.1e}", f"{100 * alike:.3f} %", f"{fastest_ms:.1f}", megabytes
-
-
-def _print(rows: Sequence[tuple[str, ...]], frames: int) -> None:
-    table = Table(title=f"{frames} frames of a stream; {machine()}")
-    for column in ("", "largest difference", "labels alike", "ms a frame", "MB"):
-        table.add_column(column, justify="right" if column else "left", overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    Console(width=120).print(table)
+def _cells(worst: float, alike: float, seconds: Sequence[float]) -> tuple[str, ...]:
+    """Returns what the printed table says of a graph, beside its name and its size."""
+    return f"{worst:.1e}", f"{100 * alike:.3f} %", f"{1e3 * min(seconds):.1f}"

@@ -15,8 +15,8 @@ from ..terminal import say
 from .evaluate import evaluate
 from .model import module_of, network_of, origin_of, require_buildable
 from .pretrain import require_unseen
-from .processes import is_first_process
 from .session import Session
+from .trainer import is_first_process
 
 SKIPPED = "already finished, skipped"
 
@@ -56,6 +56,7 @@ def _shown_again(session: Session) -> bool:
 
 
 def _train(session: Session, named: Path | None) -> str:
+    """Trains from the checkpoint ``named``, the last one, or anew, and scores the best."""
     cfg, folder = session.cfg, session.folder
     path = named or folder.to_resume(afresh=cfg.overwrite)
 
@@ -79,7 +80,7 @@ def _train(session: Session, named: Path | None) -> str:
 
     # The best epoch by validation is scored; the last one stays, to go on from.
     load_weights(module, Checkpoint.read(folder.best_checkpoint).state, folder.best_checkpoint)
-    evaluate(cfg, folder, session.trainer, module, session.data)
+    evaluate(session, module, folder)
     return f"finished, went on after {done}" if done else "finished"
 
 

@@ -30,7 +30,7 @@ def generate(cfg: DictConfig) -> None:
         say(f"{root}: {len(plans)} clips, {frames:,} frames")
         say(" / ".join(f"{part} {len(samples):,}" for part, samples in split.items()))
         say(_effort(sim, len(plans), frames))
-        say(matrix_of(sim, plans).to_string())
+        say(_matrix(sim, plans).to_string())
         return
 
     made, missing = make_dataset(cfg)
@@ -39,13 +39,12 @@ def generate(cfg: DictConfig) -> None:
     say(f"{root}: {share}{made} clips made now; of {len(plans)} clips {state}")
 
 
-def matrix_of(sim: Mapping, plans: Sequence[ClipPlan]) -> pd.DataFrame:
+def _matrix(sim: Mapping, plans: Sequence[ClipPlan]) -> pd.DataFrame:
     """Counts clips by town and weather, in the order of the settings, with sums."""
     table = pd.DataFrame([vars(plan) for plan in plans])
-    counts = pd.crosstab(table["town"], table["weather"]).reindex(sim["towns"])
-    counts = counts.reindex(columns=sim["weathers"], fill_value=0)
-    counts.loc["all"] = counts.sum()
-    counts["all"] = counts.sum(axis=1)
+    counts = pd.crosstab(table["town"], table["weather"], margins=True, margins_name="all")
+    counts = counts.reindex(index=[*sim["towns"], "all"])
+    counts = counts.reindex(columns=[*sim["weathers"], "all"], fill_value=0)
     return counts.rename_axis(index=None, columns=None)
 
 

@@ -8,6 +8,7 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 from torch import Tensor
 
+from ..bounds import require_choice
 from ..data.occ3d import MASKS, Occ3DFolder
 from ..data.predictions import FACTS, Inventory, Predictions
 from ..data.truth import SkyShieldTruth
@@ -42,8 +43,7 @@ class _SkyShield:
     """Predictions and ground truth in the layout of this project."""
 
     def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
-        if cfg.layout.mask not in ("supervised", "visible"):
-            raise UserError(f"layout.mask: {cfg.layout.mask!r}; there are supervised, visible")
+        require_choice("layout.mask", cfg.layout.mask, ("supervised", "visible"))
         root = Path(cfg.dataset) if cfg.dataset else root_of(cfg)
         self._predictions = Predictions(folder)
         self.dataset, self.facts = root.name, self._predictions.facts
@@ -101,9 +101,7 @@ class _Occ3D:
         if cfg.dataset is None:
             raise UserError("dataset: name the folder with Occ3D's labels, as dataset=DIR")
 
-        masks = (*MASKS, "supervised")
-        if layout["mask"] not in masks:
-            raise UserError(f"layout.mask: {layout['mask']!r}; there are {', '.join(masks)}")
+        require_choice("layout.mask", layout["mask"], (*MASKS, "supervised"))
 
         self.grid = VoxelGrid(**layout["grid"])
         self._truth = Occ3DFolder(Path(cfg.dataset), layout["class_map"], self.grid)

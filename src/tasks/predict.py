@@ -10,12 +10,9 @@ from ..data.predictions import Predictions, PredictionWriter
 from ..data.split import held_out_clips
 from ..data.truth import PARTS
 from ..errors import UserError
-from ..models.network import SkyOcc
-from ..provenance import git_commit
-from ..report.animation import draw_predicted_flight
 from ..terminal import say, tracked
-from .predictor import predictor
 from .session import Session
+from .trainer import predictor
 
 
 def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = None) -> None:
@@ -38,8 +35,9 @@ def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = No
     folder = Path(cfg.predictions or session.folder.path / "predictions" / part)
     network = checkpoint.network()
     scores_of = predictor(network, trainer)
+    facts = {"name": cfg.name, "part": part, "held_out": held_out_clips(data.split)}
     # The folder appears under its name when all frames are in it.
-    with PredictionWriter(folder, _facts(session, network, part)) as writer:
+    with PredictionWriter(folder, facts | session.facts(network)) as writer:
         for batch in tracked(data.in_order(part), f"predicting {part}"):
             scores = scores_of(batch)
             for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):
@@ -47,24 +45,10 @@ def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = No
                 writer.add(clip, int(frame), labels, scores[n] if logits else None)
 
     if animation is not None:
+        # Predicting needs no drawing code; it is loaded for the picture alone.
+        from ..report.animation import draw_predicted_flight
+
         draw_predicted_flight(data.clips, data.split[part], Predictions(folder), animation)
         say(animation)
     missing = f"; {len(data.missing)} clips are not there" if data.missing else ""
     say(f"{folder}: {len(data.split[part])} frames{missing}")
-
-
-def _facts(session: Session, network: SkyOcc, part: str) -> dict[str, object]:
-    """Returns what ``predictions.json`` says of the predictions."""
-    cfg, data = session.cfg, session.data
-    return {
-        "name": cfg.name,
-        "seed": cfg.seed,
-        "scale": cfg.scale_name,
-        "dataset": data.root.name,
-        "part": part,
-        "held_out": held_out_clips(data.split),
-        "code_version": session.folder.version,
-        "git_commit": git_commit(),
-        "parameters": sum(p.numel() for p in network.parameters()),
-        "precision": session.trainer.precision,
-    }

@@ -73,7 +73,9 @@ def pretrain(
     data = Session(cfg).data
     settings = {"epochs": epochs, "batch_size": batch_size, "lr": lr}
     settings["limit_train_batches"] = limit_train_batches
-    folder = _folder_of(cfg, Path(out), settings, data.root.name)
+    config = {**OmegaConf.to_container(cfg, resolve=True), "pretrain": settings}
+    name = f"{cfg.scale_name}-{version_of(config, data.root.name)}"
+    folder = RunFolder(Path(out) / name, config, data.root.name)
     backbone = instantiate(cfg.model.backbone)
     module = ImagePretraining(backbone, cfg.size.dim, lr, cfg.optimizer.weight_decay)
 
@@ -93,6 +95,7 @@ def _train(
     epochs: int,
     limit: int | float,
 ) -> None:
+    """Trains the module in its folder, from the last checkpoint there if there is one."""
     checkpoint = folder.open(afresh=cfg.overwrite)
     if checkpoint:
         # A broken one is refused here, in one line.
@@ -103,11 +106,6 @@ def _train(
         trainer.fit(module, *loaders, ckpt_path=checkpoint, weights_only=True)
     finally:
         folder.merge_metrics()
-
-
-def _folder_of(cfg: DictConfig, out: Path, settings: dict, dataset: str) -> RunFolder:
-    config = {**OmegaConf.to_container(cfg, resolve=True), "pretrain": settings}
-    return RunFolder(out / f"{cfg.scale_name}-{version_of(config, dataset)}", config, dataset)
 
 
 def _trainer_of(
@@ -125,6 +123,7 @@ def _trainer_of(
 
 
 def _loader(cfg: DictConfig, data: SkyShieldData, part: str, batch_size: int) -> DataLoader:
+    """Returns the loader of a part, whose labels are those of the pixels of the feature map."""
     frames = data.dataset(part, images=False)
     dataset = ImageLabelDataset(frames, data.grid, STRIDES[0])
     if part == "train":

@@ -72,8 +72,9 @@ def report(
         made = replace(made, missing=(*made.missing, *map(named, shown.missing)))
 
         figures = shown.figures | draw_report_attitude(attitude, folder / FIGURES)
-        _write(made, figures, folder)
-        write_report_page(made, _heading(made), curves, figures, shown.scenes, folder / PAGE)
+        heading = f"Report of {made.runs[0].counts.protocol.dataset}"
+        _write(made, heading, figures, folder)
+        write_report_page(made, heading, curves, figures, shown.scenes, folder / PAGE)
         if publish:
             publish_runs([group.runs for group in groups], folder / RUNS, APART)
     _print(made, folder)
@@ -114,11 +115,7 @@ def _require_experiments(rungs: Sequence[str], trained: Collection[str]) -> None
             )
 
 
-def _heading(made: LadderReport) -> str:
-    return f"Report of {made.runs[0].counts.protocol.dataset}"
-
-
-def _write(made: LadderReport, figures: Mapping[Path, str], folder: Path) -> None:
+def _write(made: LadderReport, heading: str, figures: Mapping[Path, str], folder: Path) -> None:
     """Writes ``report.md``, the long table and the tables of the report; the figures are there."""
     # A figure of an earlier report would be taken for a part of this one.
     for name in {COMPARISON, TILT, "attitude.png"} - {path.name for path in figures}:
@@ -127,7 +124,7 @@ def _write(made: LadderReport, figures: Mapping[Path, str], folder: Path) -> Non
     write_table(made.scores, folder / SCORES)
     beside = {f"{FIGURES}/{path.name}": caption for path, caption in figures.items()}
     texts = {
-        TEXT: report_text(made, _heading(made), beside),
+        TEXT: report_text(made, heading, beside),
         TABLES: csv_of(made.tables),
         LATEX: "\n".join(map(latex_of, made.tables)),
     }
@@ -137,6 +134,7 @@ def _write(made: LadderReport, figures: Mapping[Path, str], folder: Path) -> Non
 
 
 def _print(made: LadderReport, folder: Path) -> None:
+    """Prints the main tables, what is wrong or missing, and where the report lies."""
     console = Console(width=WIDTH)
     for key in PRINTED:
         if table := made.table(key):

@@ -6,17 +6,18 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import UInt8
+from lightning.fabric.utilities import move_data_to_device
 from torch import Tensor
 from torch.utils.data import default_collate
 
 from ..data.batch import Batch
+from ..data.clip import Clip
 from ..data.datamodule import SkyShieldData
 from ..geometry import VoxelGrid, camera_from_occ
 from ..models.module import OccupancyModule
 from ..report.qualitative import pick_frames, qualitative_sheet
 from ..report.scene import VoxelScene
 from ..report.view import Frustum
-from .predictor import on_device
 
 # A module with a ``device``, which gives the logits of a batch that is there.
 Network = Callable[[Batch], Tensor]
@@ -51,10 +52,15 @@ def camera_of(sample: Batch, occ_from_body: Tensor) -> Frustum:
     return Frustum(chain, sample["pix_from_camera"][-1], (width, height))
 
 
+def tilt_rad(clip: Clip, frame: int) -> float:
+    """Returns |roll| + |pitch| of a frame's true attitude."""
+    return clip.frames.loc[frame, ["roll_rad", "pitch_rad"]].abs().sum()
+
+
 @torch.no_grad()
 def labels_of(network: Network, sample: Batch) -> Labels:
     """Returns what a network in evaluation mode predicts of a sample."""
-    logits = network(on_device(default_collate([sample]), network.device))
+    logits = network(move_data_to_device(default_collate([sample]), network.device))
     return logits.argmax(dim=1)[0].to(torch.uint8).cpu().numpy()
 
 
@@ -63,16 +69,11 @@ def draw_sheet(
 ) -> None:
     """Draws the qualitative sheet of so many test frames, chosen by `pick_frames`."""
     dataset = data.dataset("test")
-    tilt_rad = np.array([_tilt_rad(data, *sample) for sample in dataset.samples])
+    tilts = np.array([tilt_rad(data.clips[clip], frame) for clip, frame in dataset.samples])
     module.eval()
 
-    samples = [dataset[index] for index in pick_frames(tilt_rad, frames)]
+    samples = [dataset[index] for index in pick_frames(tilts, frames)]
     scenes = [
         scene_of(sample, data.grid, {"Prediction": labels_of(module, sample)}) for sample in samples
     ]
     qualitative_sheet(scenes, path, heading)
-
-
-def _tilt_rad(data: SkyShieldData, clip: str, frame: int) -> float:
-    row = data.clips[clip].frames.loc[frame]
-    return abs(row["roll_rad"]) + abs(row["pitch_rad"])

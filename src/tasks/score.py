@@ -67,28 +67,26 @@ def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
 
     Raises `UserError` for a number that is none.
     """
+    said = pairing.facts
+    numbers = {key: said.get(key, 0) for key in ("seed", "parameters")}
     # Checked before anything is scored, as that may take an hour.
-    for key in ("seed", "parameters"):
-        value = pairing.facts.get(key, 0)
+    for key, value in numbers.items():
         if type(value) is not int:
             raise UserError(f"{folder / FACTS}: {key}: {value!r} is no whole number; correct it")
 
+    this_code = version_of(OmegaConf.to_container(cfg, resolve=True), pairing.dataset)
     return {
-        "scale": str(pairing.facts.get("scale", "")) or "unknown",
-        "seed": pairing.facts.get("seed", 0),
-        "seconds": 0.0,
-        "parameters": pairing.facts.get("parameters", 0),
-        "precision": str(pairing.facts.get("precision", "")) or "unknown",
-        "code_version": str(
-            pairing.facts.get("code_version")
-            or version_of(OmegaConf.to_container(cfg, resolve=True), pairing.dataset)
-        ),
-        "git_commit": str(pairing.facts.get("git_commit") or git_commit()),
+        **numbers,
+        **{key: str(said.get(key, "")) or "unknown" for key in ("scale", "precision")},
+        "code_version": str(said.get("code_version") or this_code),
+        "git_commit": str(said.get("git_commit") or git_commit()),
         "dataset": pairing.dataset,
+        "seconds": 0.0,
     }
 
 
 def _write(folder: Path, counts: Counts, parts: Parts, facts: Mapping[str, object]) -> None:
+    """Writes every table of the scores, and prints the results."""
     files.write_scores(folder, {facts["seed"]: [counts]}, parts)
     files.write_table(protocol_table(counts), folder / "protocols.csv")
     summed = {name: table.sum(0) for name, table in counts.tables["breakdown"].items()}

@@ -11,6 +11,8 @@ from omegaconf import DictConfig, OmegaConf
 from ..data.datamodule import SkyShieldData
 from ..errors import UserError
 from ..models.checkpoint import Checkpoint
+from ..models.network import SkyOcc
+from ..provenance import git_commit
 from ..run_folder import KEYS, RunFolder, is_listed, require_same_config
 from .dataset import data_of, finished_dataset, ready_dataset, root_of
 from .trainer import trainer_of
@@ -59,6 +61,18 @@ class Session:
         config = checkpoint.origin.config
         require_same_config(checkpoint.path, config, self.folder.config, KEYS["identity"])
         return checkpoint
+
+    def facts(self, network: SkyOcc) -> dict[str, object]:
+        """Returns what is said of a network beside its predictions and its scores."""
+        return {
+            "seed": self.cfg.seed,
+            "scale": self.cfg.scale_name,
+            "dataset": self.data.root.name,
+            "code_version": self.folder.version,
+            "git_commit": git_commit(),
+            "parameters": sum(p.numel() for p in network.parameters()),
+            "precision": self.trainer.precision,
+        }
 
 
 def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:

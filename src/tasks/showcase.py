@@ -27,7 +27,7 @@ from ..report.tilt_figure import draw_tilt
 from ..results.runs import ScoredRun
 from ..run_folder import BEST, CONFIG
 from ..terminal import tracked
-from .scenes import camera_of, labels_of, scene_of
+from .scenes import camera_of, labels_of, scene_of, tilt_rad
 
 # A JPEG takes a quarter of the bytes of a PNG, whose palette would lose the rare colors.
 COMPARISON, TILT = "comparison.jpg", "tilt.jpg"
@@ -53,7 +53,7 @@ class _Viewer(NamedTuple):
 def showcase(
     cfg: DictConfig, runs: Sequence[ScoredRun], folder: Path, count: int, ladder: Ladder = PAPER
 ) -> Showcase:
-    """Up to ``count`` frames, by `hard_cases`, and the figures of them, drawn into ``folder``.
+    """Returns up to ``count`` frames, by `hard_cases`, and draws their figures into ``folder``.
 
     Needs the dataset and the runs' best checkpoints; without them it only says so.
     """
@@ -64,21 +64,17 @@ def showcase(
     root = Path(cfg.paths.dataset or Path(cfg.paths.data) / ends[0].counts.protocol.dataset)
     try:
         data = [_data_of(run, root) for run in ends]
-        viewers = [
-            _Viewer(
-                ladder.row_name(run.experiment),
-                Checkpoint.read(run.path / BEST).network(),
-                of_run.dataset("test"),
-            )
-            for run, of_run in zip(ends, data)
-        ]
+        networks = [Checkpoint.read(run.path / BEST).network() for run in ends]
+        names = [ladder.row_name(run.experiment) for run in ends]
+        frames = [of_run.dataset("test") for of_run in data]
+        viewers = [_Viewer(*each) for each in zip(names, networks, frames)]
         return _drawn(data[0], viewers, folder, count, ends[0].seed)
     except UserError as error:
         return Showcase(missing=(f"no pictures and no scenes: {error}",))
 
 
 def _data_of(run: ScoredRun, root: Path) -> SkyShieldData:
-    """A run's data. Raises `UserError` for settings of other code."""
+    """Opens the data that a run was trained on. Raises `UserError` for settings of other code."""
     settings = {**run.config["data"], "workers": 0}
     try:
         signature(SkyShieldData).bind(root, seed=0, **settings)
@@ -88,7 +84,7 @@ def _data_of(run: ScoredRun, root: Path) -> SkyShieldData:
 
 
 def ends_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[ScoredRun]:
-    """The lowest and the highest rung, of the lowest seed that most of the rungs have."""
+    """Returns the lowest and the highest rung, of the lowest seed that most of the rungs have."""
     rungs = [run for run in runs if run.experiment in ladder]
     seeds = sorted({run.seed for run in rungs})
     if not seeds:
@@ -102,23 +98,29 @@ def ends_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[ScoredRun
 def _drawn(
     data: SkyShieldData, viewers: Sequence[_Viewer], folder: Path, count: int, seed: int
 ) -> Showcase:
+    """Predicts the hardest frames with every network, and draws both figures."""
     cases = hard_cases(facts_of(data), count)
     scenes = [_scene(case, viewers, data.grid) for case in tracked(cases, "predicting")]
     heading = f"{data.root.name}, seed {seed}: the hardest test frames by rule"
     qualitative_sheet(scenes, folder / COMPARISON, heading, tops=False)
-    names = [viewer.name for viewer in viewers]
-    figures = {folder / COMPARISON: _caption(cases, names, seed)}
     level = camera_of(_sample(cases[0], viewers[0].frames), torch.eye(4))
     draw_tilt(scenes[0], level, folder / TILT)
-    figures[folder / TILT] = (
-        f"{scenes[0].title}: its camera's frustum in the occ frame, and the image under the labels "
-        "as that camera sees them; above with the measured attitude, below as for a level UAV."
-    )
 
+    names = " and ".join(viewer.name for viewer in viewers)
+    captions = {
+        COMPARISON: f"RGB, ground truth and predictions of {names}, seed {seed}. Test frames by "
+        f"rule: {'; '.join(case.reason for case in cases)}; each of another flight, chosen by the "
+        "labels and the attitude alone.",
+        TILT: f"{scenes[0].title}: its camera's frustum in the occ frame, and the image under the "
+        "labels as that camera sees them; above with the measured attitude, below as for a level "
+        "UAV.",
+    }
+    figures = {folder / name: caption for name, caption in captions.items()}
     return Showcase(tuple(scenes), figures)
 
 
 def _scene(case: HardCase, viewers: Sequence[_Viewer], grid: VoxelGrid) -> VoxelScene:
+    """Returns a hard case as a scene with the prediction of every viewer."""
     samples = [_sample(case, viewer.frames) for viewer in viewers]
     predictions = {
         viewer.name: labels_of(viewer.network, sample) for viewer, sample in zip(viewers, samples)
@@ -127,25 +129,16 @@ def _scene(case: HardCase, viewers: Sequence[_Viewer], grid: VoxelGrid) -> Voxel
 
 
 def _sample(case: HardCase, frames: OccupancyDataset) -> Batch:
+    """Returns the frame of a hard case from a dataset of test frames."""
     return frames[frames.samples.index((case.clip, case.frame))]
 
 
-def _caption(cases: Sequence[HardCase], names: Sequence[str], seed: int) -> str:
-    return (
-        f"RGB, ground truth and predictions of {' and '.join(names)}, seed {seed}. Test frames by "
-        f"rule: {'; '.join(case.reason for case in cases)}; each of another flight, chosen by the "
-        "labels and the attitude alone."
-    )
-
-
 def facts_of(data: SkyShieldData) -> pd.DataFrame:
-    """The tilt of every test frame, and how many voxels of each class the camera sees there."""
+    """Returns the tilt of every test frame, and how many voxels of each class the camera sees."""
     rows = []
     for clip_id, frame in tracked(data.split["test"], "choosing frames"):
         clip = data.clips[clip_id]
-        row = clip.frames.loc[frame]
         seen = np.bincount(clip.semantics(frame)[clip.visible(frame)], minlength=len(CLASSES))
-        tilt_rad = abs(row["roll_rad"]) + abs(row["pitch_rad"])
-        facts = {"clip": clip_id, "frame": frame, "tilt_rad": tilt_rad}
+        facts = {"clip": clip_id, "frame": frame, "tilt_rad": tilt_rad(clip, frame)}
         rows.append(facts | dict(zip(CLASSES, seen.tolist())))
     return pd.DataFrame(rows)

@@ -14,8 +14,8 @@ def test(cfg: DictConfig) -> None:
     Raises `UserError` as `Session` does.
     """
     session = Session(cfg)
-    trainer, run, checkpoint = session.trainer, session.folder, session.checkpoint("test")
+    _ = session.trainer  # for its refusal of a device or a precision
+    checkpoint, run = session.checkpoint("test"), session.folder
     module = module_of(cfg, session.data, checkpoint.network(), checkpoint.origin)
     # Not in the run's own folder, whose results say what its training ended with.
-    folder = RunFolder(run.path / "test", run.config, session.data.root.name)
-    evaluate(cfg, folder, trainer, module, session.data)
+    evaluate(session, module, RunFolder(run.path / "test", run.config, session.data.root.name))

@@ -2,17 +2,25 @@
 
 import sys
 import time
+from collections.abc import Callable
 
 import lightning
 import torch
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
+from jaxtyping import Float
+from lightning.fabric.utilities import move_data_to_device
 from lightning.pytorch.callbacks import Callback
+from lightning.pytorch.utilities import rank_zero_only
 from omegaconf import DictConfig
+from torch import Tensor
 
+from ..data.batch import Batch
 from ..errors import UserError
+from ..models.network import SkyOcc
 
 AUTO, FP32, BF16, FP16 = "auto", "32-true", "bf16-mixed", "16-mixed"
+Predictor = Callable[[Batch], Float[Tensor, "b 9 x y z"]]
 
 
 def trainer_of(cfg: DictConfig, lines: Callback | None = None) -> lightning.Trainer:
@@ -30,15 +38,15 @@ def trainer_of(cfg: DictConfig, lines: Callback | None = None) -> lightning.Trai
     callbacks, has_terminal = instantiate(cfg.callbacks), sys.stdout.isatty()
     if not has_terminal:
         callbacks["progress"] = lines or EpochLines()
-    settings = {
-        "precision": precision,
-        "callbacks": list(callbacks.values()),
-        "logger": instantiate(cfg.logger),
-        "enable_progress_bar": has_terminal,
-    }
 
     try:
-        return instantiate(cfg.trainer, **settings)
+        return instantiate(
+            cfg.trainer,
+            precision=precision,
+            callbacks=list(callbacks.values()),
+            logger=instantiate(cfg.logger),
+            enable_progress_bar=has_terminal,
+        )
     except InstantiationException as error:
         reason = " ".join(str(error.__cause__ or error).split())
         raise UserError(f"trainer: {reason}; see conf/trainer/default.yaml") from error
@@ -84,6 +92,29 @@ def kind_of_device(accelerator: str) -> str:
         f"trainer.accelerator: {accelerator}, but PyTorch finds only {', '.join(kinds)} here; give "
         "one of these, or auto"
     )
+
+
+def is_first_process() -> bool:
+    """Tells whether this process prints and writes files; the others only compute.
+
+    Known before a trainer exists: whoever starts the processes numbers them in the environment.
+    """
+    # Lightning sets the rank when it is imported, from what its launcher left there.
+    return getattr(rank_zero_only, "rank", 0) == 0
+
+
+def predictor(network: SkyOcc, trainer: lightning.Trainer) -> Predictor:
+    """Returns the function from a loader's batch to its logits in float32, which are computed on
+    the trainer's device and in its precision."""
+    # Under the trainer's own context, so that a prediction has the bits of its scores.
+    network.to(trainer.strategy.root_device).eval()
+
+    @torch.no_grad()
+    def logits(batch: Batch) -> Float[Tensor, "b 9 x y z"]:
+        with trainer.precision_plugin.forward_context():
+            return network(move_data_to_device(batch, network.device)).float()
+
+    return logits
 
 
 class EpochLines(Callback):

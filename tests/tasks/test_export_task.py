@@ -7,46 +7,34 @@ import pytest
 from src.errors import UserError
 from src.models.export import DESCRIPTION, FORMATS
 from src.tasks.export import export
-from src.tasks.fit import fit
-from tests.synthetic import compose_config, mini_overrides, write_dataset
-
-
-@pytest.fixture(scope="module")
-def overrides(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("export")
-    overrides = mini_overrides(folder, "+experiment=skyocc", "trainer.accelerator=cpu")
-    write_dataset(compose_config(*overrides))
-    fit(compose_config(*overrides, "trainer.max_epochs=1"))
-    return [*overrides, "trainer.max_epochs=1"]
+from tests.synthetic import compose_config
 
 
 @pytest.mark.slow
-def test_it_writes_the_graphs_beside_the_run_and_says_how_near_they_are(overrides, capsys):
-    cfg = compose_config(*overrides, "ckpt_path=best")
+def test_it_writes_the_graphs_beside_the_run_and_says_how_near_they_are(trained, capsys):
+    cfg = compose_config(*trained, "ckpt_path=best")
     export(cfg, formats=["onnx", "torch"], frames=5, tolerance=1e-3)
-    folder = f"{cfg.paths.run}/export"
+    folder = Path(cfg.paths.run) / "export"
     output = capsys.readouterr().out
-
     assert "5 frames" in output
-    assert folder in output.replace("\n", "")
-    assert {path.name for path in Path(folder).iterdir()} == {DESCRIPTION, *FORMATS.values()}
-    before = (Path(folder) / DESCRIPTION).read_bytes()
+    assert str(folder) in output.replace("\n", "")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert set(before) == {DESCRIPTION, *FORMATS.values()}
+
     with pytest.raises(UserError, match=r"task\.tolerance=-1"):
         export(cfg, formats=["torch"], frames=6, tolerance=-1.0)
-    assert {path.name for path in Path(folder).iterdir()} == {DESCRIPTION, *FORMATS.values()}
-    assert (Path(folder) / DESCRIPTION).read_bytes() == before
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     export(cfg, formats=["torch"], frames=5, tolerance=1e-3)
-    assert {path.name for path in Path(folder).iterdir()} == {DESCRIPTION, FORMATS["torch"]}, (
-        "no graph of an earlier export stays beside it"
-    )
+    left = {path.name for path in folder.iterdir()}
+    assert left == {DESCRIPTION, FORMATS["torch"]}, "no graph of an earlier export stays beside it"
 
 
 @pytest.mark.slow
-def test_what_cannot_be_exported_is_refused(overrides):
+def test_what_cannot_be_exported_is_refused(trained):
     with pytest.raises(UserError, match="ckpt_path: task=export"):
-        export(compose_config(*overrides), formats=["onnx"], frames=5, tolerance=1e-3)
-    cfg = compose_config(*overrides, "ckpt_path=best")
-    level = compose_config(*overrides, "ckpt_path=best", "model/projection=level")
+        export(compose_config(*trained), formats=["onnx"], frames=5, tolerance=1e-3)
+    cfg = compose_config(*trained, "ckpt_path=best")
+    level = compose_config(*trained, "ckpt_path=best", "model/projection=level")
     for nothing in ({"formats": [], "frames": 5}, {"formats": ["onnx"], "frames": 0}):
         with pytest.raises(UserError, match=r"task\.(formats: empty|frames: 0)"):
             export(cfg, **nothing, tolerance=1e-3)

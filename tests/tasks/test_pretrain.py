@@ -32,17 +32,17 @@ def cfg(tmp_path_factory):
     return cfg
 
 
+def pretrained(cfg, folder, **settings):
+    """Pretrains in a folder, and returns the only file of weights there."""
+    pretrain(cfg, str(folder), **{**SETTINGS, **settings})
+    (path,) = folder.glob("tiny-*/*.pth")
+    return path
+
+
 @pytest.fixture(scope="module")
 def weights(cfg, tmp_path_factory):
     """The file of an undisturbed pretraining."""
-    folder = tmp_path_factory.mktemp("whole")
-    pretrain(cfg, str(folder), **SETTINGS)
-    return written(folder)
-
-
-def written(folder):
-    (path,) = folder.glob("tiny-*/*.pth")
-    return path
+    return pretrained(cfg, tmp_path_factory.mktemp("whole"))
 
 
 @pytest.fixture
@@ -58,10 +58,9 @@ def steps(monkeypatch):
     return epochs
 
 
-def data_with(cfg, test_clip=None):
+def data_with(cfg, test_clip="suburb/clip00"):
     cfg = cfg.copy()
-    if test_clip:
-        cfg.data.test_clips = [test_clip]
+    cfg.data.test_clips = [test_clip]
     return Session(cfg).data
 
 
@@ -88,22 +87,21 @@ def test_it_goes_on_where_it_was_interrupted(weights, cfg, tmp_path, monkeypatch
     with monkeypatch.context() as patched:
         patched.setattr(ImagePretraining, "training_step", stopping)
         with pytest.raises(Stop):
-            pretrain(cfg, str(tmp_path), **SETTINGS)
+            pretrained(cfg, tmp_path)
     assert not list(tmp_path.rglob("*.pth"))
     steps.clear()
-    pretrain(cfg, str(tmp_path), **SETTINGS)
+    again = pretrained(cfg, tmp_path)
     assert set(steps) == {1}
-    again = written(tmp_path)
     assert again.name == weights.name
     assert again.read_bytes() == weights.read_bytes()
 
 
 def test_a_broken_checkpoint_is_one_line(cfg, tmp_path):
-    pretrain(cfg, str(tmp_path), **{**SETTINGS, "epochs": 1})
+    pretrained(cfg, tmp_path, epochs=1)
     (checkpoint,) = tmp_path.rglob("last.ckpt")
     checkpoint.write_bytes(checkpoint.read_bytes()[:1000])
     with pytest.raises(UserError, match=r"last\.ckpt"):
-        pretrain(cfg, str(tmp_path), **{**SETTINGS, "epochs": 1})
+        pretrained(cfg, tmp_path, epochs=1)
 
 
 def test_the_file_does_not_depend_on_the_process_that_writes_it(cfg, tmp_path, monkeypatch):
@@ -153,12 +151,12 @@ def test_without_a_dataset_nothing_is_made(cfg, tmp_path):
     other = cfg.copy()
     other.paths.data = str(tmp_path / "data")
     with pytest.raises(UserError, match=r"manifest\.json: not found"):
-        pretrain(other, str(tmp_path), **SETTINGS)
+        pretrained(other, tmp_path)
     assert not list(tmp_path.iterdir())
 
 
 def test_an_epoch_may_be_shortened(cfg, tmp_path, steps):
-    pretrain(cfg, str(tmp_path), **SETTINGS, limit_train_batches=1)
+    pretrained(cfg, tmp_path, limit_train_batches=1)
     assert steps == [0, 1]
 
 
@@ -170,14 +168,14 @@ def test_another_schedule_leaves_the_file_where_it_is(weights, cfg):
 
 
 def test_no_frame_of_the_test_split_is_read(cfg, tmp_path, monkeypatch):
-    read = []
-    sample = OccupancyDataset._sample
-    monkeypatch.setattr(
-        OccupancyDataset,
-        "_sample",
-        lambda self, clip, now, past: read.append((clip, now)) or sample(self, clip, now, past),
-    )
-    pretrain(cfg, str(tmp_path), **SETTINGS)
+    read, sample = [], OccupancyDataset._sample
+
+    def watched(self, clip, now, past):
+        read.append((clip, now))
+        return sample(self, clip, now, past)
+
+    monkeypatch.setattr(OccupancyDataset, "_sample", watched)
+    pretrained(cfg, tmp_path)
     split = data_with(cfg).split
     assert set(read) == {*split["train"], *split["val"]}
 
@@ -187,7 +185,7 @@ def test_another_backbone_is_refused(cfg, tmp_path):
     other = compose_config("scale=tiny", *chosen)
     other.paths = cfg.paths
     with pytest.raises(UserError, match=r"^model/backbone: .* resnet"):
-        pretrain(other, str(tmp_path), **SETTINGS)
+        pretrained(other, tmp_path)
 
 
 def test_a_report_does_not_take_it_for_a_run():

@@ -26,16 +26,25 @@ def ladder(tmp_path_factory):
 
 @pytest.fixture
 def runs(ladder, tmp_path):
-    """The same, to be changed."""
+    """A copy of the ladder that a test may change."""
     return shutil.copytree(ladder, tmp_path / "runs/tiny")
 
 
-def reported(runs, *places, out=None, mixed=False, scenes=0, rungs=(), seeds=(), publish=False):
+def reported(runs, *places, out=None, **settings):
     """The folder of the report on a scale's runs, whose networks do not exist."""
     cfg = compose_config("task=report", "scale=tiny", f"paths.runs={runs.parent}")
-    out = out or cfg.task.out
-    report(cfg, [str(place) for place in places], out, mixed, scenes, rungs, seeds, publish)
-    return runs.parent / "tiny/report" if out == cfg.task.out else out
+    settings = {"mixed": False, "scenes": 0, **settings}
+    report(cfg, list(map(str, places)), out or cfg.task.out, **settings)
+    return out or runs.parent / "tiny/report"
+
+
+def page_of(out):
+    """``report.md`` without the backslashes before underscores."""
+    return (out / "report.md").read_text().replace("\\_", "_")
+
+
+def section_of(out, heading):
+    return page_of(out).split(f"## {heading}")[1].split("## ")[0]
 
 
 def tables(out):
@@ -69,14 +78,14 @@ def test_a_ladder_leaves_every_table_in_every_form(ladder, tmp_path, capsys):
     assert {path.name for path in out.iterdir()} == {
         *("tables.csv", "tables.tex", "scores.csv", "report.md", "report.html")
     }
-    page, latex = ((out / name).read_text() for name in ("report.md", "tables.tex"))
+
+    page, latex = page_of(out), (out / "tables.tex").read_text()
     assert page.count("| --: |\n") == len(expected)
-    assert [f"\\label{{tab:{key}}}" in latex for key in expected] == [True] * len(expected)
+    assert all(f"\\label{{tab:{key}}}" in latex for key in expected)
     assert "## Missing" not in page
     assert "Not a clean comparison" not in page
-    assert "All 12 runs of the ladder share every setting but: model.encoder.projection" in (
-        page.replace("\\_", "_")
-    )
+    assert "All 12 runs of the ladder share every setting but: model.encoder.projection" in page
+
     said = capsys.readouterr().out
     assert max(map(len, said.splitlines()[:-1])) <= 110
     for words in ("Main results, test", "Ablation study, test", "SkyOcc", "All 12 runs"):
@@ -104,10 +113,10 @@ def test_the_long_table_has_the_scores_of_every_run_and_part(ladder, tmp_path):
             mine = results["experiment"] == row.experiment
             (value,) = results[mine & (results["split"] == part)][row.score]
             assert row.value == pytest.approx(value, abs=1e-7)
+
     means = scores_of(out).query("score == 'kar_miou'").groupby("experiment")["value"].mean()
-    (cell,) = (
-        tables(out).query("table == 'main' & row == 'SkyOcc' & column == 'KAR-mIoU'").itertuples()
-    )
+    chosen = "table == 'main' & row == 'SkyOcc' & column == 'KAR-mIoU'"
+    (cell,) = tables(out).query(chosen).itertuples()
     assert float(cell.value) == pytest.approx(100 * means["skyocc"])
     assert float(cell.low) < float(cell.value) < float(cell.high)
 
@@ -149,10 +158,9 @@ def test_runs_may_be_named_and_nothing_else_is_then_taken(ladder, tmp_path):
 
 def test_a_report_in_its_default_place_is_no_run_of_the_next_one(runs):
     out = reported(runs)
-    page = (out / "report.md").read_text()
+    page = page_of(out)
     write_run(out, "skyocc", 7)  # whatever lies there
-    reported(runs)
-    assert (out / "report.md").read_text() == page
+    assert page_of(reported(runs)) == page
 
 
 def test_the_page_has_the_tables_and_the_curves_of_the_runs_that_have_a_log(runs):
@@ -173,7 +181,7 @@ def test_scores_by_tilt_are_reported_where_they_are(runs):
     assert gains["0–5° (2 frames)"] == 0
     assert gains["from 5° (5 frames)"] > 5
     assert (out / "figures/attitude.png").stat().st_size > 1000
-    assert "(figures/attitude.png)" in (out / "report.md").read_text()
+    assert "(figures/attitude.png)" in page_of(out)
     assert "data:image/png" in (out / "report.html").read_text()
     shutil.rmtree(runs / "baseline/seed0/attitude")
     shutil.rmtree(runs / "attitude/seed0/attitude")
@@ -208,7 +216,7 @@ def test_an_own_ladder_is_reported_as_the_papers_is(runs):
     assert ablation.index.tolist() == ["Baseline", "SkyOcc", "mine"]
     expected = main.loc["mine", "KAR-mIoU"] - main.loc["Baseline", "KAR-mIoU"]
     assert ablation.loc["mine", "Δ KAR"] == pytest.approx(expected)
-    page = (out / "report.md").read_text().replace("\\_", "_")
+    page = page_of(out)
     assert "mine is skyocc but for optimizer.lr = 0.01 (0.002)" in page
     assert "Not a clean comparison" not in page
     assert "weights seed" not in page
@@ -216,8 +224,8 @@ def test_an_own_ladder_is_reported_as_the_papers_is(runs):
 
 def test_without_data_set_or_checkpoints_it_says_so_and_has_no_scenes(runs):
     out = reported(runs, scenes=2)
-    for page in (out / "report.md", out / "report.html"):
-        assert "no pictures and no scenes: " in page.read_text().replace("\\_", "_")
+    for page in (page_of(out), (out / "report.html").read_text()):
+        assert "no pictures and no scenes: " in page
 
 
 def test_an_interrupted_sweep_says_what_is_missing_and_reports_the_rest(runs, capsys):
@@ -225,14 +233,14 @@ def test_an_interrupted_sweep_says_what_is_missing_and_reports_the_rest(runs, ca
     (runs / "weights/seed1/results.csv").unlink()
     (runs / "weights/seed1/metrics.csv").write_text("step,epoch\n9,2\n")
     out = reported(runs)
-    missing = (out / "report.md").read_text().split("## Missing")[1].split("## ")[0]
-    assert [line for line in missing.splitlines() if line] == [
+    assert [line for line in section_of(out, "Missing").splitlines() if line] == [
         "- weights seed 1: unfinished, 3 of 8 epochs logged",
         "- skyocc seed 2: no run",
         "- rungs have different seeds: a difference is over those that both have, and so not the "
         "difference of the means beside it",
     ]
     assert "weights seed 1: unfinished, 3 of 8 epochs logged" in capsys.readouterr().out
+
     both = scores_of(out).query("score == 'miou' and seed != '1'")
     change = both.pivot(index="seed", columns="experiment", values="value")
     expected = 100 * (change["weights"] - change["baseline"]).mean()
@@ -242,8 +250,7 @@ def test_an_interrupted_sweep_says_what_is_missing_and_reports_the_rest(runs, ca
 
 def test_seeds_that_have_not_begun_are_missing_where_the_sweep_is_known(ladder, tmp_path):
     out = reported(ladder, out=tmp_path / "out", seeds=range(4))
-    missing = (out / "report.md").read_text().split("## Missing")[1].split("##")[0]
-    assert missing.split("\n")[2:6] == [
+    assert section_of(out, "Missing").split("\n")[2:6] == [
         f"- {rung} seed 3: no run" for rung in ("baseline", "attitude", "weights", "skyocc")
     ]
 
@@ -252,15 +259,15 @@ def test_models_of_different_sizes_are_told_apart(runs):
     for path in (runs / "skyocc").rglob("results.csv"):
         rows = pd.read_csv(path, dtype=str, keep_default_na=False)
         rows.assign(parameters="12000").to_csv(path, index=False)
-    page = (reported(runs) / "report.md").read_text()
-    assert "- Parameters: 10 (baseline, attitude, weights); 12,000 (skyocc)" in page
+    said = "- Parameters: 10 (baseline, attitude, weights); 12,000 (skyocc)"
+    assert said in page_of(reported(runs))
 
 
 def test_predictions_of_different_numbers_of_frames_are_said_to_be(tmp_path):
     runs = tmp_path / "runs/tiny"
     for name, frames in {"one": 1, "two": 2, "skyocc": 4}.items():
         write_run(runs, name, 0, data__frames=frames)
-    text = (reported(runs, rungs=["one", "two", "skyocc"]) / "report.md").read_text()
+    text = page_of(reported(runs, rungs=["one", "two", "skyocc"]))
     assert "Each prediction sees 1 or 2 or 4 frames. Δ values are relative to one." in text
     assert "two is skyocc but for data.frames = 2 (4)" in text
 
@@ -272,7 +279,7 @@ def test_a_missing_rung_leaves_no_row_and_an_empty_step(runs):
     steps = table(out, "incremental")
     assert steps.loc["Safety-prior class weights"].isna().all()
     assert steps.loc["Lovász-Softmax"].notna().all()
-    page = (out / "report.md").read_text()
+    page = page_of(out)
     assert all(f"- attitude seed {seed}: no run" in page for seed in (0, 1, 2))
 
 
@@ -283,7 +290,7 @@ def test_without_any_rung_there_is_the_main_table_alone(tmp_path):
     out = reported(runs)
     assert list(table(out, "main").index) == ["streams", "All free", "Voxel prior"]
     assert "ablation" not in set(tables(out)["table"])
-    page = (out / "report.md").read_text()
+    page = page_of(out)
     assert "no finished run of the ladder is here" in page
     assert "All 2 runs share every setting but: seed." in page
 
@@ -315,9 +322,20 @@ def test_a_broken_log_is_one_line_and_leaves_nothing(runs):
     assert not (runs / "report").exists()
 
 
-def test_seeds_that_are_no_numbers_are_one_line(ladder, tmp_path):
-    with pytest.raises(UserError, match=r"^task\.seeds: 'a' is no seed"):
-        reported(ladder, out=tmp_path / "out", seeds=[0, "a"])
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"seeds": [0, "a"]}, r"^task\.seeds: 'a' is no seed"),
+        (
+            {"rungs": ["basline", "skyocc"]},
+            r"^task.rungs: no run and no experiment is called 'basline'; did you mean 'baseline'\?",
+        ),
+    ],
+)
+def test_a_seed_or_a_rung_that_there_is_not_is_one_line(ladder, tmp_path, settings, said):
+    with pytest.raises(UserError, match=said):
+        reported(ladder, out=tmp_path / "out", **settings)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_place_that_is_no_folder_is_one_line(ladder, tmp_path):
@@ -328,18 +346,10 @@ def test_a_place_that_is_no_folder_is_one_line(ladder, tmp_path):
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_a_rung_that_nobody_knows_is_one_line(ladder, tmp_path):
-    said = r"^task\.rungs: no run and no experiment is called 'basline'; did you mean 'baseline'\?"
-    with pytest.raises(UserError, match=said):
-        reported(ladder, out=tmp_path / "out", rungs=["basline", "skyocc"])
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_run_without_a_number_of_epochs_is_reported(runs):
     write_run(runs, "streams", 0, trainer__max_epochs=None)
     (write_run(runs, "streams", 1, trainer__max_epochs=None) / "results.csv").unlink()
-    page = (reported(runs) / "report.md").read_text()
-    assert "streams seed 1: unfinished, no epoch logged" in page
+    assert "streams seed 1: unfinished, no epoch logged" in page_of(reported(runs))
 
 
 def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs, tmp_path):
@@ -348,23 +358,25 @@ def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs, tm
     write_run(runs, "attitude", 0, **unlike)
     with pytest.raises(UserError, match=r"trained by code .*; .*task\.mixed=true"):
         reported(runs)
+
     out = reported(runs, mixed=True)
-    main = table(out, "main")
-    label = "+ Attitude-aware projection (2: dataset=tiny-4567)"
-    assert label in main.index
+    main, other = table(out, "main"), " (2: dataset=tiny-4567)"
+    assert {f"+ Attitude-aware projection{other}", f"Voxel prior{other}"} < set(main.index)
     assert "+ Attitude-aware projection" not in main.index
-    assert f"Voxel prior{label.removeprefix('+ Attitude-aware projection')}" in main.index
     assert table(out, "incremental").loc["Safety-prior class weights"].isna().all()
-    warned = (out / "report.md").read_text().split("## Not a clean comparison")[1].split("## ")[0]
+
+    warned = section_of(out, "Not a clean comparison")
     assert "different code: code c0de (" in warned
     assert "code 0ther (attitude seed 0)" in warned
     assert re.search(r"scored unlike the others .*attitude seed 0", warned)
+
     reported(runs, out=tmp_path / "public", mixed=True, publish=True)
     again = reported(runs, tmp_path / "public/runs", out=tmp_path / "again", mixed=True)
-    assert (again / "report.md").read_bytes() == (out / "report.md").read_bytes()
-    other = " (2: dataset=tiny-4567)"
-    assert {f"attitude{other}", f"all_free{other}"} < set(scores_of(out)["experiment"])
-    assert "attitude" not in set(scores_of(out)["experiment"])
+    assert page_of(again) == page_of(out)
+
+    experiments = set(scores_of(out)["experiment"])
+    assert {f"attitude{other}", f"all_free{other}"} < experiments
+    assert "attitude" not in experiments
 
 
 def test_curves_of_other_protocols_are_no_seeds_of_one(tmp_path):

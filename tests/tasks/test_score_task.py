@@ -3,14 +3,13 @@
 import dataclasses
 import json
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 
-from src.data.predictions import PredictionWriter
+from src.data.predictions import FACTS, PredictionWriter
 from src.data.truth import SkyShieldTruth
 from src.errors import UserError
 from src.ontology import BUILDING, CLASSES, FREE, UNKNOWN
@@ -66,7 +65,7 @@ def test_the_truth_scores_one(dataset, tmp_path):
     assert protocols["the same, an absent class counts as 0"] < 1
 
 
-def test_what_is_lost_is_seen_by_every_table(dataset, tmp_path):
+def test_what_is_lost_is_seen_by_every_table_and_every_class_has_a_row(dataset, tmp_path):
     folder = scored(dataset, write_predictions(dataset, tmp_path / "blind", without_buildings))
     row = read_results(folder / "results.csv").iloc[0]
     assert row["iou/building"] == 0
@@ -74,6 +73,9 @@ def test_what_is_lost_is_seen_by_every_table(dataset, tmp_path):
     parts = pd.read_csv(folder / "breakdown.csv").set_index(["scope", "part", "class"])
     assert parts.loc[("all", "whole", "building"), "kar_iou"] == 0
     assert parts.loc[("all", "whole", "ground"), "iou"] == 1
+    for _, of_part in parts.groupby(["scope", "part"]):
+        assert set(of_part.index.get_level_values("class")) == set(CLASSES)
+        assert len(of_part) == len(CLASSES)
 
 
 def test_another_part_and_the_visible_voxels_have_their_own_protocol(dataset, tmp_path):
@@ -106,8 +108,8 @@ def test_a_damaged_folder_is_scored_only_when_told_so(dataset, tmp_path, damage,
     assert str(error.value).startswith(str(predictions))
     assert not (predictions / "scores").exists()
     folder = scored(dataset, predictions, allow_missing=True)
-    tally = Counts.read(folder / "tallies" / "mine.npz")
-    assert tally.protocol.frames == sum(tally.frames) < len(SkyShieldTruth(dataset).samples)
+    counts = Counts.read(folder / "tallies/mine.npz")
+    assert counts.protocol.frames == sum(counts.frames) < len(SkyShieldTruth(dataset).samples)
 
 
 @pytest.mark.parametrize(
@@ -126,10 +128,27 @@ def test_what_cannot_be_scored_is_one_clear_error(dataset, tmp_path, words, mess
         scored(dataset, predictions, *words)
 
 
-def test_predictions_of_another_data_set_are_refused(dataset, tmp_path):
-    facts = {"name": "mine", "dataset": "paper-0123"}
-    predictions = write_predictions(dataset, tmp_path / "mine", facts=facts)
-    with pytest.raises(UserError, match="predictions of paper-0123, not of"):
+NO_SPLIT = r"predictions\.json: held_out: .* correct it, or leave it"
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"dataset": "paper-0123"}, "predictions of paper-0123, not of"),
+        ({"held_out": []}, NO_SPLIT),
+        ({"held_out": {"val": []}}, NO_SPLIT),
+        ({"held_out": {"val": None, "test": None}}, NO_SPLIT),
+        ({"held_out": "towns"}, NO_SPLIT),
+        ({"seed": None}, r"mine/predictions\.json: seed: None is no whole"),
+        ({"parameters": "12M"}, r"mine/predictions\.json: parameters: '12M' is no whole"),
+    ],
+)
+def test_what_predictions_say_wrongly_is_named_before_any_is_read(dataset, tmp_path, said, message):
+    predictions = write_predictions(dataset, tmp_path / "mine")
+    (predictions / FACTS).write_text(json.dumps(said))
+    (predictions / "extra").mkdir()
+    (predictions / "extra/occupancy.npz").write_bytes(b"found only by who looks at the frames")
+    with pytest.raises(UserError, match=message):
         scored(dataset, predictions)
 
 
@@ -140,11 +159,10 @@ def test_predictions_of_another_split_are_scored_by_it(dataset, tmp_path):
     rows = read_results(folder / "results.csv")
     assert list(rows["split"]) == ["test", "test_unseen_clips", "test_seen_clips"]
     assert (rows["miou"] == 1).all()
-    tally = Counts.read(folder / "tallies/mine.npz")
-    whole, second = (
-        tally.frames[tally.clips.index(c)] for c in ("downtown/clip00", "suburb/clip00")
-    )
-    assert whole > second, "the held-out flight has all of its frames"
+    counts = Counts.read(folder / "tallies/mine.npz")
+    frames = dict(zip(counts.clips, counts.frames))
+    whole = frames["downtown/clip00"]
+    assert whole > frames["suburb/clip00"], "the held-out flight has all of its frames"
     table = pd.read_csv(folder / "scores.csv").drop_duplicates("part").set_index("part")
     assert table.loc["test_unseen_clips", "frames"] == whole
 
@@ -152,28 +170,10 @@ def test_predictions_of_another_split_are_scored_by_it(dataset, tmp_path):
 def test_frames_of_an_unnamed_other_split_are_not_offered_to_be_scored(dataset, tmp_path):
     facts = {"held_out": {"val": [], "test": ["downtown/clip00"]}}
     predictions = write_predictions(dataset, tmp_path / "mine", facts=facts)
-    (predictions / "predictions.json").write_text("{}")
+    (predictions / FACTS).write_text("{}")
     with pytest.raises(UserError, match=r"missing: .* extra: .* of another split, whose") as caught:
         scored(dataset, predictions)
     assert "allow_missing" not in str(caught.value)
-
-
-@pytest.mark.parametrize("said", [[], {"val": []}, {"val": None, "test": None}, "towns"])
-def test_a_split_that_is_none_is_named(dataset, tmp_path, said):
-    predictions = write_predictions(dataset, tmp_path / "mine")
-    (predictions / "predictions.json").write_text(json.dumps({"held_out": said}))
-    with pytest.raises(UserError, match=r"predictions\.json: held_out: .* correct it, or leave it"):
-        scored(dataset, predictions)
-
-
-@pytest.mark.parametrize(("key", "value"), [("seed", None), ("parameters", "12M")])
-def test_a_fact_that_is_no_number_is_named_before_anything_is_scored(dataset, tmp_path, key, value):
-    facts = {"name": "mine", key: value}
-    predictions = write_predictions(dataset, tmp_path / "mine", facts=facts)
-    (predictions / "extra/occupancy.npz").parent.mkdir()
-    (predictions / "extra/occupancy.npz").write_bytes(b"found only by who looks at the frames")
-    with pytest.raises(UserError, match=rf"mine/predictions\.json: {key}: {value!r} is no whole"):
-        scored(dataset, predictions)
 
 
 @pytest.mark.parametrize("of_all", [True, False])
@@ -198,188 +198,179 @@ def test_occ3d_folders_are_scored_in_our_classes(dataset, tmp_path):
         path = tmp_path / folder / "scene-0001" / "token" / "labels.npz"
         path.parent.mkdir(parents=True)
         np.savez(path, semantics=semantics, mask_camera=seen, mask_lidar=seen)
+
     grid = "layout.grid={lower_m:[0,-4,-3],upper_m:[10,4,3],shape:[5,4,3]}"
     words = ("layout=occ3d", grid, "layout.velocity_mps=[8,0,0]")
     folder = scored(tmp_path / "gts", tmp_path / "mine", *words)
     rows = read_results(folder / "results.csv").iloc[0]
     assert rows["kar_miou"] == 1  # wrong only where the camera does not see
     assert "velocity_mps" in rows["protocol"]
+
     everywhere = scored(tmp_path / "gts", tmp_path / "mine", *words, "layout.mask=supervised")
     assert read_results(everywhere / "results.csv").iloc[0]["kar_miou"] < 0.9
 
 
-@pytest.fixture
-def runs(dataset, tmp_path):
-    perfect = write_predictions(dataset, tmp_path / "perfect")
-    blind = write_predictions(dataset, tmp_path / "blind", without_buildings)
-    return [str(scored(dataset, each)) for each in (blind, perfect)]
+# ------------------------------------------------------------------------------- runs are compared
 
 
 def every_other_slice(labels):
     return torch.where(torch.arange(len(labels))[:, None, None] % 2 > 0, labels, FREE).byte()
 
 
-def test_two_runs_are_compared_by_the_same_draws(dataset, runs, tmp_path):
-    half = str(scored(dataset, write_predictions(dataset, tmp_path / "half", every_other_slice)))
-    compare(config_for(dataset, "none"), [runs[0], half], str(tmp_path / "out"))
-    table = pd.read_csv(tmp_path / "out" / "differences.csv").set_index(["run", "score"])
-    row = table.loc[("half", "kar_miou")]
-    assert row["minus blind"] == pytest.approx(
-        row["value"] - table.loc["blind", "value"]["kar_miou"]
-    )
-    blind, other = (Counts.read(next(Path(run).glob("tallies/*.npz"))) for run in (runs[0], half))
+def file_of(run):
+    """The file of counts of a scored folder."""
+    (path,) = run.glob("tallies/*.npz")
+    return path
+
+
+@pytest.fixture
+def runs(dataset, tmp_path):
+    changes = {"blind": without_buildings, "perfect": lambda labels: labels}
+    predictions = [write_predictions(dataset, tmp_path / name, of) for name, of in changes.items()]
+    return [scored(dataset, folder) for folder in predictions]
+
+
+@pytest.fixture
+def compared(dataset, tmp_path):
+    """Compares runs in a folder, and returns the table of their differences."""
+
+    def differences(runs, clips=(), out="out"):
+        compare(config_for(dataset, "none"), list(map(str, runs)), str(tmp_path / out), clips)
+        return pd.read_csv(tmp_path / out / "differences.csv")
+
+    return differences
+
+
+def test_two_runs_are_compared_by_the_same_draws(dataset, runs, compared, tmp_path):
+    half = scored(dataset, write_predictions(dataset, tmp_path / "half", every_other_slice))
+    table = compared([runs[0], half]).set_index(["run", "score"])
+    row, blind_row = (table.loc[(name, "kar_miou")] for name in ("half", "blind"))
+    assert row["minus blind"] == pytest.approx(row["value"] - blind_row["value"])
+
+    # Drawn once more, one resample after the other.
+    blind, other = (Counts.read(file_of(run)) for run in (runs[0], half))
     settings = blind.protocol.suite
     generator = torch.Generator().manual_seed(settings["seed"])
     changes = []
     for clips in torch.randint(2, (settings["resamples"], 2), generator=generator).tolist():
-        found = []
-        for tally in (other, blind):
-            tables = {k: v[clips].sum(0) for k, v in tally.tables["occupancy"].items()}
-            found.append(float(tally.suite().metric("occupancy").scores(tables)["kar_miou"]))
-        changes.append(found[0] - found[1])
-    bounds = torch.tensor(changes, dtype=torch.float64).quantile(
-        torch.tensor([0.025, 0.975]).double()
-    )
+        of_other, of_blind = (
+            float(counts.scores("occupancy", clips)["kar_miou"]) for counts in (other, blind)
+        )
+        changes.append(of_other - of_blind)
+    ends = torch.tensor([0.025, 0.975], dtype=torch.float64)
+    bounds = torch.tensor(changes, dtype=torch.float64).quantile(ends)
     assert row[["difference_low", "difference_high"]].tolist() == pytest.approx(bounds.tolist())
 
 
-def test_the_better_run_ranks_first_whatever_the_parameters(dataset, runs, tmp_path):
-    compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
-    ranks = pd.read_csv(tmp_path / "out" / "sensitivity.csv")
+def test_the_better_run_ranks_first_whatever_the_parameters(runs, compared, tmp_path):
+    compared(runs)
+    ranks = pd.read_csv(tmp_path / "out/sensitivity.csv")
     assert len(ranks) == 81
     assert (ranks["rank perfect"] == 1).all()
-    assert (tmp_path / "out" / "sensitivity.png").stat().st_size > 10_000
+    assert (tmp_path / "out/sensitivity.png").stat().st_size > 10_000
 
 
-def without_sensitivity(path):
-    tally = Counts.read(path)
-    del tally.tables["sensitivity"]
-    tally.write(path)
+def test_published_counts_are_compared_without_a_ranking(runs, compared, tmp_path, capsys):
+    whole = compared(runs)
+    counts = Counts.read(file_of(runs[1]))
+    del counts.tables["sensitivity"]
+    counts.write(file_of(runs[1]))
 
-
-def test_published_counts_are_compared_without_a_ranking(dataset, runs, tmp_path, capsys):
-    cfg, out = config_for(dataset, "none"), tmp_path / "out"
-    compare(cfg, runs, str(out))
-    whole = (out / "differences.csv").read_bytes()
-    without_sensitivity(next(Path(runs[1]).glob("tallies/*.npz")))
     capsys.readouterr()
-    compare(cfg, runs, str(out))
+    pd.testing.assert_frame_equal(compared(runs), whole)
     assert "no ranking under other parameters: perfect has no counts" in capsys.readouterr().out
-    assert [path.name for path in out.iterdir()] == ["differences.csv"], "nothing of another time"
-    assert (out / "differences.csv").read_bytes() == whole
+    left = [path.name for path in (tmp_path / "out").iterdir()]
+    assert left == ["differences.csv"], "nothing of another time"
 
 
-def test_other_protocols_are_not_compared(dataset, runs, tmp_path):
+def test_other_protocols_are_not_compared(dataset, runs, compared, tmp_path):
     other = write_predictions(dataset, tmp_path / "other")
     folder = scored(dataset, other, "metric.horizon_s=4.0")
     with pytest.raises(UserError, match=r"^other: was scored with metric.horizon_s=4.0, and blind"):
-        compare(config_for(dataset, "none"), [runs[0], str(folder)], str(tmp_path / "out"))
+        compared([runs[0], folder])
     assert not (tmp_path / "out").exists()
 
 
-def test_other_frames_of_the_same_clips_are_not_compared(dataset, runs, tmp_path):
-    (path,) = Path(runs[1]).glob("tallies/perfect.npz")
-    tally = Counts.read(path)
-    first, second = tally.frames
-    dataclasses.replace(tally, frames=[first - 1, second + 1]).write(path)
-    with pytest.raises(
-        UserError, match=r"^perfect: was scored on other clips or frames than blind"
-    ):
-        compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
+def with_other_frames(counts):
+    first, second = counts.frames
+    return dataclasses.replace(counts, frames=[first - 1, second + 1])
 
 
-def test_other_labels_of_the_same_frames_are_not_compared(dataset, runs, tmp_path):
-    (path,) = Path(runs[1]).glob("tallies/perfect.npz")
-    tally = Counts.read(path)
-    tally.tables["occupancy"]["count"][0] = tally.tables["occupancy"]["count"][0].roll(1, 0)
-    tally.write(path)
-    with pytest.raises(UserError, match=r"^perfect: was scored on other labels than blind; score"):
-        compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
+def with_other_labels(counts):
+    table = counts.tables["occupancy"]["count"]
+    table[0] = table[0].roll(1, 0)
+    return counts
+
+
+@pytest.mark.parametrize(
+    ("change", "what"), [(with_other_frames, "clips or frames"), (with_other_labels, "labels")]
+)
+def test_other_frames_or_labels_are_not_compared(runs, compared, tmp_path, change, what):
+    change(Counts.read(file_of(runs[1]))).write(file_of(runs[1]))
+    with pytest.raises(UserError, match=f"^perfect: was scored on other {what} than blind; score"):
+        compared(runs)
     assert not (tmp_path / "out").exists()
 
 
-def test_files_of_one_name_in_one_folder_are_all_compared(dataset, runs, tmp_path):
-    (path,) = Path(runs[0]).glob("tallies/*.npz")
-    for name in ("a", "b"):
-        shutil.copy(path, tmp_path / f"{name}.npz")
-    words = [str(tmp_path / "a.npz"), str(tmp_path / "b.npz"), runs[0]]
-    compare(config_for(dataset, "none"), words, str(tmp_path / "out"))
-    table = pd.read_csv(tmp_path / "out" / "differences.csv")
-    assert list(table["run"].unique()) == [f"blind {word}" for word in words]
-    compare(config_for(dataset, "none"), words[:2], str(tmp_path / "out"))
-    table = pd.read_csv(tmp_path / "out" / "differences.csv")
-    assert list(table["run"].unique()) == ["blind a.npz", "blind b.npz"]
+def test_files_of_one_name_in_one_folder_are_all_compared(runs, compared, tmp_path):
+    files = [shutil.copy(file_of(runs[0]), tmp_path / f"{name}.npz") for name in "ab"]
+    three = [*files, runs[0]]
+    assert list(compared(three)["run"].unique()) == [f"blind {place}" for place in three]
+    assert list(compared(files)["run"].unique()) == ["blind a.npz", "blind b.npz"]
 
 
-def test_one_run_is_not_compared_with_itself(dataset, runs, tmp_path):
-    (path,) = Path(runs[0]).glob("tallies/*.npz")
-    with pytest.raises(UserError, match=r"^task.runs: .*blind.npz is named twice"):
-        compare(config_for(dataset, "none"), [runs[0], str(path)], str(tmp_path / "out"))
-
-
-def test_runs_of_one_name_are_told_apart_by_their_folders(dataset, tmp_path):
+def test_runs_of_one_name_are_told_apart_by_their_folders(dataset, compared, tmp_path):
     runs = []
     for seed in (0, 1):
         facts = {"name": "skyocc", "seed": seed}
         folder = write_predictions(dataset, tmp_path / f"seed{seed}" / "test", facts=facts)
-        runs.append(str(scored(dataset, folder)))
-    compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
-    table = pd.read_csv(tmp_path / "out" / "differences.csv")
-    assert set(table["run"]) == {"skyocc seed0", "skyocc seed1"}
+        runs.append(scored(dataset, folder))
+    assert set(compared(runs)["run"]) == {"skyocc seed0", "skyocc seed1"}
 
 
-def test_a_comparison_of_some_clips_is_of_these_alone(dataset, runs, tmp_path, capsys):
-    tallies = [Counts.read(next(Path(run).glob("tallies/*.npz"))) for run in runs]
-    clip = tallies[0].clips[1]
-    for name, tally in zip("ab", tallies):
-        tally.of_clips(lambda each: each == clip).write(tmp_path / f"{name}.npz")
-    alone = [str(tmp_path / f"{name}.npz") for name in "ab"]
-    cfg = config_for(dataset, "none")
-    compare(cfg, runs, str(tmp_path / "some"), [f"{clip[:-1]}?", clip])
+def test_a_comparison_of_some_clips_is_of_these_alone(runs, compared, tmp_path, capsys):
+    counts = [Counts.read(file_of(run)) for run in runs]
+    clip = counts[0].clips[1]
+    alone = [tmp_path / "a.npz", tmp_path / "b.npz"]
+    for of_run, path in zip(counts, alone):
+        of_run.of_clips(lambda each: each == clip).write(path)
+
+    capsys.readouterr()
+    some = compared(runs, [f"{clip[:-1]}?", clip])
     printed = " ".join(capsys.readouterr().out.split())
     assert "intervals over 1 clip," in printed
     assert "nan" not in printed
-    compare(cfg, alone, str(tmp_path / "alone"))
-    compare(cfg, runs, str(tmp_path / "all"), ["*"])
-    some, one, whole = (
-        pd.read_csv(tmp_path / name / "differences.csv") for name in ("some", "alone", "all")
-    )
-    pd.testing.assert_frame_equal(some, one)
-    assert not some["value"].equals(whole["value"])
+    pd.testing.assert_frame_equal(some, compared(alone))
+    assert not some["value"].equals(compared(runs, ["*"])["value"])
 
 
-def test_what_rounding_alone_tells_apart_shares_a_rank(dataset, tmp_path):
+def test_what_rounding_alone_tells_apart_shares_a_rank(dataset, compared, tmp_path):
     half = write_predictions(dataset, tmp_path / "half", every_other_slice)
-    first = scored(dataset, half) / "tallies" / "half.npz"
-    tally = Counts.read(first)
-    excess = tally.tables["sensitivity"]["excess"]
+    first = file_of(scored(dataset, half))
+    counts = Counts.read(first)
+    excess = counts.tables["sensitivity"]["excess"]
     excess += excess > 0  # the least step of these fixed-point numbers
-    tally.write(tmp_path / "again.npz")
-    runs = [str(first), str(tmp_path / "again.npz")]
-    compare(config_for(dataset, "none"), runs, str(tmp_path / "out"))
-    ranks = pd.read_csv(tmp_path / "out" / "sensitivity.csv").filter(like="rank")
+    counts.write(tmp_path / "again.npz")
+
+    compared([first, tmp_path / "again.npz"])
+    ranks = pd.read_csv(tmp_path / "out/sensitivity.csv").filter(like="rank")
     assert ranks.shape == (81, 2)
     assert (ranks == 1).all(axis=None)
 
 
-def test_clips_that_nothing_is_like_are_refused(dataset, runs, tmp_path):
+def test_clips_that_nothing_is_like_are_refused(runs, compared, tmp_path):
     with pytest.raises(UserError, match=r"^task.clips: no scored clip is like 'town/x'; there are"):
-        compare(config_for(dataset, "none"), runs, str(tmp_path / "out"), ["*", "town/x"])
+        compared(runs, ["*", "town/x"])
     assert not (tmp_path / "out").exists()
 
 
-def test_a_comparison_needs_two_runs_that_are_there(dataset, runs, tmp_path):
-    cfg = config_for(dataset, "none")
-    with pytest.raises(UserError, match=r"^task.runs: name two or more"):
-        compare(cfg, runs[:1], str(tmp_path))
-    with pytest.raises(UserError, match=r"^task.runs: .*nowhere is neither"):
-        compare(cfg, [*runs, str(tmp_path / "nowhere")], str(tmp_path))
-    with pytest.raises(UserError, match="holds 0 scored runs"):
-        compare(cfg, [*runs, str(tmp_path)], str(tmp_path))
-
-
-def test_every_class_has_a_row_in_every_part(dataset, tmp_path):
-    folder = scored(dataset, write_predictions(dataset, tmp_path / "perfect"))
-    parts = pd.read_csv(folder / "breakdown.csv")
-    assert set(parts["class"]) == set(CLASSES)
-    assert (parts.groupby(["scope", "part"]).size() == len(CLASSES)).all()
+def test_a_comparison_needs_two_runs_that_are_there(runs, compared, tmp_path):
+    blind = runs[0]
+    for places, message in (
+        ([blind], "^task.runs: name two or more"),
+        ([blind, file_of(blind)], "^task.runs: .*blind.npz is named twice"),
+        ([*runs, tmp_path / "nowhere"], "^task.runs: .*nowhere is neither"),
+        ([*runs, tmp_path], "holds 0 scored runs"),
+    ):
+        with pytest.raises(UserError, match=message):
+            compared(places)

@@ -16,37 +16,34 @@ from src.models.stream import SkyOccStream
 from src.tasks.attitude import attitude
 from src.tasks.dataset import root_of
 from src.tasks.export import export, made_up_flight
-from src.tasks.fit import fit
 from src.tasks.predict import predict
 from src.tasks.session import Session, adopted
-from tests.synthetic import compose_config, mini_overrides, write_dataset
+from tests.synthetic import compose_config
 
 DOCS = Path(__file__).parents[2] / "docs"
 ATTITUDE = {"tilt_edges_deg": [5.0], "noise_deg": [], "delay_s": [], "seed": 0, "level": False}
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    """The overrides of a run, its checkpoint, and its dataset."""
-    overrides = mini_overrides(tmp_path_factory.mktemp("run"), "trainer.accelerator=cpu")
-    cfg = compose_config(*overrides, "+experiment=skyocc", "trainer.max_epochs=1")
-    root = write_dataset(cfg)
-    fit(cfg)
-    return overrides, Path(cfg.paths.run) / "checkpoints/best.ckpt", root
+def cfg(trained):
+    """The configuration that the checkpoint was trained with."""
+    return compose_config(*trained)
+
+
+@pytest.fixture(scope="module")
+def checkpoint(cfg):
+    return Path(cfg.paths.run) / "checkpoints/best.ckpt"
 
 
 @pytest.fixture
-def configured(run, tmp_path):
+def configured(cfg, checkpoint, tmp_path):
     """The configuration of a command that names the checkpoint, and places of its own."""
-    overrides, checkpoint, root = run
-    data = tmp_path / "data"
-    shutil.copytree(root, data / root.name)
-    places = [f"paths.data={data}", f"paths.runs={tmp_path}/runs", f"ckpt_path={checkpoint}"]
-    neutral = [override for override in overrides if override.startswith("data.workers")]
+    shutil.copytree(root_of(cfg), tmp_path / "data" / root_of(cfg).name)
+    places = [f"paths.data={tmp_path}/data", f"paths.runs={tmp_path}/runs"]
+    always = ["data.workers=0", "trainer.accelerator=cpu", f"ckpt_path={checkpoint}", *places]
 
     def config(*more):
-        given = [*neutral, *places, "trainer.accelerator=cpu", *more]
-        return adopted(compose_config(*given), given)
+        return adopted(compose_config(*always, *more), [*always, *more])
 
     return config
 
@@ -58,13 +55,13 @@ def files_below(folder):
 # ------------------------------------------------------------------------ whose configuration holds
 
 
-def test_its_own_configuration_is_used_where_the_command_says_nothing(configured, run):
-    cfg = configured("task=predict", "data.batch_size=3", "suite.rays=[6,4]", "threads=1")
-    assert (cfg.name, cfg.scale_name, cfg.model.encoder.dim) == ("skyocc", "tiny", 16)
-    assert (cfg.data.batch_size, cfg.suite.metrics.rays.rays, cfg.threads) == (3, [6, 4], 1)
-    assert cfg.paths.run.endswith("/runs/tiny/skyocc/seed0")
-    assert root_of(cfg).name == run[2].name
-    assert Session(cfg).checkpoint("predict").path == run[1]
+def test_its_own_configuration_is_used_where_the_command_says_nothing(configured, cfg, checkpoint):
+    own = configured("task=predict", "data.batch_size=3", "suite.rays=[6,4]", "threads=1")
+    assert (own.name, own.scale_name, own.model.encoder.dim) == ("skyocc", "tiny", 16)
+    assert (own.data.batch_size, own.suite.metrics.rays.rays, own.threads) == (3, [6, 4], 1)
+    assert own.paths.run.endswith("/runs/tiny/skyocc/seed0")
+    assert root_of(own).name == root_of(cfg).name
+    assert Session(own).checkpoint("predict").path == checkpoint
 
 
 @pytest.mark.parametrize(
@@ -112,9 +109,8 @@ def test_predict_works_without_the_training_clips_and_writes_nothing_else(config
     shutil.rmtree(root / "downtown")
     before = files_below(tmp_path)
     predict(cfg, "test", logits=False)
-    assert files_below(tmp_path) - before == {
-        *("mine/predictions.json", "mine/suburb/clip00/occupancy.npz"),
-    }
+    written = {"mine/predictions.json", "mine/suburb/clip00/occupancy.npz"}
+    assert files_below(tmp_path) - before == written
     shutil.rmtree(root / "suburb")
     with pytest.raises(UserError, match="task=generate"):
         predict(configured("task=predict", f"predictions={tmp_path}/other"), "test", logits=False)
@@ -138,49 +134,54 @@ def test_export_needs_no_dataset_and_writes_nothing_else(configured, tmp_path):
     assert not (tmp_path / "nowhere").exists()
 
 
-def test_three_lines_of_the_docs_fly_it(run):
+def test_three_lines_of_the_docs_fly_it(checkpoint):
     """The first block of docs/model.md under its heading, with the checkpoint of this run."""
     text = (DOCS / "model.md").read_text().partition("## In flight")[2]
     code = re.search(r"```python\n(.*?)```", text, re.DOTALL)[1]
     assert len([line for line in code.splitlines() if line]) == 3
-    checkpoint = Checkpoint.read(run[1])
-    (frame,) = made_up_flight(checkpoint.origin.config["sim"], 1, 0.2)
+    read = Checkpoint.read(checkpoint)
+    (frame,) = made_up_flight(read.origin.config["sim"], 1, 0.2)
     names = frame._asdict()
-    exec(re.sub(r'"runs/.*?ckpt"', repr(str(run[1])), code), names)
-    expected = SkyOccStream(checkpoint.network(), 0.4)(frame)
+    exec(re.sub(r'"runs/.*?ckpt"', repr(str(checkpoint)), code), names)
+    expected = SkyOccStream(read.network(), 0.4)(frame)
     assert names["logits"].equal(expected)
-
-
-def test_it_needs_no_file_that_its_training_began_with(run, tmp_path):
-    content = torch.load(run[1], weights_only=True)
-    content["skyshield"]["config"]["model"]["backbone"]["weights"] = "gone.pth"
-    torch.save(content, tmp_path / "some.ckpt")
-    assert not Checkpoint.read(tmp_path / "some.ckpt").network().training
 
 
 # -------------------------------------------------------------------------------- what is refused
 
 
 @pytest.fixture
-def spoilt(run, tmp_path):
-    """A copy of the checkpoint in which something of its content is changed."""
+def changed(checkpoint, tmp_path):
+    """Reads a copy of the checkpoint in which something of its content is changed."""
 
-    def spoil(change):
-        content = torch.load(run[1], weights_only=True)
+    def read(change):
+        content = torch.load(checkpoint, weights_only=True)
         change(content)
         torch.save(content, tmp_path / "some.ckpt")
-        return tmp_path / "some.ckpt"
+        return Checkpoint.read(tmp_path / "some.ckpt")
 
-    return spoil
+    return read
 
 
-def test_a_checkpoint_of_another_format_says_which(spoilt):
-    for found, change in (
+def backbone_of(content):
+    return content["skyshield"]["config"]["model"]["backbone"]
+
+
+def test_it_needs_no_file_that_its_training_began_with(changed):
+    read = changed(lambda content: backbone_of(content).update(weights="gone.pth"))
+    assert not read.network().training
+
+
+@pytest.mark.parametrize(
+    ("number", "change"),
+    [
         (1, lambda content: content.pop("skyshield")),
         (3, lambda content: content["skyshield"].update(format=3)),
-    ):
-        with pytest.raises(UserError, match=rf"some\.ckpt is of format {found}"):
-            Checkpoint.read(spoilt(change))
+    ],
+)
+def test_a_checkpoint_of_another_format_says_which(changed, number, change):
+    with pytest.raises(UserError, match=rf"some\.ckpt is of format {number}"):
+        changed(change)
 
 
 @pytest.mark.parametrize(
@@ -197,16 +198,14 @@ def test_a_checkpoint_with_other_facts_than_its_format_has_names_them(spoilt, ch
 
 
 @pytest.mark.parametrize("target", ["src.models.gone.Gone", "src.models.backbone.Gone"])
-def test_a_class_that_is_gone_is_named(spoilt, target):
-    def change(content):
-        content["skyshield"]["config"]["model"]["backbone"]["_target_"] = target
-
+def test_a_class_that_is_gone_is_named(changed, target):
+    read = changed(lambda content: backbone_of(content).update(_target_=target))
     with pytest.raises(UserError, match=f"cannot be built .*{target}") as info:
-        Checkpoint.read(spoilt(change)).network()
+        read.network()
     assert "\n" not in str(info.value)
 
 
-def test_weights_of_another_architecture_are_named(spoilt):
-    path = spoilt(lambda content: content["state_dict"].pop("network.encoder.query"))
+def test_weights_of_another_architecture_are_named(changed):
+    read = changed(lambda content: content["state_dict"].pop("network.encoder.query"))
     with pytest.raises(UserError, match=r"another architecture .*encoder\.query first"):
-        Checkpoint.read(path).network()
+        read.network()

@@ -15,9 +15,10 @@ from src.ontology import CLASSES, FREE
 from src.report.hard_cases import HardCase
 from src.report.scene import TRUTH
 from src.run_folder import BEST
-from src.tasks.dataset import data_of, finished_dataset, root_of
+from src.tasks.dataset import root_of
 from src.tasks.fit import fit
 from src.tasks.report import report
+from src.tasks.session import Session
 from src.tasks.showcase import _scene, _Viewer, ends_of, facts_of
 from tests.report.browser import opened
 from tests.report.sample_page import labels_in, read_scene
@@ -62,7 +63,8 @@ def test_frames_are_chosen_by_their_tilt_and_by_what_the_camera_sees(cfg, monkey
     visible_of = Clip.visible
     # The made-up flights hide nothing of themselves.
     monkeypatch.setattr(Clip, "visible", lambda *frame: every_other_slice(visible_of(*frame)))
-    data = data_of(cfg, finished_dataset(cfg))
+    data = Session(cfg).data
+
     facts = facts_of(data).set_index(["clip", "frame"])
     assert list(facts.index) == data.split["test"]
     for clip_id, frame in data.split["test"]:
@@ -91,7 +93,7 @@ def test_each_network_sees_the_history_that_its_run_saw(cfg):
     for frames in (1, 2):
         cfg = cfg.copy()
         cfg.data.frames = frames
-        data = data_of(cfg, finished_dataset(cfg))
+        data = Session(cfg).data
         viewers.append(_Viewer(f"of {frames}", network(frames), data.dataset("test")))
     case = HardCase("most tilted", *data.split["test"][0])
     scene = _scene(case, viewers, data.grid)
@@ -121,15 +123,18 @@ def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path
     (title,) = re.findall(r'<option value="0">1 of 1: (.*?)</option>', page)
     clip_id, frame = re.match(r"(\S+) frame (\d+) .* most tilted", title).groups()
     assert [view["name"] for view in scene["views"]] == [TRUTH, "Baseline", "SkyOcc"]
+
     truth, *predictions = (labels_in(view, scene["shape"]) for view in scene["views"])
     clip = Clip(root_of(cfg) / clip_id)
     assert (truth == clip.semantics(int(frame))).all()
     assert not (predictions[0] == predictions[1]).all()
-    facts = facts_of(data_of(cfg, finished_dataset(cfg))).set_index(["clip", "frame"])["tilt_rad"]
+    facts = facts_of(Session(cfg).data).set_index(["clip", "frame"])["tilt_rad"]
     assert facts[clip_id, int(frame)] == facts.max() > 0.15
+
     for name in ("comparison.jpg", "tilt.jpg"):
         with Image.open(tmp_path / "out/figures" / name) as figure:
             assert np.ptp(np.asarray(figure)) > 100
+
     with opened() as browser:
         browser.open(tmp_path / "out/report.html")
         browser.wait("document.documentElement.dataset.ready === 'true'")
@@ -165,9 +170,8 @@ def test_data_settings_of_other_code_leave_the_pictures_out(trained, tmp_path):
 @pytest.mark.slow
 def test_a_shown_network_is_the_runs_best(trained):
     cfg = compose_config(*trained["skyocc"])
+    path = f"{cfg.paths.run}/checkpoints/best.ckpt"
     network = Checkpoint.read(f"{cfg.paths.run}/{BEST}").network()
-    weights = torch.load(f"{cfg.paths.run}/checkpoints/best.ckpt", weights_only=True)["state_dict"]
-    assert all(
-        (value == weights[f"network.{name}"]).all() for name, value in network.state_dict().items()
-    )
+    weights = torch.load(path, weights_only=True)["state_dict"]
+    assert all(weights[f"network.{name}"].equal(v) for name, v in network.state_dict().items())
     assert not network.training

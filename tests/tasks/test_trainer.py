@@ -10,7 +10,7 @@ from torch.utils.data import DataLoader
 from src.tasks.trainer import EpochLines
 
 
-class Told(lightning.LightningModule):
+class LogsLosses(lightning.LightningModule):
     """Logs the losses that it is given, and learns nothing."""
 
     def __init__(self):
@@ -40,7 +40,7 @@ def test_the_loss_of_a_line_is_the_mean_of_its_epoch(tmp_path, capsys):
         enable_checkpointing=False,
         default_root_dir=tmp_path,
     )
-    trainer.fit(Told(), DataLoader([9.0, 1.0, 2.0]), DataLoader([0.5]))
+    trainer.fit(LogsLosses(), DataLoader([9.0, 1.0, 2.0]), DataLoader([0.5]))
     lines = re.findall(
         r"epoch (\d/2): train loss (\S+), val loss (\S+), val KAR-mIoU (\S+) %",
         capsys.readouterr().out,

@@ -1,0 +1,18 @@
+"""A trained run of the full model, made once for all tasks that need a checkpoint."""
+
+import pytest
+
+from src.tasks.fit import fit
+from tests.synthetic import compose_config, mini_overrides, write_dataset
+
+
+@pytest.fixture(scope="session")
+def trained(tmp_path_factory):
+    """The words of a run of one epoch on the synthetic dataset."""
+    words = mini_overrides(
+        tmp_path_factory.mktemp("trained"),
+        *("+experiment=skyocc", "trainer.accelerator=cpu", "trainer.max_epochs=1"),
+    )
+    write_dataset(compose_config(*words))
+    fit(compose_config(*words))
+    return words
