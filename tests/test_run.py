@@ -475,7 +475,7 @@ MISTAKES = {
     "+trainer.limit_test_batches=0": "trainer.limit_test_batches: 0",
     "size.heads=3": "size.heads: 3 .*size.dim, 64",
     "data.order=stream": "data.order: 'stream'.*shuffled, streams",
-    "model.history=foo": "model.history: 'foo' .*'queue'",
+    "model.history=foo": "model.history: 'foo'.*queue, recursive",
     "trainer.precision=fp16": "trainer.precision: 'fp16'.*auto, 32-true",
     "trainer.accelerator=cpu trainer.precision=16-mixed": "trainer.precision: .*16-mixed; give",
     "trainer.accelerator=tpu": "trainer.accelerator: tpu.*cpu",

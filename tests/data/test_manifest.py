@@ -72,7 +72,7 @@ def test_code_changes_the_folder_and_comments_do_not(mini_sim, code):
 def test_a_town_of_ones_own_counts_where_it_is_used(mini_sim, tmp_path, monkeypatch):
     """Its comments do not, and neither does the dotted name of a town whose code counts anyway."""
     monkeypatch.syspath_prepend(tmp_path)
-    town = tmp_path / "mytowns/harbour.py"
+    town = tmp_path / "towns_of_mine/harbour.py"
     town.parent.mkdir()
     (town.parent / "__init__.py").write_text("")
 
@@ -82,10 +82,10 @@ def test_a_town_of_ones_own_counts_where_it_is_used(mini_sim, tmp_path, monkeypa
 
     one, other = "LAMPS = 3\n", "LAMPS = 4\n"
     assert spec_with(one).generator == spec_with(other).generator
-    before = spec_with(one, "mytowns.harbour")
-    assert spec_with(f"# Lit.\n{one}", "mytowns.harbour").digest == before.digest
-    assert spec_with(other, "mytowns.harbour").digest != before.digest
-    for name in ("src.sim.towns.suburb", "mytowns.gone", "gone.harbour"):
+    before = spec_with(one, "towns_of_mine.harbour")
+    assert spec_with(f"# Lit.\n{one}", "towns_of_mine.harbour").digest == before.digest
+    assert spec_with(other, "towns_of_mine.harbour").digest != before.digest
+    for name in ("src.sim.towns.suburb", "towns_of_mine.gone", "gone.harbour"):
         assert spec_with(one, name).generator == spec_with(one).generator
 
 
