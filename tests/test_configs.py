@@ -176,6 +176,14 @@ def test_every_rung_states_its_three_factors_and_inherits_from_none(rung):
     ]
 
 
+@pytest.mark.parametrize("scale", SCALES)
+def test_the_metric_has_the_papers_parameters(scale):
+    """Table 5 of the paper."""
+    metric = compose_config(f"scale={scale}").metric
+    parameters = {"horizon_s": 5.0, "decay_per_s": 0.5, "penalty_scale": 2.0, "min_speed_mps": 5.0}
+    assert {name: metric[name] for name in parameters} == parameters
+
+
 def test_the_factors_can_be_chosen_one_by_one():
     cfg = compose_config("+experiment=skyocc", "loss/lovasz=off")
     assert cfg.loss.terms.lovasz.weight == 0

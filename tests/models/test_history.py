@@ -5,7 +5,7 @@ import torch
 
 from src.errors import UserError
 from src.geometry import VoxelGrid, rigid, rotation_from_euler
-from src.models.history import History, TemporalAttention, align_history
+from src.models.history import DZ_SCALE_M, History, TemporalAttention, align_history
 
 GRID = VoxelGrid(shape=(20, 20, 12))
 
@@ -115,6 +115,29 @@ def test_age_vertical_shift_and_content_of_the_past_all_matter():
         aligned._replace(pillars=aligned.pillars + 1.0),
     ):
         assert not torch.allclose(attention(query, changed), before, atol=1e-3)
+
+
+def test_attention_is_the_softmax_over_the_frames_that_exist():
+    """Eq. 7 written out for one pillar, head by head; of its past the oldest frame is missing."""
+    attention, query, history = attention_query_history()
+    history.valid[0, 0] = False
+    aligned = align_history(history, GRID)
+    # A pillar in the middle, which every past frame holds.
+    p = 5 * 20 + 10
+    rise = attention.dz(aligned.dz_m[0, :, None] / DZ_SCALE_M)
+    past = [aligned.pillars[0, n, p] + attention.age[3 - n] + rise[n] for n in (1, 2)]
+    tokens = [*past, query[0, p] + attention.age[0]]
+
+    heads = []
+    asked = attention.query(query[0, p]).split(4)
+    keys, values = zip(*(attention.key_value(token).split(8) for token in tokens))
+    for head, q in enumerate(asked):
+        scores = torch.stack([q @ key.split(4)[head] for key in keys]) / math.sqrt(4)
+        weights = scores.exp() / scores.exp().sum()
+        heads.append(sum(w * value.split(4)[head] for w, value in zip(weights, values)))
+
+    expected = attention.output(torch.cat(heads))
+    torch.testing.assert_close(attention(query, aligned)[0, p], expected)
 
 
 def test_more_frames_than_it_was_built_for_are_refused():
