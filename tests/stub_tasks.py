@@ -50,7 +50,9 @@ def be_interrupted(cfg):
 
 def sleep(cfg):
     remember(cfg)
-    print("asleep", flush=True)
+    # One write: two jobs share the pipe, and print() writes the end of its line by itself.
+    sys.stdout.write("asleep\n")
+    sys.stdout.flush()
     time.sleep(120)
 
 
