@@ -1,7 +1,7 @@
 """What is in a run's folder, and whether a run may go on there."""
 
+import queue
 import threading
-import time
 from pathlib import Path
 
 import pandas as pd
@@ -87,9 +87,10 @@ def test_a_half_done_run_goes_on_without_what_a_killed_process_was_writing(tmp_p
     assert not leftover.exists()
 
 
-def test_a_second_process_of_a_run_waits_and_says_so(tmp_path, capsys):
+def test_a_second_process_of_a_run_waits_and_says_so(tmp_path, monkeypatch):
     path = tmp_path / "seed0"
-    order = []
+    order, lines = [], queue.Queue()
+    monkeypatch.setattr("src.locks.say", lines.put)
 
     def second():
         with folder_of(path).alone():
@@ -98,10 +99,7 @@ def test_a_second_process_of_a_run_waits_and_says_so(tmp_path, capsys):
     with folder_of(path).alone():
         thread = threading.Thread(target=second)
         thread.start()
-        deadline = time.monotonic() + 30
-        while not (line := capsys.readouterr().out):
-            assert time.monotonic() < deadline
-        assert line.startswith(f"{path}: ")
+        assert lines.get(timeout=30).startswith(f"{path}: ")
         order.append("first")
     thread.join(timeout=30)
     assert order == ["first", "second"]
