@@ -1,17 +1,21 @@
 """Checks of single settings; each names the key, its value and what to give instead."""
 
+import math
 from collections.abc import Collection, Mapping
 
 from .errors import UserError
 
 
 def require_at_least(least: float, group: str, settings: Mapping, *names: str) -> None:
-    """Raises `UserError` for a setting of a group of the configuration that is below ``least``.
+    """Raises `UserError` for a setting of a group of the configuration that is below ``least``, or
+    not finite.
 
     A setting that is null, or not there, passes.
     """
     for name in names:
         value = settings.get(name)
+        if value is not None and not math.isfinite(value):
+            raise UserError(f"{group}.{name}: {value} is not finite; give {least} or more")
         if value is not None and value < least:
             raise UserError(f"{group}.{name}: {value} is too small; give {least} or more")
 

@@ -26,7 +26,7 @@ VERSION = ".version"
 CODE = ".code"
 BEST, LAST = "checkpoints/best.ckpt", "checkpoints/last.ckpt"
 # Predictions that never look at an image, scored beside every run.
-ANCHORS = ("all_free", "voxel_prior")
+ANCHORS = ("all_free", "voxel_prior", "height_prior")
 # What the keys of a configuration, and the keys below them, say of a run. Every key that is not
 # listed shapes its weights or its scores.
 KEYS = {

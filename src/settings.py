@@ -62,7 +62,14 @@ def require_sound(
 
 
 def _require_training(cfg: DictConfig) -> None:
-    """Checks seeds, processes, optimizer and trainer, which no class of this project checks."""
+    """Checks name, seeds, processes, optimizer and trainer, which no class of this project
+    checks."""
+    # Or the run's folder would lie elsewhere, or be that of all runs of the scale.
+    if not cfg.name or cfg.name.startswith(".") or {"/", "\\"} & {*cfg.name}:
+        raise UserError(
+            f"name: {cfg.name!r} is no name of a folder; give one without slashes that does not "
+            "begin with a dot"
+        )
     if cfg.seed < 0:
         raise UserError(f"seed: {cfg.seed} is too small; give 0 or more")
     require_at_least(0, "sim", cfg.sim, "seed")

@@ -27,7 +27,7 @@ from src.geometry import (
     unproject,
     world_from_occ,
 )
-from src.ontology import CLASSES, FREE, UNKNOWN
+from src.ontology import CLASSES, FREE, SKY, UNKNOWN
 from src.run_folder import RunFolder
 from src.settings import require_sound
 from src.tasks.dataset import root_of, spec_of
@@ -118,7 +118,9 @@ def write_clip(folder, capture_hz=2.5, width=96, height=64, grid=None, seed=0):
     poses = poses_of(frames)
     with ClipWriter(folder, meta) as writer:
         for frame, world_from_body in enumerate(poses):
-            writer.add_image(frame, render(world_from_body, meta))
+            image, depth_m, class_id = render(world_from_body, meta)
+            writer.add_image(frame, image)
+            writer.add_aux(frame, depth=depth_m, **{"class": class_id})
             semantics = labels_of(world_from_body, meta)
             writer.add_labels(frame, semantics.numpy(), (semantics != UNKNOWN).numpy())
         writer.add_tables(frames, pd.DataFrame(columns=ACTOR_COLUMNS))
@@ -164,7 +166,7 @@ def labels_of(world_from_body, meta):
 
 
 def render(world_from_body, meta):
-    """The image: every pixel's nearest surface in its color."""
+    """The image, every pixel's nearest surface in its color; the depth in metres; the classes."""
     pix = pixel_centers(meta.width, meta.height).flatten(0, 1)
     ones = torch.ones(len(pix), dtype=torch.float64)
     world_from_camera = world_from_body @ meta.body_from_camera
@@ -174,11 +176,15 @@ def render(world_from_body, meta):
     nearest[nearest < 0] = torch.inf
     image = torch.tensor(SKY_RGB, dtype=torch.uint8).repeat(len(pix), 1)
     image[nearest.isfinite()] = torch.tensor(GROUND_RGB, dtype=torch.uint8)
-    for lower, upper, _, color in BOXES:
+    class_id = torch.where(nearest.isfinite(), CLASSES.index("ground"), SKY).to(torch.uint8)
+    for lower, upper, name, color in BOXES:
         corners = torch.tensor([lower, upper], dtype=torch.float64)
         crossings = (corners[:, None] - origin) / direction
         enter, leave = crossings.amin(0).amax(-1), crossings.amax(0).amin(-1)
         hit = (enter < leave) & (enter > 0) & (enter < nearest)
         image[hit] = torch.tensor(color, dtype=torch.uint8)
+        class_id[hit] = CLASSES.index(name)
         nearest = torch.where(hit, enter, nearest)
-    return image.view(meta.height, meta.width, 3).numpy()
+    size = meta.height, meta.width
+    depth_m, class_id = (each.view(size).numpy() for each in (nearest.float(), class_id))
+    return image.view(*size, 3).numpy(), depth_m, class_id

@@ -15,7 +15,13 @@ from src.data.dataset import history_stride, require_loading
 from src.errors import UserError
 from src.failures import one_line
 from src.geometry import VoxelGrid
-from src.models import BilinearLift, DeformableCrossAttention, LiftSplat, OccupancyLoss
+from src.models import (
+    BilinearLift,
+    DeformableCrossAttention,
+    LiftSplat,
+    OccupancyLoss,
+    SurfaceLift,
+)
 from src.models.network import require_size
 from src.ontology import NUM_CLASSES
 from src.run_folder import differences
@@ -31,7 +37,10 @@ FACTORS = {  # projection, class weights, Lovász: the table of the design
     "weights": ("attitude", True, 0.0),
     "skyocc": ("attitude", True, 1.0),
 }
-LIFTS = {"deformable": DeformableCrossAttention, "bilinear": BilinearLift, "lss": LiftSplat}
+LIFTS = {
+    **{"deformable": DeformableCrossAttention, "bilinear": BilinearLift},
+    **{"lss": LiftSplat, "surface": SurfaceLift},
+}
 BACKBONES = {  # and what each needs where there is no network
     "resnet": (),
     "huggingface": (
@@ -113,12 +122,23 @@ def test_every_lift_and_backbone_instantiates(lift, backbone):
     if backbone == "huggingface":
         pytest.importorskip("transformers")
     chosen = [f"model/lift={lift}", f"model/backbone={backbone}", *BACKBONES[backbone]]
+    chosen += ["model/sight=on"] * (lift == "surface")
     cfg = sound_config("scale=tiny", *chosen)
     network = instantiate(cfg.model)
     layers = [*network.encoder.frame_layers, network.encoder.last_layer]
     assert [type(layer.lift) for layer in layers] == [LIFTS[lift]] * cfg.size.layers
     assert network.backbone.channels == (8, 16, 32, 64)
     assert getattr(layers[0].lift, "grid", network.encoder.grid) == network.encoder.grid
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_with_the_setting_of_sight_pillars_have_a_reference_a_voxel(scale):
+    cfg = sound_config("+experiment=skyocc", f"scale={scale}", "+setting=sight")
+    assert (cfg.data.frames, cfg.data.pixels, cfg.sim.save_aux) == (1, True, True)
+    encoder = instantiate(cfg.model.encoder)
+    assert encoder.references.points.shape[1] == encoder.grid.shape[2]
+    if scale != "paper":  # which takes long to build
+        assert instantiate(cfg.model).sight is not None
 
 
 @pytest.mark.parametrize("scale", SCALES)

@@ -21,6 +21,7 @@ from src.models.network import SkyOcc
 from src.ontology import CLASSES
 from src.results.counts import Counts
 from src.results.files import SCORES, read_results
+from src.run_folder import ANCHORS
 from src.tasks import evaluate
 from src.tasks.compare import compare
 from src.tasks.dataset import data_of
@@ -133,7 +134,7 @@ def test_a_run_leaves_its_folder_complete(finished):
         *("checkpoints/best.ckpt", "checkpoints/last.ckpt"),
         *("figures/curves.png", "figures/qualitative.png"),
         *("scores.csv", "sessions/version_0/metrics.csv"),
-        *(f"tallies/{name}.npz" for name in ("skyocc", "all_free", "voxel_prior")),
+        *(f"tallies/{name}.npz" for name in ("skyocc", *ANCHORS)),
     }
     assert yaml.safe_load((folder / "config.yaml").read_text())["name"] == "skyocc"
     assert set(yaml.safe_load((folder / "class_weights.json").read_text())) == set(CLASSES)
@@ -144,16 +145,21 @@ def test_results_hold_every_score_of_the_model_and_the_anchors_on_every_part(fin
     parts = ("test", "test_unseen_clips", "test_seen_clips")
 
     assert set(zip(table["experiment"], table["split"])) == {
-        (name, part) for name in ("skyocc", "all_free", "voxel_prior") for part in parts
+        (name, part) for name in ("skyocc", *ANCHORS) for part in parts
     }
-    assert len(table) == 9
+    assert len(table) == 12
     assert set(SCORES) <= set(table)
     assert table[["miou", "miou_occupied", "kar_miou"]].notna().all(axis=None)
     assert table["code_version"].str.fullmatch(r"[0-9a-f]{12}").all()
     assert table["dataset"].str.fullmatch(r"tiny-[0-9a-f]{12}").all()
     assert (table.loc[table["experiment"] == "skyocc", "parameters"] > 1000).all()
     assert set(zip(table["experiment"], table["precision"])) == {
-        *(("skyocc", "32-true"), ("all_free", "none"), ("voxel_prior", "none")),
+        *(
+            ("skyocc", "32-true"),
+            ("all_free", "none"),
+            ("voxel_prior", "none"),
+            ("height_prior", "none"),
+        ),
     }
     free = table[table["experiment"] == "all_free"].iloc[0]
     assert free["miou_occupied"] == 0
@@ -563,13 +569,13 @@ def test_a_full_disk_is_one_line_and_leaves_the_checkpoint(here, monkeypatch):
 
 
 def test_a_loss_that_is_not_finite_keeps_the_last_good_checkpoint(here, monkeypatch):
-    forward = OccupancyModule.forward
+    output = OccupancyModule.training_output
 
     def poisoned(self, batch):
-        broken = self.training and self.current_epoch == 1
-        return forward(self, batch) * (torch.nan if broken else 1)
+        step = output(self, batch)
+        return step._replace(logits=step.logits * (torch.nan if self.current_epoch == 1 else 1))
 
-    monkeypatch.setattr(OccupancyModule, "forward", poisoned)
+    monkeypatch.setattr(OccupancyModule, "training_output", poisoned)
     with pytest.raises(UserError, match=r"not finite .* epoch 1, step 3, in the batch downtown"):
         fit(compose_config(*here))
     for name in ("best", "last"):

@@ -9,7 +9,18 @@ from torch import Tensor
 from ..geometry import euler_from_rotation, inverse, occ_from_body, world_from_occ
 
 
-class Batch(TypedDict):
+class PixelLabels(TypedDict, total=False):
+    """What the pixels of the current images see, on a raster a fourth as fine: with `data.pixels`.
+
+    The sky has the class of free space, and an infinite depth.
+    """
+
+    pixel_class: UInt8[Tensor, "B h w"]
+    # z-depth.
+    pixel_depth_m: Float[Tensor, "B h w"]
+
+
+class Batch(PixelLabels):
     """B windows of L frames, oldest first, the current one last. A single sample has no B.
 
     Frame directions are in the names; velocities and labels are in the current occ frame.
@@ -74,9 +85,10 @@ def mirrored(sample: Batch) -> Batch:
     pix_from_camera[..., 0, 1] *= -1
     pix_from_camera[..., 0, 2] = sample["image"].shape[-1] - pix_from_camera[..., 0, 2]
 
+    of_pixels = [name for name in ("image", "pixel_class", "pixel_depth_m") if name in sample]
     return {
         **sample,
-        "image": sample["image"].flip(-1),
+        **{name: sample[name].flip(-1) for name in of_pixels},
         "pix_from_camera": pix_from_camera,
         "body_from_camera": swap_y[:, None] * sample["body_from_camera"] * swap_x,
         "occ_from_body": sample["occ_from_body"] * sides,

@@ -34,6 +34,8 @@ ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 # Of labels: 4 takes two and a half times as long, for larger files.
 DEFLATE_LEVEL = 3
 SUMS = "SHA256SUMS"
+# Only with sim.save_aux=true.
+AUX = "aux.npz"
 
 FRAME_COLUMNS = ["frame", "time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
 FRAME_COLUMNS += ["vx_mps", "vy_mps", "vz_mps", "wx_radps", "wy_radps", "wz_radps"]
@@ -124,7 +126,7 @@ class ClipWriter:
     def add_aux(self, frame: int, **images: np.ndarray) -> None:
         """Adds annotation signals (depth, class, instance), for those who ask for them."""
         for name, image in images.items():
-            self._add_array("aux.npz", f"{name}_{frame:06d}", image)
+            self._add_array(AUX, f"{name}_{frame:06d}", image)
 
     def add_tables(self, frames: pd.DataFrame, actors: pd.DataFrame) -> None:
         # pandas prints floats as Python does, so that they round-trip.
@@ -226,7 +228,7 @@ class Clip:
 
     def aux(self, name: str, frame: int) -> np.ndarray:
         """Returns a ``depth`` (m, inf at the sky), ``class`` or ``instance`` image, if saved."""
-        return self._array("aux.npz", f"{name}_{frame:06d}")
+        return self._array(AUX, f"{name}_{frame:06d}")
 
     def _array(self, archive: str, name: str) -> np.ndarray:
         with reading(self.folder / archive):

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from multiprocessing import get_all_start_methods
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, UInt8
@@ -14,11 +15,20 @@ from ..bounds import require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..terminal import tracked
+from .batch import Batch
 from .batches import ALONE, ORDERS, BatchesInOrder, Rank, StreamBatches, TrainingBatches
-from .clip import Clip
+from .clip import AUX, Clip
 from .dataset import OccupancyDataset, velocity_world_mps
 from .manifest import missing_clips, read_manifest
 from .split import make_split
+
+
+class Labels(NamedTuple):
+    """What a frame is labelled with, the UAV's world velocity, and its height in voxels."""
+
+    semantics: UInt8[Tensor, "X Y Z"]
+    velocity_mps: Float[Tensor, "3"]
+    layer: int
 
 
 class SkyShieldData(LightningDataModule):
@@ -26,7 +36,8 @@ class SkyShieldData(LightningDataModule):
 
     Images stay uint8 until they are on the device. ``order`` is that of training: ``"shuffled"``
     frames, each with the images of its whole history, or ``"streams"`` of consecutive ones
-    (`StreamBatches`), each with its own image alone. With ``allow_missing`` the frames of clips
+    (`StreamBatches`), each with its own image alone. With ``pixels`` the frames to train and to
+    validate on hold what their pixels see. With ``allow_missing`` the frames of clips
     that are not on the disk are left out, and ``missing`` names these clips. Raises `UserError` for
     another ``order``, and where the dataset is incomplete, a file is broken, the split leaves a
     part without a frame, or the grid has no left and right to swap.
@@ -46,6 +57,7 @@ class SkyShieldData(LightningDataModule):
         batch_size: int,
         workers: int,
         seed: int,
+        pixels: bool = False,
         allow_missing: bool = False,
     ) -> None:
         super().__init__()
@@ -53,6 +65,7 @@ class SkyShieldData(LightningDataModule):
         self.root = Path(root)
         self.held_out = (*val_clips, *test_clips)
         self.frames, self.history_step_s, self.history = frames, history_step_s, history
+        self.pixels = pixels
         self.order, self.run_frames = order, run_frames
         self.mirror, self.batch_size, self.workers, self.seed = mirror, batch_size, workers, seed
 
@@ -83,8 +96,8 @@ class SkyShieldData(LightningDataModule):
     def grid(self) -> VoxelGrid:
         return next(iter(self.clips.values())).meta.grid
 
-    def dataset(self, part: str, images: bool = True) -> OccupancyDataset:
-        """Returns the samples of a part of the split; ``images`` is that of `OccupancyDataset`."""
+    def dataset(self, part: str, images: bool = True, pixels: bool = False) -> OccupancyDataset:
+        """Returns the samples of a part of the split, as `OccupancyDataset` has them."""
         return OccupancyDataset(
             self.clips,
             self.split[part],
@@ -93,10 +106,11 @@ class SkyShieldData(LightningDataModule):
             self.history,
             held_out=self.held_out,
             images=images,
+            pixels=pixels,
         )
 
     def train_dataloader(self) -> DataLoader:
-        dataset = self.dataset("train", images=self.order == "shuffled")
+        dataset = self.dataset("train", self.order == "shuffled", self.pixels)
         drawing = {"batch_size": self.batch_size, "seed": self.seed, "mirror": self.mirror}
         drawing["rank"] = self._rank()
         if self.order == "shuffled":
@@ -106,21 +120,40 @@ class SkyShieldData(LightningDataModule):
         return self.loader(dataset, batches)
 
     def val_dataloader(self) -> DataLoader:
-        return self.in_order("val")
+        return self.in_order("val", self.pixels)
 
     def test_dataloader(self) -> DataLoader:
         return self.in_order("test")
 
-    def in_order(self, part: str) -> DataLoader:
+    def in_order(self, part: str, pixels: bool = False) -> DataLoader:
         """Loads every frame of a part once, clip by clip; several processes share the frames."""
-        dataset = self.dataset(part)
+        dataset = self.dataset(part, pixels=pixels)
         return self.loader(dataset, BatchesInOrder(len(dataset), self.batch_size, self._rank()))
 
-    def labels(self, part: str) -> Iterator[tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"]]]:
-        """Yields labels and world velocity in m/s of every frame of a part, without its images."""
+    def require_pixels(self) -> None:
+        """Raises `UserError` where the pixels of a frame to train on are to be labelled, and its
+        clip does not say what they see."""
+        if self.pixels and not all((clip.folder / AUX).is_file() for clip in self.clips.values()):
+            raise UserError(
+                f"data.pixels: {self.root} has clips without {AUX}; generate it with "
+                "sim.save_aux=true, or give data.pixels=false model/sight=off"
+            )
+
+    def labels(self, part: str) -> Iterator[Labels]:
+        """Yields the labels of every frame of a part, without its images."""
         for clip_id, frame in tracked(self.split[part], f"reading {part} labels"):
             clip = self.clips[clip_id]
-            yield torch.from_numpy(clip.semantics(frame)), velocity_world_mps(clip, frame)
+            semantics = torch.from_numpy(clip.semantics(frame))
+            yield Labels(semantics, velocity_world_mps(clip, frame), self.layer(clip_id, frame))
+
+    def layer(self, clip_id: str, frame: int) -> int:
+        """Returns the UAV's height above the world's ground plane in voxels, rounded."""
+        height_m = self.clips[clip_id].world_from_body[frame, 2, 3]
+        return round(float(height_m) / self.grid.voxel_m)
+
+    def layers(self, batch: Batch) -> list[int]:
+        """Returns `layer` of the current frames of a batch."""
+        return [self.layer(clip, int(frame)) for clip, frame in zip(batch["clip"], batch["frame"])]
 
     def _rank(self) -> Rank:
         trainer = self.trainer

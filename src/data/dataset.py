@@ -10,12 +10,15 @@ from torch.utils.data import Dataset
 
 from ..bounds import require_at_least, require_choice
 from ..errors import UserError
+from ..ontology import FREE, SKY
 from .batch import Batch, ego_motion, mirrored
 from .batches import ORDERS, Key
 from .clip import Clip
 from .split import part_of_time
 
 HISTORY = ("open", "strict")
+# As coarse as the finest features of an image encoder.
+PIXEL_STRIDE = 4
 
 
 class OccupancyDataset(Dataset):
@@ -23,7 +26,8 @@ class OccupancyDataset(Dataset):
 
     A window never leaves its clip; it may reach back over a split boundary (inputs only, as in
     flight) unless ``history`` is ``"strict"``. With ``images=False`` the past is told by its motion
-    alone, and only the current image is read. Index with an integer or a `Key`.
+    alone, and only the current image is read. With ``pixels`` samples hold what the pixels of the
+    current image see. Index with an integer or a `Key`.
 
     Raises `UserError` for another ``history``, and as `history_stride` does.
     """
@@ -37,10 +41,11 @@ class OccupancyDataset(Dataset):
         history: str = "open",
         held_out: Sequence[str] = (),
         images: bool = True,
+        pixels: bool = False,
     ) -> None:
         require_choice("data.history", history, HISTORY)
         self.clips, self.samples = clips, list(samples)
-        self.frames, self.images = frames, images
+        self.frames, self.images, self.pixels = frames, images, pixels
         self.history, self.held_out = history, frozenset(held_out)
         self.step = history_stride(history_step_s, clips[self.samples[0][0]].meta.capture_hz)
 
@@ -65,6 +70,7 @@ class OccupancyDataset(Dataset):
 
         read = window if self.images else [now]
         images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(read)}
+        labels = pixel_labels(clip, now) if self.pixels else {}
         motion = ego_motion(clip.world_from_body[window], velocity_world_mps(clip, now))
 
         return {
@@ -75,6 +81,7 @@ class OccupancyDataset(Dataset):
             "history_valid": torch.tensor(valid),
             "semantics": torch.from_numpy(clip.semantics(now)),
             "visible": torch.from_numpy(clip.visible(now)),
+            **labels,
             "clip": clip_id,
             "frame": now,
         }
@@ -87,6 +94,19 @@ class OccupancyDataset(Dataset):
             return True
         capture_hz = self.clips[clip_id].meta.capture_hz
         return part_of_time(frame / capture_hz) == part_of_time(now / capture_hz)
+
+
+def pixel_labels(clip: Clip, frame: int) -> dict[str, Tensor]:
+    """Returns the class and the z-depth in metres that a frame's pixels see: at the centers of
+    squares of `PIXEL_STRIDE` pixels, where the sky's class is that of free space and its depth
+    infinite."""
+    center = slice(PIXEL_STRIDE // 2, None, PIXEL_STRIDE)
+    class_id = clip.aux("class", frame)[center, center]
+    depth_m = clip.aux("depth", frame)[center, center]
+    return {
+        "pixel_class": torch.from_numpy(np.where(class_id == SKY, FREE, class_id)),
+        "pixel_depth_m": torch.from_numpy(depth_m.copy()),
+    }
 
 
 def require_loading(data: Mapping) -> None:

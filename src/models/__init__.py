@@ -10,3 +10,4 @@ from .history import History
 from .lift_splat import LiftSplat
 from .losses import OccupancyLoss, safety_weights
 from .network import SkyOcc
+from .surface_lift import SurfaceLift

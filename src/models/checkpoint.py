@@ -18,8 +18,9 @@ from ..errors import UserError, reason_of
 from .network import SkyOcc
 from .weights import ORIGIN, UNREADABLE
 
-# Format of a checkpoint's own part. Files of format 1 held weights and no configuration.
-FORMAT = 2
+# Format of a checkpoint's own part. Files of format 1 held weights and no configuration, those of
+# format 2 no prior by height.
+FORMAT = 3
 
 
 class WholeCheckpoints(TorchCheckpointIO):
@@ -43,9 +44,10 @@ class Origin:
 
     ``config`` is the composed configuration without places and what shapes nothing. ``code`` is the
     digest of each file that shaped the run, ``dataset`` the dataset's name. ``class_counts`` [9]
-    are the voxels of each class in the training labels, and ``voxel_prior`` is what they predict
-    where nobody looks. ``backbone`` holds arguments of the image encoder that replace those in
-    ``config``: with them it is built without the files that its training began with.
+    are the voxels of each class in the training labels. ``voxel_prior`` and ``height_prior`` are
+    what these predict where nobody looks (`VoxelPrior`), the second from ``lowest_layer`` upwards.
+    ``backbone`` holds arguments of the image encoder that replace those in ``config``: with them it
+    is built without the files that its training began with.
     """
 
     config: dict
@@ -53,6 +55,8 @@ class Origin:
     dataset: str
     class_counts: list[int]
     voxel_prior: UInt8[Tensor, "X Y Z"]
+    height_prior: UInt8[Tensor, "X Y K"]
+    lowest_layer: int
     backbone: dict = field(default_factory=dict)
 
 
@@ -73,7 +77,7 @@ class Checkpoint:
         if (written := facts.pop("format", 1)) != FORMAT:
             raise UserError(
                 f"ckpt_path: {path} is of format {written}, and this code reads format {FORMAT}, "
-                "with the configuration in it; train again, or use the code that wrote it"
+                "with configuration and priors in it; train again, or use the code that wrote it"
             )
         # The backbone's arguments are the one fact that a file need not have.
         if wrong := {each.name for each in fields(Origin)} ^ {"backbone", *facts}:

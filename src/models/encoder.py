@@ -10,6 +10,7 @@ from ..geometry import VoxelGrid
 from .backbone import STRIDES
 from .history import History, TemporalAttention, align_history
 from .references import PillarReferences, Projection, References
+from .sight import Sight
 from .tensors import Features, Pillars, Queries
 
 
@@ -26,11 +27,19 @@ class EncoderLayer(nn.Module):
         )
         # A norm that nothing reads would have no gradient, and training on several devices refuse.
         before_lift = nn.LayerNorm(dim) if getattr(lift, "reads_query", True) else nn.Identity()
+        self.reads_sight = getattr(lift, "reads_sight", False)
         self.norms = nn.ModuleList([before_lift, nn.LayerNorm(dim)])
 
-    def forward(self, pillars: Queries, features: Features, references: References) -> Pillars:
+    def forward(
+        self,
+        pillars: Queries,
+        features: Features,
+        references: References,
+        sight: Sight | None = None,
+    ) -> Pillars:
         before_lift, before_feed_forward = self.norms
-        pillars = pillars + self.lift(before_lift(pillars), features, references)
+        seen = (features, references, sight) if self.reads_sight else (features, references)
+        pillars = pillars + self.lift(before_lift(pillars), *seen)
         return pillars + self.feed_forward(before_feed_forward(pillars))
 
 
@@ -43,11 +52,12 @@ class PillarEncoder(nn.Module):
     passes through every layer once.
 
     ``grid`` places the pillars: one for each (x, y) cell, P = X * Y of them in row-major order,
-    ``dim`` wide. ``num_heights`` references a pillar; ``num_frames`` is the paper's L;
-    ``projection`` and ``capacity`` are `PillarReferences`'s. ``lift`` builds the lifting of each
-    layer from ``dim`` and ``num_heights``: `DeformableCrossAttention` is the paper's, and any
-    module with its call can take its place. It may say that it does without something:
-    ``reads_query = False``, or ``reads_strides``, those of the feature levels that it does read.
+    ``dim`` wide. ``num_heights`` references a pillar, ``None`` for one a voxel; ``num_frames`` is
+    the paper's L; ``projection`` and ``capacity`` are `PillarReferences`'s. ``lift`` builds the
+    lifting of each layer from ``dim`` and ``num_heights``: `DeformableCrossAttention` is the
+    paper's, and any module with its call can take its place. It may say that it does without
+    something: ``reads_query = False``, or ``reads_strides``, those of the feature levels that it
+    does read; and with ``reads_sight = True`` it is given what the pixels see, too.
 
     Raises `UserError` for a history (``num_frames`` above 1) without a layer that sees a past
     frame.
@@ -59,7 +69,7 @@ class PillarEncoder(nn.Module):
         lift: Callable[..., nn.Module],
         dim: int = 256,
         num_layers: int = 3,
-        num_heights: int = 8,
+        num_heights: int | None = 8,
         num_frames: int = 4,
         num_heads: int = 8,
         projection: Projection = "attitude",
@@ -72,7 +82,8 @@ class PillarEncoder(nn.Module):
                 "2 or more, or data.frames=1"
             )
         self.grid, self.dim, self.num_frames = grid, dim, num_frames
-        rows, columns, _ = grid.shape
+        rows, columns, bins = grid.shape
+        num_heights = num_heights or bins
         self.query = nn.Parameter(0.02 * torch.randn(rows, columns, dim))
         self.row = nn.Parameter(torch.randn(rows, 1, dim))
         self.column = nn.Parameter(torch.randn(1, columns, dim))
@@ -83,15 +94,18 @@ class PillarEncoder(nn.Module):
         self.frame_layers = nn.ModuleList(first_layers)
         lifts = [layer.lift for layer in (*first_layers, self.last_layer)]
         self.reads_strides = {s for lift in lifts for s in getattr(lift, "reads_strides", STRIDES)}
+        self.reads_sight = any(getattr(lift, "reads_sight", False) for lift in lifts)
         self.frame_norm = nn.LayerNorm(dim)
         self.temporal = TemporalAttention(dim, num_heads, num_frames)
         self.norm = nn.LayerNorm(dim)
 
-    def frame(self, features: Features, references: References) -> Pillars:
+    def frame(
+        self, features: Features, references: References, sight: Sight | None = None
+    ) -> Pillars:
         """Pillars of a frame from its image alone; ``references`` are from ``self.references``."""
         pillars = (self.query + self.row + self.column).flatten(0, 1)[None]
         for layer in self.frame_layers:
-            pillars = layer(pillars, features, references)
+            pillars = layer(pillars, features, references, sight)
         return self.frame_norm(pillars).expand(len(references.valid), -1, -1)
 
     def fuse(
@@ -100,11 +114,12 @@ class PillarEncoder(nn.Module):
         features: Features,
         references: References,
         history: History | None = None,
+        sight: Sight | None = None,
     ) -> Pillars:
         """What `frame` gave, with its history, if there is one, and once more its image."""
         aligned = None if history is None else align_history(history, self.grid)
         pillars = pillars + self.temporal(pillars, aligned)
-        return self.norm(self.last_layer(pillars, features, references))
+        return self.norm(self.last_layer(pillars, features, references, sight))
 
     def no_history(self, pillars: Pillars) -> History | None:
         """A history of one frame that does not exist; ``None`` for an encoder without history.

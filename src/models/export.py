@@ -44,7 +44,7 @@ class StepGraph(nn.Module):
     def forward(self, *inputs: Tensor) -> tuple[Float[Tensor, "1 9 x y z"], Float[Tensor, "1 p d"]]:
         batch, past = dict(zip(INPUTS, inputs)), inputs[len(CURRENT) :]
         batch |= {name: batch[name][:, None] for name in OF_QUEUE}
-        return self.network.step(batch, History(*past) if past else None)
+        return self.network.step(batch, History(*past) if past else None)[:2]
 
 
 def step_inputs(batch: Mapping[str, Tensor], history: History | None) -> tuple[Tensor, ...]:

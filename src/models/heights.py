@@ -8,9 +8,14 @@ from .references import References
 from .tensors import Pillars
 
 
-def height_projections(num_heights: int, dim: int, gain: float = 1.0) -> nn.Parameter:
-    """Returns ``[num_heights, dim, dim]``, each as a linear layer would start, times a gain."""
-    projections = nn.Parameter(torch.empty(num_heights, dim, dim))
+def height_projections(
+    num_heights: int, dim: int, gain: float = 1.0, told: int | None = None
+) -> nn.Parameter:
+    """Returns ``[num_heights, told, dim]``, each as a linear layer would start, times a gain.
+
+    ``told`` is the width of what is gathered at a height, ``dim`` by default.
+    """
+    projections = nn.Parameter(torch.empty(num_heights, told or dim, dim))
     for weight in projections.data:
         nn.init.xavier_uniform_(weight, gain)
     return projections
@@ -27,7 +32,9 @@ def gain_of_mean(num_heights: int) -> float:
 
 
 def projected_sum(
-    by_height: Float[Tensor, "b*p*j dim"], projections: Float[Tensor, "j dim dim"], batch_size: int
+    by_height: Float[Tensor, "b*p*j told"],
+    projections: Float[Tensor, "j told dim"],
+    batch_size: int,
 ) -> Pillars:
     """Returns ``sum_j f_pj W_j``: a plain sum would lose which height a feature came from."""
     by_pillar = by_height.view(batch_size, -1, projections.shape[:2].numel())
@@ -35,7 +42,9 @@ def projected_sum(
 
 
 def projected_mean(
-    sampled: Float[Tensor, "r dim"], projections: Float[Tensor, "j dim dim"], references: References
+    sampled: Float[Tensor, "r told"],
+    projections: Float[Tensor, "j told dim"],
+    references: References,
 ) -> Pillars:
     """Returns ``1/|J_p| sum_{j in J_p} f_pj W_j`` of the samples at ``references.in_view``.
 

@@ -9,12 +9,14 @@ from lightning import LightningModule, Trainer
 from torch import Tensor, nn
 from torch.optim import AdamW, Optimizer
 from torch.optim.lr_scheduler import LambdaLR
-from torchmetrics import Metric
+from torchmetrics import MeanMetric, Metric
 
 from ..data.truth import truth_of
 from ..errors import UserError
 from .checkpoint import FORMAT, Origin
 from .memory import PillarMemory
+from .network import Step
+from .sight import depth_error
 from .weights import ORIGIN
 
 
@@ -40,6 +42,7 @@ class OccupancyModule(LightningModule):
         super().__init__()
         self.network, self.loss = network, loss
         self.val_scores, self.test_suite = make_scores(), test_suite
+        self.val_depth = MeanMetric()
         self.memory, self.origin = memory, origin
         self.optimizer_config = dict(optimizer)
 
@@ -57,34 +60,43 @@ class OccupancyModule(LightningModule):
             self.memory.clear()
 
     def training_step(self, batch: Mapping[str, Tensor], batch_index: int) -> Tensor:
-        parts = self.loss(self.training_logits(batch), batch["semantics"])
+        step = self.training_output(batch)
+        parts = self.loss(step.logits, batch["semantics"])
+        if step.sight is not None:
+            of_pixels = self.network.sight.losses(step.sight, batch)
+            parts |= of_pixels | {"total": parts["total"] + sum(of_pixels.values())}
         # Here, and not after the step: no weight is touched by a loss that is not finite.
         self._require_finite(parts, batch)
         self.log_dict({f"train/{name}": value.detach() for name, value in parts.items()})
         self.log("train/loss", parts["total"].detach(), prog_bar=True, logger=False)
         return parts["total"]
 
-    def training_logits(self, batch: Mapping[str, Tensor]) -> Tensor:
-        """Returns the logits of a batch of the training loader, whichever its order."""
+    def training_output(self, batch: Mapping[str, Tensor]) -> Step:
+        """Returns what the network gives for a batch of the training loader, in whichever order."""
         if self.memory is None:
-            return self(batch)
+            return self.network.step(batch, self.network.history_of(batch))
 
-        logits, pillars = self.network.step(batch, self.memory.history(batch))
-        self.memory.keep(pillars)
-        return logits
+        step = self.network.step(batch, self.memory.history(batch))
+        self.memory.keep(step.pillars)
+        return step
 
     def validation_step(self, batch: Mapping[str, Tensor], batch_index: int) -> None:
-        logits = self(batch)
+        logits, _, sight = self.network.step(batch, self.network.history_of(batch))
         parts = self.loss(logits, batch["semantics"])
         self._require_finite(parts, batch)
         self.log("val/loss", parts["total"], batch_size=len(batch["frame"]), sync_dist=True)
         self.val_scores.update(logits, batch["semantics"], batch["velocity_mps"])
+        if sight is not None:
+            self.val_depth.update(*depth_error(sight, batch["pixel_depth_m"]))
 
     def on_validation_epoch_end(self) -> None:
         scores = self.val_scores.compute()
         self.val_scores.reset()
         self.log_dict({f"val/{name}": value for name, value in scores.items()})
         self.log("val/kar", scores["kar_miou"], prog_bar=True, logger=False)
+        if self.val_depth.update_called:
+            self.log("val/depth_error", self.val_depth.compute())
+            self.val_depth.reset()
 
     def test_step(self, batch: Mapping[str, Tensor], batch_index: int) -> None:
         self.test_suite.update(self(batch), truth_of(batch))

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from ..bounds import require_at_least, require_choice
+from ..errors import UserError
 from ..geometry import inverse
 from .checkpointing import recompute_in_backward, running_statistics
 from .decoder import PillarDecoder
@@ -17,17 +18,29 @@ from .history import History
 from .metadata import Metadata
 from .neck import FPN
 from .references import References
+from .sight import Sight, SightHead
 from .tensors import Features, Image, Logits, Pillars
 
 HistoryKind = Literal["queue", "recursive"]
 
 
 class Frame(NamedTuple):
-    """One frame by itself: its feature maps, its references, and its pillars from these alone."""
+    """One frame by itself: its feature maps, its references, and its pillars from these alone; and
+    what its pixels see, where the network says it."""
 
     features: Features
     references: References
     pillars: Pillars
+    sight: Sight | None = None
+
+
+class Step(NamedTuple):
+    """What a frame gives: its logits, the pillars that later frames take as their history, and what
+    its pixels see, where the network says it."""
+
+    logits: Logits
+    pillars: Pillars
+    sight: Sight | None
 
 
 class SkyOcc(nn.Module):
@@ -41,11 +54,13 @@ class SkyOcc(nn.Module):
     ``backbone`` is a `ResNet`, or any module with its call and ``channels``. ``metadata`` names the
     measurements (`Metadata`) that are added to the pillars after the lifting: before it, deformable
     offsets could learn the tilt. With ``ground`` the encoder's and the decoder's grid stands on the
-    ground plane, else it is the occ frame's. With ``history_grad`` gradients also flow into the
-    past frames. With ``checkpointing`` training keeps less in memory and computes blocks and layers
-    twice.
+    ground plane, else it is the occ frame's. ``sight`` says what the pixels see, which is a task of
+    its own in training, and what a lifting may read. With ``history_grad`` gradients also flow into
+    the past frames. With ``checkpointing`` training keeps less in memory and computes blocks and
+    layers twice.
 
-    Raises `UserError` for another ``history``, and for other ``metadata``.
+    Raises `UserError` for another ``history``, for other ``metadata``, and for a lifting that does
+    not go with the ``sight``: it reads no level as fine, or what is not there.
     """
 
     def __init__(
@@ -56,6 +71,7 @@ class SkyOcc(nn.Module):
         history: HistoryKind = "queue",
         metadata: Sequence[str] = ("attitude", "velocity"),
         ground: GroundVolume | None = None,
+        sight: SightHead | None = None,
         history_grad: bool = False,
         checkpointing: bool = False,
     ) -> None:
@@ -69,7 +85,8 @@ class SkyOcc(nn.Module):
         if hasattr(backbone, "freeze_unread"):
             backbone.freeze_unread(self.neck.finest)
         self.metadata = Metadata(dim, metadata) if metadata != [] else None
-        self.ground = ground
+        self.ground, self.sight = ground, sight
+        _require_fitting(sight, encoder)
         self.history, self.history_grad = history, history_grad
 
         self.to(memory_format=torch.channels_last)
@@ -98,7 +115,7 @@ class SkyOcc(nn.Module):
         Raises `UserError` for image sides that are no multiples of 32, and for more frames than the
         encoder was built for.
         """
-        return self.step(batch, self.history_of(batch))[0]
+        return self.step(batch, self.history_of(batch)).logits
 
     def history_of(self, batch: Mapping[str, Tensor]) -> History | None:
         """Returns what every past frame of the queue that exists leaves behind.
@@ -122,12 +139,12 @@ class SkyOcc(nn.Module):
 
         return History.of(steps[-self.past_frames :], batch)
 
-    def step(self, batch: Mapping[str, Tensor], history: History | None) -> tuple[Logits, Pillars]:
-        """Returns the logits of a batch's current frames, and what these leave behind."""
+    def step(self, batch: Mapping[str, Tensor], history: History | None) -> Step:
+        """Returns what a batch's current frames give."""
         frame = self.encode(batch, -1)
         fused = self.fuse(frame, history)
         logits = self.decode(fused, batch)
-        return logits, self.carried(frame, fused)
+        return Step(logits, self.carried(frame, fused), frame.sight)
 
     def encode(
         self, batch: Mapping[str, Tensor], at: int, rows: Tensor | slice = slice(None)
@@ -147,8 +164,11 @@ class SkyOcc(nn.Module):
             (image.shape[-1], image.shape[-2]),
             height_m,
         )
-        features = self.features(image)
-        return Frame(features, references, self.encoder.frame(features, references))
+        features, sight = self.features(image), None
+        if self.sight is not None:
+            sight = self.sight(features[0], references, self.ground is not None)
+        pillars = self.encoder.frame(features, references, sight)
+        return Frame(features, references, pillars, sight)
 
     def features(self, image: Image) -> Features:
         """Returns the feature maps of a frame; ``None`` for a level that no lifting reads."""
@@ -158,7 +178,8 @@ class SkyOcc(nn.Module):
         """Returns the pillars of a frame and of what came before it."""
         if history is None and self.training:
             history = self.encoder.no_history(frame.pillars)
-        return self.encoder.fuse(frame.pillars, frame.features, frame.references, history)
+        seen = frame.features, frame.references
+        return self.encoder.fuse(frame.pillars, *seen, history, frame.sight)
 
     def carried(self, frame: Frame, fused: Pillars) -> Pillars:
         """Returns the pillars that later frames take as their history."""
@@ -201,6 +222,18 @@ class SkyOcc(nn.Module):
             before[-1][rows, None],
             (inverse(occ_from_this) @ occ_from_last)[:, None],
             batch["history_valid"][rows, at - 1 : at],
+        )
+
+
+def _require_fitting(sight: SightHead | None, encoder: PillarEncoder) -> None:
+    """Raises `UserError` for a lifting that does not go with the head of the pixels."""
+    if sight is None and encoder.reads_sight:
+        raise UserError("model/sight: this model/lift reads what pixels see; give model/sight=on")
+    if sight is not None and sight.stride not in encoder.reads_strides:
+        raise UserError(
+            f"model/sight: what pixels see is read off stride {sight.stride}, and model/lift reads "
+            f"{sorted(encoder.reads_strides)}; give model/sight=off, or "
+            f"model.encoder.lift.stride={sight.stride}"
         )
 
 

@@ -1,90 +1,94 @@
-"""The voxel prior: the strongest prediction that never looks at the image."""
+"""Priors of the voxels: what can be predicted without a look at the image."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
 
 import torch
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int, Shaped, UInt8
 from torch import Tensor
 from torchmetrics import Metric
 
 from ..errors import UserError
-from ..ontology import UNKNOWN
+from ..ontology import FREE, NUM_CLASSES, UNKNOWN
 
 # Weights of free from 1 down to 0.001. None lies above 1: the decision that maximises an IoU of J
 # calls a voxel occupied where its odds exceed J, and J is at most 1.
 CANDIDATES = tuple(10 ** (-step / 4) for step in range(13))
+# Target, velocity in m/s, and the layer at which the target's lowest voxels lie.
+Frame = tuple[Int[Tensor, "X Y Z"], Float[Tensor, "3"], int]
 
 
 class VoxelPrior:
-    """Predicts for each voxel of the occ frame its most frequent training label.
+    """Predicts for each voxel its most frequent training label.
 
-    It is an anchor: a model that does not beat it has learnt where things usually are, and not what
+    It is a floor: a model that does not beat it has learnt where things usually are, and not what
     is there now. Free space is the most frequent label nearly everywhere, so its count is first
     multiplied by ``free_weight``, which `fit` chooses on validation; 1 is the plain majority.
+
+    ``layers`` are the first and the last layer at which a frame's lowest voxels may lie. With one
+    layer alone voxels are those of the occ frame, which moves with the UAV. With more they stand
+    still while frames are counted higher or lower, by the UAV's height above the ground plane in
+    voxels: so a model that is told its height has a floor that is told it, too.
     """
 
-    def __init__(
-        self, shape: tuple[int, int, int], num_classes: int = 9, free_index: int = 8
-    ) -> None:
-        self.shape = tuple(shape)
-        self.num_classes = num_classes
-        self.free_index = free_index
+    def __init__(self, shape: tuple[int, int, int], layers: tuple[int, int] = (0, 0)) -> None:
+        self.shape, self.layers = tuple(shape), layers
         self.free_weight = 1.0
+        rows, columns, heights = self.shape
         # The last row takes the unknown labels.
-        self._counts = torch.zeros(num_classes + 1, *self.shape, dtype=torch.int32)
+        size = NUM_CLASSES + 1, rows, columns, heights + layers[1] - layers[0]
+        self._counts = torch.zeros(size, dtype=torch.int32)
 
     @property
-    def counts(self) -> Int[Tensor, "c X Y Z"]:
+    def counts(self) -> Int[Tensor, "c X Y K"]:
         """Returns how often each class was the label of each voxel."""
         return self._counts[:-1]
 
-    def count(self, semantics: UInt8[Tensor, "*batch X Y Z"]) -> None:
-        """Counts the labels of training frames.
+    def count(self, semantics: UInt8[Tensor, "X Y Z"], layer: int = 0) -> None:
+        """Counts the labels of a training frame, whose lowest voxels lie at a layer.
 
         Unknown voxels (255) are not counted. Raises `UserError` for another dtype or shape, or a
         class id out of range.
         """
-        if semantics.dtype != torch.uint8 or tuple(semantics.shape[-3:]) != self.shape:
+        if semantics.dtype != torch.uint8 or tuple(semantics.shape) != self.shape:
             raise UserError(
-                f"semantics: {semantics.dtype} {list(semantics.shape)} is not uint8 and does not "
-                f"end in the prior's shape {list(self.shape)}"
+                f"semantics: {semantics.dtype} {list(semantics.shape)} is not uint8 "
+                f"{list(self.shape)}, the prior's shape"
             )
-
-        labels = semantics.cpu().reshape(-1, *self.shape)
-        present = set(labels.flatten().bincount().nonzero().flatten().tolist())
-        if wrong := present - {UNKNOWN, *range(self.num_classes)}:
+        present = set(semantics.flatten().bincount().nonzero().flatten().tolist())
+        if wrong := present - {UNKNOWN, *range(NUM_CLASSES)}:
             raise UserError(
-                f"semantics: class ids {sorted(wrong)} are neither 0 to {self.num_classes - 1} "
-                f"nor {UNKNOWN}"
+                f"semantics: class ids {sorted(wrong)} are neither 0 to {NUM_CLASSES - 1} nor "
+                f"{UNKNOWN}"
             )
 
         one = torch.ones(1, 1, 1, 1, dtype=torch.int32).expand(1, *self.shape)
-        for frame in labels:
-            self._counts.scatter_add_(0, frame.clamp(max=self.num_classes).long()[None], one)
+        at_layer = self._seen(self._counts, layer)
+        at_layer.scatter_add_(0, semantics.clamp(max=NUM_CLASSES).long()[None], one)
 
-    def labels(self, free_weight: float | None = None) -> UInt8[Tensor, "X Y Z"]:
-        """Returns the prediction under a weight of free space, by default the one `fit` chose.
+    def labels(self, free_weight: float | None = None) -> UInt8[Tensor, "X Y K"]:
+        """Returns the prediction of every voxel under a weight of free space, by default the one
+        that `fit` chose.
 
         A tie between free and occupied is occupied, one between occupied classes the lower id. A
         voxel that no training frame labelled is free.
         """
         weight = self.free_weight if free_weight is None else free_weight
         counts = self.counts.clone()
-        counts[self.free_index] = -1
+        counts[FREE] = -1
         occupied_count, occupied = counts.max(dim=0)
 
-        wins = occupied_count >= weight * self.counts[self.free_index].double()
+        wins = occupied_count >= weight * self.counts[FREE].double()
         wins &= occupied_count > 0
-        return torch.where(wins, occupied.to(torch.uint8), self.free_index)
+        return torch.where(wins, occupied.to(torch.uint8), FREE)
 
     def fit(
         self,
-        frames: Iterable[tuple[Int[Tensor, "*batch X Y Z"], Float[Tensor, "*batch 3"]]],
+        frames: Iterable[Frame],
         make_scores: Callable[[], Metric],
         candidates: Sequence[float] = CANDIDATES,
     ) -> dict[float, float]:
-        """Chooses ``free_weight`` on validation ``frames``, pairs of target and velocity in m/s.
+        """Chooses ``free_weight`` on the ``frames`` of validation.
 
         The criterion is the one that selects checkpoints: the highest ``kar_miou`` of the
         `OccupancyScores` that ``make_scores`` makes, and the larger weight where two are equal.
@@ -98,11 +102,10 @@ class VoxelPrior:
             alike.setdefault(self.labels(weight).numpy().tobytes(), []).append(weight)
 
         scored = [(self.labels(weights[0]), make_scores()) for weights in alike.values()]
-        for target, velocity in frames:
-            target = target.reshape(-1, *self.shape)
+        for target, velocity, layer in frames:
             for labels, metric in scored:
-                preds = labels.to(target.device).expand_as(target)
-                metric.update(preds, target, velocity.reshape(-1, 3))
+                preds = self._seen(labels, layer)
+                metric.update(preds[None], target[None], velocity[None])
 
         kar_miou = {}
         for weights, (_, metric) in zip(alike.values(), scored):
@@ -115,3 +118,15 @@ class VoxelPrior:
 
         self.free_weight = max(kar_miou, key=kar_miou.__getitem__)
         return kar_miou
+
+    def _seen(self, table: Tensor, layer: int) -> Tensor:
+        return seen_from(table, layer - self.layers[0], self.shape[2])
+
+
+def seen_from(
+    table: Shaped[Tensor, "*c X Y K"], layer: int, heights: int
+) -> Shaped[Tensor, "*c X Y heights"]:
+    """Returns the part of a table of voxels that a grid covers whose lowest ones lie at a layer of
+    it; beyond the first and the last layer, the part that is nearest."""
+    start = min(max(layer, 0), table.shape[-1] - heights)
+    return table[..., start : start + heights]

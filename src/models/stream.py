@@ -99,7 +99,7 @@ class SkyOccStream:
         shape or type, or not finite.
         """
         frame = sound(frame)
-        logits, pillars = self.network.step(*self.arguments(frame))
+        logits, pillars = self.network.step(*self.arguments(frame))[:2]
 
         newest = Past(frame.time_s, frame.world_from_body, pillars)
         oldest_s = frame.time_s - len(self.ages) * self.step_s - self.tolerance_s

@@ -21,11 +21,11 @@ from .voxels import view_of
 SECONDS, FRAME_HZ = 4.0, 5.0
 HEIGHT_PIX, VOXEL_ASPECT, GAP_PIX, TITLE_PIX = 224, 1.25, 8, 28
 VOXEL_PIX = (round(HEIGHT_PIX * VOXEL_ASPECT), HEIGHT_PIX)
-MAX_BYTES = 2_000_000
+MAX_BYTES = 1_000_000
 
 
 def draw_flight(root: Path, statistics: Statistics, path: str | Path) -> None:
-    """Writes a GIF of at most 2 MB: the image, and the labels in 3-D, in real time.
+    """Writes a GIF of at most 1 MB: the image, and the labels in 3-D, in real time.
 
     Shows the `liveliest` clip of the first weather, 4 s around its middle. Raises `UserError` for a
     clip that cannot be read and a path that cannot be written.

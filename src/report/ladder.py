@@ -12,7 +12,7 @@ from ..errors import UserError
 from ..run_folder import ANCHORS
 
 # Names of the predictions that never look at the image, scored beside every run.
-ANCHOR_NAMES = dict(zip(ANCHORS, ("All free", "Voxel prior")))
+ANCHOR_NAMES = dict(zip(ANCHORS, ("All free", "Voxel prior", "Height prior")))
 
 
 class Rung(NamedTuple):

@@ -9,7 +9,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from ..data.check import DepthAgreement, agreement_of, problems_of
-from ..data.clip import SUMS, Clip, recorded_sums, sha256_of, unfinished
+from ..data.clip import AUX, SUMS, Clip, recorded_sums, sha256_of, unfinished
 from ..data.files import differing_files
 from ..data.manifest import MANIFEST, read_manifest
 from ..errors import UserError
@@ -116,7 +116,7 @@ def _check_clip(
     except UserError as error:
         problems = [str(error)]
 
-    if not problems and (folder / "aux.npz").is_file():
+    if not problems and (folder / AUX).is_file():
         clip = Clip(folder)
         for frame in range(len(clip)):
             agreement_of(clip, frame, agreement)

@@ -1,15 +1,19 @@
-"""Scores a trained model and the two anchors on the test split, and draws what it sees."""
+"""Scores a trained model and the anchors on the test split, and draws what it sees."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
+from jaxtyping import UInt8
 from omegaconf import DictConfig
+from torch import Tensor
 
 from ..data.batches import frames_in_order
 from ..data.datamodule import SkyShieldData
 from ..data.truth import truth_at
+from ..models.checkpoint import Origin
 from ..models.module import OccupancyModule
+from ..models.prior import seen_from
 from ..ontology import FREE
 from ..results import files
 from ..run_folder import ANCHORS, RunFolder
@@ -20,6 +24,8 @@ from .trainer import is_first_process
 
 # Frames on the sheet of a run.
 SHOWN_FRAMES = 5
+# From the UAV's height in voxels to a prediction.
+Anchor = Callable[[int], UInt8[Tensor, "X Y Z"]]
 
 
 def evaluate(session: Session, module: OccupancyModule, folder: RunFolder) -> None:
@@ -42,12 +48,11 @@ def evaluate(session: Session, module: OccupancyModule, folder: RunFolder) -> No
     parts = parts_of(cfg.data.test_clips)
     facts = session.facts(module.network) | {"seconds": round(seconds, 1)}
     rows = files.result_rows(scored[0], parts, facts)
-    # The anchors never look at a frame, and so predict the same for each.
-    prior = module.origin.voxel_prior
-    for name, labels in zip(ANCHORS, (torch.full_like(prior, FREE), prior)):
+    for name, labels in anchors_of(module.origin).items():
         start_s, suite = time.perf_counter(), suite_of(cfg, data)
         for clip, frame in tracked(samples, f"scoring {name}"):
-            suite.update(labels[None], truth_at(data.clips[clip], frame))
+            preds = labels(data.layer(clip, frame))
+            suite.update(preds[None], truth_at(data.clips[clip], frame))
         scored.append(counts_of(name, protocol, suite, samples))
         seconds = round(time.perf_counter() - start_s, 1)
         # An anchor has no network.
@@ -59,6 +64,17 @@ def evaluate(session: Session, module: OccupancyModule, folder: RunFolder) -> No
     files.write_results(folder.results, sorted(rows, key=lambda row: row["split"]))
     files.print_results(files.read_results(folder.results))
     say(f"{folder.results} and {folder.figures}")
+
+
+def anchors_of(origin: Origin) -> dict[str, Anchor]:
+    """Returns the predictions that never look at an image, by their names."""
+    prior = origin.voxel_prior
+
+    def by_height(layer: int) -> UInt8[Tensor, "X Y Z"]:
+        return seen_from(origin.height_prior, layer - origin.lowest_layer, prior.shape[2])
+
+    free = torch.full_like(prior, FREE)
+    return dict(zip(ANCHORS, (lambda layer: free, lambda layer: prior, by_height)))
 
 
 def _scored(session: Session) -> Sequence[tuple[str, int]]:

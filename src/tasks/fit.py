@@ -36,6 +36,7 @@ def fit(cfg: DictConfig) -> str:
     named = None if cfg.ckpt_path is None else _checkpoint_to_resume(session)
     require_buildable(cfg)
     require_unseen(cfg.model.backbone.get("weights"), session.data)
+    session.data.require_pixels()
 
     # The other processes of a run would wait for the lock of the first one.
     if not is_first_process():

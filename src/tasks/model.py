@@ -5,6 +5,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from ..data.datamodule import SkyShieldData
+from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..metrics.suite import ScoreSuite
 from ..models.checkpoint import Origin
@@ -12,7 +13,7 @@ from ..models.memory import PillarMemory
 from ..models.module import OccupancyModule
 from ..models.network import SkyOcc
 from ..models.prior import VoxelPrior
-from ..ontology import FREE, NUM_CLASSES
+from ..ontology import NUM_CLASSES
 from ..run_folder import RunFolder, shaping
 from .scoring import score_settings, suite_of
 
@@ -20,24 +21,29 @@ from .scoring import score_settings, suite_of
 def origin_of(cfg: DictConfig, data: SkyShieldData, folder: RunFolder) -> Origin:
     """Returns what shapes a training that begins now.
 
-    Reads all training labels, for their counts and the voxel prior, and the validation labels, on
-    which the prior's weight of free is chosen.
+    Reads all training labels, for their counts and the priors, and the validation labels, on which
+    the priors' weights of free are chosen.
     """
-    # Anchor and class counts: one pass over the labels serves both.
-    prior = VoxelPrior(data.grid.shape, NUM_CLASSES, FREE)
-    for semantics, _ in data.labels("train"):
-        prior.count(semantics)
+    layers = [data.layer(*sample) for sample in data.split["train"]]
+    by_voxel = VoxelPrior(data.grid.shape)
+    by_height = VoxelPrior(data.grid.shape, (min(layers), max(layers)))
+    # One pass over the labels serves both floors and the class counts.
+    for semantics, _, layer in data.labels("train"):
+        by_voxel.count(semantics)
+        by_height.count(semantics, layer)
 
     scores = instantiate(cfg.metric)
-    frames = ((labels[None], velocity[None]) for labels, velocity in data.labels("val"))
-    prior.fit(frames, lambda: scores(data.grid))
+    by_voxel.fit(((*labels[:2], 0) for labels in data.labels("val")), lambda: scores(data.grid))
+    by_height.fit(data.labels("val"), lambda: scores(data.grid))
 
     return Origin(
         config={**shaping(folder.config), "name": cfg.name},
         code=folder.code,
         dataset=data.root.name,
-        class_counts=prior.counts.sum(dim=(1, 2, 3), dtype=torch.int64).tolist(),
-        voxel_prior=prior.labels(),
+        class_counts=by_voxel.counts.sum(dim=(1, 2, 3), dtype=torch.int64).tolist(),
+        voxel_prior=by_voxel.labels(),
+        height_prior=by_height.labels(),
+        lowest_layer=min(layers),
     )
 
 
@@ -66,6 +72,11 @@ def module_of(
 def require_buildable(cfg: DictConfig) -> None:
     """Builds the configured network, its loss and its scores once and drops them, so that what is
     wrong with them is refused before any data are generated or read."""
+    if cfg.model.sight is not None and not cfg.data.pixels:
+        raise UserError(
+            "data.pixels: model/sight=on learns from what pixels see; give data.pixels=true, or "
+            "model/sight=off"
+        )
     # The weights of the network to train are drawn later, from an untouched generator.
     with torch.random.fork_rng(devices=[]):
         instantiate(cfg.model)

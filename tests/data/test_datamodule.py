@@ -89,8 +89,9 @@ def test_validation_and_test_are_whole_in_order_and_not_mirrored(root):
 def test_labels_are_those_of_the_samples(root):
     data = data_of(root)
     samples = data.dataset("val")
-    for index, (semantics, velocity_mps) in enumerate(data.labels("val")):
+    for index, (semantics, velocity_mps, layer) in enumerate(data.labels("val")):
         assert torch.equal(semantics, samples[index]["semantics"])
+        assert abs(layer * data.grid.voxel_m - samples[index]["height_m"]) <= data.grid.voxel_m / 2
         assert velocity_mps.norm() == pytest.approx(samples[index]["velocity_mps"].norm().item())
 
 

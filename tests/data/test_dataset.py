@@ -9,6 +9,7 @@ from src.data.batches import Key
 from src.data.dataset import OccupancyDataset, history_stride
 from src.errors import UserError
 from src.geometry import euler_from_rotation, inverse, transform, world_from_occ
+from src.ontology import FREE, SKY
 
 CLIP = "downtown/clip00"
 
@@ -165,3 +166,19 @@ def test_without_images_the_past_is_told_by_its_motion(clips):
     assert torch.equal(light["image"], whole["image"][-1:])
     for key in whole.keys() - {"image", "clip", "frame"}:
         assert torch.equal(light[key], whole[key]), key
+
+
+def test_pixels_are_labelled_at_the_centers_of_their_squares(clips):
+    dataset = OccupancyDataset(clips, [(CLIP, 20)], 1, 0.2, pixels=True)
+    sample, clip = dataset[0], clips[CLIP]
+    class_id, depth_m = clip.aux("class", 20), clip.aux("depth", 20)
+    assert sample["pixel_class"].shape == sample["pixel_depth_m"].shape == (16, 24)
+    for row, column in ((0, 0), (7, 3), (15, 23), (12, 12)):
+        seen = class_id[4 * row + 2, 4 * column + 2]
+        assert sample["pixel_class"][row, column] == (FREE if seen == SKY else seen)
+        assert sample["pixel_depth_m"][row, column] == depth_m[4 * row + 2, 4 * column + 2]
+    assert (sample["pixel_class"] == FREE).any()
+
+    mirrored = dataset[Key(0, mirror=True)]
+    for name in ("pixel_class", "pixel_depth_m"):
+        assert torch.equal(mirrored[name], sample[name].flip(-1))

@@ -23,17 +23,19 @@ from src.models import (
     PillarEncoder,
     ResNet,
     SkyOcc,
+    SurfaceLift,
 )
 from src.models.ground import GroundVolume
 from src.models.losses import OccupancyLoss, cross_entropy, lovasz
 from src.models.references import References, padded_index
+from src.models.sight import SightHead
 from src.ontology import UNKNOWN
 
 GRID = VoxelGrid(shape=(10, 10, 6))
 # A volume of the same pillars, on the ground.
 VOLUME = VoxelGrid((0, -25, -5), (50, 25, 15), (10, 10, 4))
 IMAGE_SIZE = (96, 64)
-LIFTS = ("deformable", "bilinear", "lss")
+LIFTS = ("deformable", "bilinear", "lss", "surface")
 
 
 def build_lift(name, grid=GRID, num_heads=2):
@@ -42,6 +44,7 @@ def build_lift(name, grid=GRID, num_heads=2):
         "deformable": functools.partial(DeformableCrossAttention, num_heads=num_heads),
         "bilinear": BilinearLift,
         "lss": functools.partial(LiftSplat, grid=grid),
+        "surface": functools.partial(SurfaceLift, grid=grid),
     }[name]
 
 
@@ -62,6 +65,7 @@ def build_network(
     sizes = {"dim": dim, "num_layers": num_layers, "num_heights": 4, "num_heads": 2}
     encoder = PillarEncoder(volume, build_lift(lift, volume), **sizes, **(encoder or {}))
     decoder = PillarDecoder(volume, dim, num_blocks=1)
+    network = {"sight": SightHead(dim, bins=12) if lift == "surface" else None, **network}
     return SkyOcc(backbone, encoder, decoder, ground=ground, **network)
 
 
@@ -116,6 +120,7 @@ def build_batch(batch_size=2, frames=4, grid=GRID, image_size=IMAGE_SIZE, seed=0
     chain = camera_from_occ(occ_from_body[:, -1], body_from_camera)
     pix, depth_m = project(grid.centers().flatten(0, 2), chain, pix_from_camera)
     visible = in_image(pix, depth_m, width, height).view(batch_size, *grid.shape)
+    pixels = batch_size, height // 4, width // 4
     labels = torch.randint(0, 9, visible.shape, generator=generator, dtype=torch.uint8)
     return {
         "image": torch.randint(
@@ -131,4 +136,6 @@ def build_batch(batch_size=2, frames=4, grid=GRID, image_size=IMAGE_SIZE, seed=0
         "height_m": 3 + 10 * torch.rand(batch_size, generator=generator),
         "semantics": labels.masked_fill(~visible, UNKNOWN),
         "visible": visible,
+        "pixel_class": torch.randint(0, 9, pixels, generator=generator, dtype=torch.uint8),
+        "pixel_depth_m": 80 * torch.rand(pixels, generator=generator),
     }

@@ -36,7 +36,7 @@ def test_with_weights_that_stand_still_the_memory_holds_what_the_queue_computes(
     for keys in StreamBatches(samples, 1, 4, 2, seed=0, mirror=True):
         batch, queue = (collated([data[key] for key in keys]) for data in (light, whole))
         with torch.no_grad():
-            logits, left_behind = network.step(batch, memory.history(batch))
+            logits, left_behind, _ = network.step(batch, memory.history(batch))
             memory.keep(left_behind)
             torch.testing.assert_close(logits, network(queue), atol=1e-4, rtol=1e-4)
         reached |= {key.past for key in keys}

@@ -14,6 +14,7 @@ from src.geometry import VoxelGrid
 from src.metrics import OccupancyScores
 from src.models.checkpoint import load_weights, read_content
 from src.models.module import OccupancyModule, rate_share
+from src.models.network import Step
 
 OPTIMIZER = {"lr": 0.1, "weight_decay": 0.01, "warmup": 0.25}
 
@@ -25,6 +26,12 @@ class Shift(nn.Module):
         super().__init__()
         self.shift = nn.Parameter(torch.zeros(1))
         self.matrix = nn.Parameter(torch.ones(1, 1))
+
+    def history_of(self, batch):
+        return None
+
+    def step(self, batch, history):
+        return Step(self(batch), None, None)
 
     def forward(self, batch):
         shape = (len(batch["frame"]), 1, *batch["semantics"].shape[1:])

@@ -47,7 +47,7 @@ def test_the_stream_equals_the_batch_path_exactly(batch, lift, volume):
     """Pillars cached one frame at a time, then the current frame, against the whole queue."""
     network = build_network(lift=lift, volume=volume).eval()
     cached = [network.encode(batch, at).pillars for at in range(3)]
-    streamed, left_behind = network.step(batch, History.of(cached, batch))
+    streamed, left_behind, _ = network.step(batch, History.of(cached, batch))
     assert streamed.equal(network(batch))
     assert left_behind.equal(network.encode(batch, -1).pillars)
 

@@ -1,4 +1,4 @@
-"""The voxel prior: its counts, its labels, and the weight that validation chooses."""
+"""The priors: their counts, their labels, and the weight that validation chooses."""
 
 import pytest
 import torch
@@ -6,7 +6,7 @@ import torch
 from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.metrics import OccupancyScores
-from src.models.prior import CANDIDATES, VoxelPrior
+from src.models.prior import CANDIDATES, VoxelPrior, seen_from
 
 GRID = VoxelGrid(lower_m=(0, -1, -1), upper_m=(8, 1, 1), shape=(4, 1, 1))
 BUILDING, THIN, CAR, FREE, UNKNOWN = 0, 3, 5, 8, 255
@@ -20,9 +20,10 @@ def labels_of(prior, free_weight=None):
     return prior.labels(free_weight).flatten().tolist()
 
 
-def prior_of(*rows):
-    prior = VoxelPrior(GRID.shape)
-    prior.count(frames_of(*rows))
+def prior_of(*rows, layers=(0, 0), at=0):
+    prior = VoxelPrior(GRID.shape, layers)
+    for frame in frames_of(*rows):
+        prior.count(frame, at)
     return prior
 
 
@@ -32,7 +33,8 @@ def make_scores():
 
 def fitted(prior, *rows, make_scores=make_scores, **candidates):
     """Every candidate's score on frames at 1 m/s in each direction."""
-    return prior.fit([(frames_of(*rows), torch.ones(len(rows), 3))], make_scores, **candidates)
+    frames = [(frame, torch.ones(3), 0) for frame in frames_of(*rows)]
+    return prior.fit(frames, make_scores, **candidates)
 
 
 def test_counts_accumulate_over_calls_and_leave_out_the_unknown():
@@ -61,13 +63,6 @@ def test_no_weight_invents_an_occupied_voxel():
     assert labels_of(prior_of([FREE, UNKNOWN, FREE, CAR]), free_weight=0.0) == [FREE] * 3 + [CAR]
 
 
-def test_the_free_class_may_have_any_id():
-    prior = VoxelPrior(GRID.shape, num_classes=3, free_index=0)
-    prior.count(frames_of([0, 0, 1, 2], [0, 2, 1, 0], [0, 0, 1, 0]))
-    assert labels_of(prior, free_weight=0.5) == [0, 2, 1, 2]
-    assert labels_of(prior, free_weight=0.6) == [0, 0, 1, 0]
-
-
 def training_rows():
     """A car in a third of the frames in the first voxel, in 1 of 102 in the last two."""
     return [[CAR, FREE, CAR, CAR]] + [[CAR, FREE, FREE, FREE]] * 33 + [[FREE] * 4] * 68
@@ -89,20 +84,12 @@ def test_validation_chooses_the_weight_that_scores_best():
 def test_the_results_are_the_scores_of_the_labels():
     prior = prior_of(*training_rows())
     target, velocity = frames_of([CAR, FREE, FREE, CAR]), torch.tensor([[9.0, 1.0, 0.0]])
-    results = prior.fit([(target, velocity)], make_scores)
+    results = prior.fit([(target[0], velocity[0], 0)], make_scores)
     for weight, kar_miou in results.items():
         scores = make_scores()
         scores.update(prior.labels(weight)[None], target, velocity)
         assert kar_miou == float(scores.compute()["kar_miou"])
     assert len(set(results.values())) == 3
-
-
-def test_frames_may_come_alone_in_batches_and_from_a_generator():
-    batch = frames_of([CAR] * 4, [FREE] * 4, [CAR, FREE, CAR, FREE])
-    velocity = torch.tensor([[9.0, 0.0, 0.0], [0.0, 20.0, 1.0], [0.0, 0.0, 0.0]])
-    prior = prior_of(*training_rows())
-    in_batches = prior.fit([(batch, velocity)], make_scores)
-    assert prior.fit(zip(batch, velocity), make_scores) == in_batches
 
 
 def test_predictions_that_are_the_same_are_scored_once():
@@ -129,13 +116,48 @@ def test_validation_without_an_occupied_voxel_is_refused():
     assert prior.free_weight == 1.0
 
 
+# ----------------------------------------------------------------------------------- by the height
+
+
+TALL = VoxelGrid(lower_m=(0, -1, -2), upper_m=(2, 1, 2), shape=(1, 1, 2))
+
+
+def by_height(*frames):
+    """A prior of frames of two voxels, one above the other, each with its layer."""
+    prior = VoxelPrior(TALL.shape, (3, 6))
+    for labels, layer in frames:
+        prior.count(torch.tensor(labels, dtype=torch.uint8).view(TALL.shape), layer)
+    return prior
+
+
+def test_frames_are_counted_where_they_are_above_the_ground():
+    prior = by_height(([BUILDING, FREE], 3), ([FREE, CAR], 4), ([THIN, FREE], 6))
+    assert prior.labels().flatten().tolist() == [BUILDING, FREE, CAR, THIN, FREE]
+
+
+def test_each_height_sees_its_part_and_one_beyond_the_nearest():
+    labels = by_height(([BUILDING, FREE], 3), ([FREE, CAR], 4), ([THIN, FREE], 6)).labels()
+    seen = {layer: seen_from(labels, layer - 3, 2).flatten().tolist() for layer in range(1, 9)}
+    assert seen[3] == seen[2] == seen[1] == [BUILDING, FREE]
+    assert (seen[4], seen[5]) == ([FREE, CAR], [CAR, THIN])
+    assert seen[6] == seen[7] == seen[8] == [THIN, FREE]
+
+
+def test_its_weight_is_chosen_on_frames_at_their_own_heights():
+    prior = by_height(([CAR, FREE], 5), *[([FREE, FREE], 5)] * 9)
+    labels = torch.tensor([FREE, CAR], dtype=torch.uint8).view(TALL.shape)
+    chosen = prior.fit([(labels, torch.ones(3), 4)], lambda: OccupancyScores(TALL))
+    assert prior.free_weight == CANDIDATES[4]
+    assert chosen[prior.free_weight] == 1.0
+
+
 @pytest.mark.parametrize(
     "semantics",
     [
-        torch.zeros(1, 4, 1, 2, dtype=torch.uint8),
-        torch.zeros(1, 4, 1, 1),
-        frames_of([BUILDING, 9, FREE, FREE]),
-        frames_of([BUILDING, 254, FREE, FREE]),
+        torch.zeros(4, 1, 2, dtype=torch.uint8),
+        torch.zeros(4, 1, 1),
+        frames_of([BUILDING, 9, FREE, FREE])[0],
+        frames_of([BUILDING, 254, FREE, FREE])[0],
     ],
 )
 def test_labels_that_do_not_fit_are_refused_and_not_counted(semantics):

@@ -9,6 +9,7 @@ from src.errors import UserError
 from src.report.paper_tables import main_table
 from src.report.run_group import groups_of
 from src.results.runs import read_run
+from src.run_folder import ANCHORS
 from src.tasks.scoring import parts_of
 from tests.results.scored import ladder_of, protocol, write_run
 
@@ -23,7 +24,7 @@ def test_runs_are_sorted_as_the_tables_are(tmp_path):
     (group,) = groups_of(ladder_of(tmp_path), mixed=False)
     assert names(group) == ["baseline seed 0", "baseline seed 1", "skyocc seed 0", "aspp seed 0"]
     assert [str(run) for run in group.rungs] == names(group)[:3]
-    assert list(group.counts()) == ["baseline", "skyocc", "aspp", "all_free", "voxel_prior"]
+    assert list(group.counts()) == ["baseline", "skyocc", "aspp", *ANCHORS]
     assert list(group.counts()["baseline"]) == [0, 1]
 
 
@@ -63,7 +64,7 @@ def test_runs_that_are_not_alike_are_refused_unless_mixed(tmp_path, other):
 def test_other_labels_are_noticed_where_the_anchors_are_kept_elsewhere(tmp_path):
     # As in published runs, whose anchors lie beside one of them.
     runs = [write_run(tmp_path, "attitude"), write_run(tmp_path, "skyocc", labels=1)]
-    for anchor in ("all_free", "voxel_prior"):
+    for anchor in ANCHORS:
         (runs[0] / f"tallies/{anchor}.npz").unlink()
     with pytest.raises(UserError, match=r"was scored on other labels than .*attitude/seed0"):
         groups_of(ladder_of(tmp_path), mixed=False)
@@ -89,11 +90,11 @@ def test_a_mixed_report_keeps_other_protocols_apart_and_the_ladder_first(tmp_pat
     parts = [group.parts(parts_of)[0] for group in (first, second)]
     table = main_table(parts)
     label = "+ Attitude-aware projection (2: dataset=tiny-4567)"
-    assert table.rows[-3][0] == label
+    assert table.rows[-1 - len(ANCHORS)][0] == label
     assert table.best_rows("Building") <= {*range(table.ranked)}, (
         "no rival of what others were scored on"
     )
-    assert table.ranked == len(table.rows) - 3
+    assert table.ranked == len(table.rows) - 1 - len(ANCHORS)
 
 
 @pytest.mark.parametrize("mixed", [False, True])

@@ -12,6 +12,7 @@ from src.metrics.suite import ScoreSuite
 from src.results.counts import Counts
 from src.results.files import result_rows, write_results
 from src.results.runs import read_run
+from src.run_folder import ANCHORS
 from src.tasks.scoring import parts_of
 from tests.metrics.inputs import with_metrics
 
@@ -138,7 +139,7 @@ def write_run(
         **{"dataset": "tiny-0123", **(facts or {})},
     }
     rows = []
-    for name in (experiment, "all_free", "voxel_prior"):
+    for name in (experiment, *ANCHORS):
         counted = _counted(name, seed, labels, (of or protocol()).to_json())
         counted.write(folder / "tallies" / f"{name}.npz")
         rows += result_rows(counted, parts_of(UNSEEN), facts)
@@ -153,6 +154,7 @@ def _counted(name, seed, labels, described):
     predict = {
         "all_free": lambda target, n: torch.full_like(target, 8),
         "voxel_prior": partial(_guess, right=0.2, first=0),
+        "height_prior": partial(_guess, right=0.3, first=0),
     }.get(name, partial(_guess, right=right, first=1000 * seed))
     return counts(name, predict, labels, Protocol.from_json(described))
 

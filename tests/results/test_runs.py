@@ -4,6 +4,7 @@ import pytest
 
 from src.errors import UserError
 from src.results.runs import ScoredRun, UnfinishedRun, read_run, run_folders
+from src.run_folder import ANCHORS
 from tests.results.scored import config_of, write_run
 
 OUT = "report"
@@ -66,7 +67,7 @@ def test_a_finished_run_is_read_with_its_anchors(tmp_path):
     assert isinstance(run, ScoredRun)
     assert (run.experiment, run.seed, run.code) == ("skyocc", 2, "code c0de")
     assert str(run) == "skyocc seed 2"
-    assert list(run.anchors) == ["all_free", "voxel_prior"]
+    assert list(run.anchors) == list(ANCHORS)
     assert run.counts.name == "skyocc"
     assert run.row["split"] == "test"
 

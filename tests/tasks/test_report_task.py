@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from src.errors import UserError
+from src.run_folder import ANCHORS
 from src.tasks.report import report
 from tests.report.typesetting import typeset
 from tests.results.presented import write_attitude
@@ -153,7 +154,10 @@ def test_runs_may_be_named_and_nothing_else_is_then_taken(ladder, tmp_path):
     named = (ladder / "baseline", ladder / "skyocc/seed1")
     out = reported(ladder, *named, out=tmp_path / "out")
     assert list(table(out, "ablation").index) == ["Baseline", "SkyOcc"]
-    assert set(scores_of(out)["experiment"]) - {"all_free", "voxel_prior"} == {"baseline", "skyocc"}
+    assert set(scores_of(out)["experiment"]) - {*ANCHORS} == {
+        "baseline",
+        "skyocc",
+    }
 
 
 def test_a_report_in_its_default_place_is_no_run_of_the_next_one(runs):
@@ -288,7 +292,7 @@ def test_without_any_rung_there_is_the_main_table_alone(tmp_path):
     for seed in (0, 1):
         write_run(runs, "streams", seed)
     out = reported(runs)
-    assert list(table(out, "main").index) == ["streams", "All free", "Voxel prior"]
+    assert list(table(out, "main").index) == ["streams", "All free", "Voxel prior", "Height prior"]
     assert "ablation" not in set(tables(out)["table"])
     page = page_of(out)
     assert "no finished run of the ladder is here" in page

@@ -176,7 +176,7 @@ def test_it_needs_no_file_that_its_training_began_with(changed):
     ("number", "change"),
     [
         (1, lambda content: content.pop("skyshield")),
-        (3, lambda content: content["skyshield"].update(format=3)),
+        (2, lambda content: content["skyshield"].update(format=2)),
     ],
 )
 def test_a_checkpoint_of_another_format_says_which(changed, number, change):

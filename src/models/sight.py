@@ -1,0 +1,155 @@
+"""What each pixel sees: its class, and how far away that is, as distributions.
+
+The depth is learnt from the generator's own (as in BEVDepth, Li et al. 2023), and tells a lifting
+at which of the references of a pillar the surface is.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+
+from ..geometry import inverse, pixel_centers
+from ..ontology import NUM_CLASSES
+from .backbone import STRIDES
+from .lift_splat import rays_camera
+from .references import References
+from .tensors import Scalar
+
+# The bins of the depth are equally wide in its logarithm.
+NEAR_M, FAR_M = 1.0, 64.0
+
+
+class Sight(NamedTuple):
+    """Logits of every pixel of the finest level.
+
+    ``classes`` has the eight occupied ones and, in the place of free, the sky. ``depth`` has bins
+    of the z-depth from `NEAR_M` to `FAR_M` and, as the last, what lies beyond.
+    """
+
+    classes: Float[Tensor, "b 9 h w"]
+    depth: Float[Tensor, "b bins+1 h w"]
+
+    def nearer(self, pixel: Int[Tensor, "r"], depth_m: Float[Tensor, "r"]) -> Float[Tensor, "r"]:
+        """Returns the probability that the surface in a pixel is nearer than a depth.
+
+        ``pixel`` numbers the pixels of the batch. Within a bin the probability rises linearly.
+        """
+        share = self.depth.float().softmax(dim=1).permute(0, 2, 3, 1)
+        edges = F.pad(share.cumsum(dim=-1), (1, 0)).flatten()
+        bins = share.shape[-1] - 1
+
+        place = place_of(depth_m, bins)
+        below = place.detach().floor().clamp(max=bins - 1)
+        index = pixel * (bins + 2) + below.long()
+        return torch.lerp(edges[index], edges[index + 1], place - below)
+
+    def depth_m(self) -> Float[Tensor, "b h w"]:
+        """Returns the median of the depth in metres, of what is not beyond."""
+        share = self.depth[:, :-1].float().softmax(dim=1)
+        bins = share.shape[1]
+        median = (share.cumsum(dim=1) < 0.5).sum(dim=1).clamp(max=bins - 1)
+        return NEAR_M * (FAR_M / NEAR_M) ** ((median + 0.5) / bins)
+
+
+class SightHead(nn.Module):
+    """Two convolutions from the finest features, and from where each pixel looks, to a `Sight`.
+
+    A pixel is told its ray's elevation and the depth at which the ray meets the ground plane, where
+    the pillars stand on that: both as the rung's own projection has them. One output says how
+    likely it is the ground that the pixel sees, which adds to the logits around that depth.
+
+    ``dim`` is the width of the features, ``weight`` the factor of the head's two losses.
+    """
+
+    stride = STRIDES[0]
+
+    def __init__(self, dim: int, bins: int = 48, weight: float = 1.0) -> None:
+        super().__init__()
+        self.bins, self.weight = bins, weight
+        self.ray = nn.Conv2d(4, dim, 1)
+        self.layers = nn.Sequential(
+            nn.Conv2d(dim, dim, 3, padding=1),
+            nn.ReLU(),
+            nn.Conv2d(dim, NUM_CLASSES + bins + 2, 1),
+        )
+
+    def forward(
+        self, feature: Float[Tensor, "b dim h w"], references: References, has_ground: bool
+    ) -> Sight:
+        """Returns what the pixels of the finest level see."""
+        height, width = feature.shape[-2:]
+        # Autocast would round geometry to 8 bits.
+        with torch.autocast(feature.device.type, enabled=False):
+            ray, ground_m, meets = rays(references, width, height, self.stride, has_ground)
+        out = self.layers(torch.relu(feature + self.ray(ray)))
+
+        classes, depth, is_ground = out.float().split([NUM_CLASSES, self.bins + 1, 1], dim=1)
+        bins = torch.arange(self.bins + 1, device=depth.device)[:, None, None] + 0.5
+        near_ground = (-0.5 * (bins - place_of(ground_m, self.bins)) ** 2).exp() * meets
+        # One is what it begins with: without a look most pixels see the ground.
+        return Sight(classes, depth + 4 * near_ground * (1 + is_ground))
+
+    def losses(self, sight: Sight, batch: Mapping[str, Tensor]) -> dict[str, Scalar]:
+        """Returns the cross-entropies of class and depth of the pixels, weighted."""
+        depth_m = batch["pixel_depth_m"]
+        place = place_of(depth_m, self.bins).floor().long().clamp(max=self.bins - 1)
+        place = torch.where(depth_m < FAR_M, place, self.bins)
+        return {
+            "pixel_class": self.weight
+            * F.cross_entropy(sight.classes, batch["pixel_class"].long()),
+            "pixel_depth": 0.5 * self.weight * F.cross_entropy(sight.depth, place),
+        }
+
+
+def place_of(depth_m: Float[Tensor, "*n"], bins: int) -> Float[Tensor, "*n"]:
+    """Returns a depth in bins, held between the first and the last edge."""
+    share = (depth_m.clamp(NEAR_M, FAR_M) / NEAR_M).log() / math.log(FAR_M / NEAR_M)
+    return share * bins
+
+
+def rays(
+    references: References, width: int, height: int, stride: int, has_ground: bool
+) -> tuple[Float[Tensor, "b 4 h w"], Float[Tensor, "b 1 h w"], Bool[Tensor, "b 1 h w"]]:
+    """Returns what the pixels of a level are told, the depth of the ground plane in metres, and
+    which rays meet it within `FAR_M`."""
+    volume_from_camera = inverse(references.camera_from_volume)
+    pix = (stride * pixel_centers(width, height)).flatten(0, 1).to(volume_from_camera)
+    points_camera = rays_camera(pix, references.pix_from_camera)
+    ray = points_camera @ volume_from_camera[:, :3, :3].transpose(1, 2)
+
+    # Of a ray whose z-depth is one: how far it comes down.
+    falls = -ray[..., 2]
+    above_m = volume_from_camera[:, 2, 3, None].expand_as(falls)
+    ground_m = above_m / falls.clamp(min=1e-3)
+    meets = (falls > 0) & (ground_m > NEAR_M) & (ground_m < FAR_M) & has_ground
+    told_m = torch.where(meets, ground_m, FAR_M)
+    elevation = falls / ray.norm(dim=-1)
+
+    told = [told_m.log() - 2.5, -2 * elevation, meets.float(), above_m * (0.1 * has_ground)]
+    by_pixel = (x.unflatten(1, (height, width)) for x in (ground_m, meets))
+    ground_m, meets = (x[:, None] for x in by_pixel)
+    return torch.stack(told, dim=1).unflatten(2, (height, width)), ground_m, meets
+
+
+def depth_error(
+    sight: Sight, depth_m: Float[Tensor, "b h w"]
+) -> tuple[Float[Tensor, "b h w"], Bool[Tensor, "b h w"]]:
+    """Returns the absolute error of the logarithm of the depth, and which pixels count: those that
+    see something nearer than `FAR_M`."""
+    error = (sight.depth_m().log() - depth_m.clamp(NEAR_M, FAR_M).log()).abs()
+    return error, (depth_m < FAR_M).to(error)
+
+
+def places_along_rays(
+    sight: Sight, pixel: Int[Tensor, "r"], depth_m: Float[Tensor, "r"], reach_m: float
+) -> tuple[Float[Tensor, "r"], Float[Tensor, "r"], Float[Tensor, "r"]]:
+    """Returns the probabilities that a point is on the surface, up to a reach; in front of it; and
+    behind it."""
+    behind = sight.nearer(pixel, depth_m - reach_m)
+    not_in_front = sight.nearer(pixel, depth_m + reach_m)
+    return not_in_front - behind, 1 - not_in_front, behind

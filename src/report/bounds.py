@@ -1,0 +1,66 @@
+"""The figure of floor and ceiling: the score by the error of the depth."""
+
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from .canvas import INK, MUTED
+from .figure_file import write_figure
+
+SIZE_INCHES, DPI = (7.6, 4.6), 150
+# Color and style of each line, by what is told and how the error is drawn.
+LINES = {
+    ("image", False): ("#2962ff", "-", "true attitude, smooth error"),
+    ("pixel", False): ("#2962ff", ":", "true attitude, error of each pixel by itself"),
+    ("image", True): ("#d1495b", "-", "told level flight, smooth error"),
+    ("pixel", True): ("#d1495b", ":", "told level flight, error of each pixel by itself"),
+}
+FLOORS = {"height_prior": "no image,\ntold the height", "voxel_prior": "no image"}
+
+
+def draw_bounds(table: pd.DataFrame, path: Path) -> None:
+    """Writes a PNG of KAR-mIoU by the error of the depth, for one frame, with intervals over clips.
+
+    ``table`` has a row a bound: the fields of its sight, which are empty for a floor, and
+    ``value``, ``low`` and ``high`` in [0, 1]. Raises `UserError` for a path that cannot be written.
+    """
+    figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    rows = table.set_index("bound")
+    for name, label in FLOORS.items():
+        value = 100 * rows.loc[name, "value"]
+        axes.axhline(value, color=MUTED, linewidth=1, zorder=0)
+        place = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": 8}
+        axes.text(1.01, value, f"{label}: {value:.1f}", color=MUTED, **place)
+    _draw_lines(axes, table[(table["images"] == 1) & (table["attitude_deg"] == 0)])
+    axes.set_xlabel("error of the depth, mean of |log| (%)", color=INK)
+    axes.set_ylabel("KAR-mIoU (%)", color=INK)
+    axes.set_ylim(bottom=0)
+    axes.legend(frameon=False, fontsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    write_figure(figure, path)
+
+
+def _draw_lines(axes: Axes, sights: pd.DataFrame) -> None:
+    exact = sights[sights["depth_error"] == 0]
+    for (by, level), (color, style, label) in LINES.items():
+        # Without an error of the depth there is nothing to draw by image or pixel.
+        own = pd.concat([exact, sights[(sights["by"] == by) & (sights["depth_error"] > 0)]])
+        own = own[own["level"] == level].sort_values("depth_error")
+        x, value = 100 * own["depth_error"], 100 * own["value"]
+        bars = [value - 100 * own["low"], 100 * own["high"] - value]
+        axes.errorbar(
+            x,
+            value,
+            bars,
+            color=color,
+            linestyle=style,
+            label=label,
+            capsize=2,
+            linewidth=1.6,
+            elinewidth=0.8,
+            marker="o",
+            markersize=3,
+        )

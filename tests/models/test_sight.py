@@ -1,0 +1,137 @@
+import math
+
+import pytest
+import torch
+
+from src.errors import UserError
+from src.geometry import front_mount, pinhole, rigid, rotation_from_euler, transform
+from src.models.ground import occ_from_ground
+from src.models.references import PillarReferences
+from src.models.sight import (
+    FAR_M,
+    NEAR_M,
+    Sight,
+    SightHead,
+    depth_error,
+    place_of,
+    places_along_rays,
+    rays,
+)
+from tests.models.synthetic import GRID, IMAGE_SIZE, build_network
+
+WIDTH, HEIGHT = (side // 4 for side in IMAGE_SIZE)
+HEIGHTS_M = torch.tensor([6.0, 15.0])
+BINS = 12
+
+
+def references_of(projection="attitude"):
+    roll, pitch = torch.tensor([[0.2, -0.1], [0.1, 0.3]])
+    tilts = rigid(rotation_from_euler(roll, pitch, torch.zeros(2)), torch.zeros(2, 3))
+    mount = front_mount((0.1, 0.0, -0.05)).float().expand(2, 4, 4)
+    cameras = pinhole(*IMAGE_SIZE, math.radians(90)).float().expand(2, 3, 3)
+    return PillarReferences(GRID, 4, projection)(tilts, mount, cameras, IMAGE_SIZE, HEIGHTS_M)
+
+
+def sure_sight(depth_m):
+    """Two frames whose pixels all see something in the bin of a depth."""
+    depth = torch.full((2, BINS + 1, HEIGHT, WIDTH), -1e4)
+    depth[:, int(place_of(torch.tensor(depth_m), BINS))] = 1e4
+    return Sight(torch.zeros(2, 9, HEIGHT, WIDTH), depth)
+
+
+def test_the_ground_is_where_the_pixels_rays_meet_it():
+    references = references_of()
+    _, ground_m, meets = rays(references, WIDTH, HEIGHT, 4, has_ground=True)
+    assert 0.2 < meets.float().mean() < 0.8
+    for frame, row, column in meets[:, 0].nonzero()[::37].tolist():
+        u, v = 4 * column + 2, 4 * row + 2
+        focal, center_u, center_v = IMAGE_SIZE[0] / 2, IMAGE_SIZE[0] / 2, IMAGE_SIZE[1] / 2
+        depth_m = ground_m[frame, 0, row, column]
+        point = torch.tensor([(u - center_u) / focal, (v - center_v) / focal, 1.0]) * depth_m
+        on_ground = transform(references.camera_from_volume[frame].inverse(), point[None])[0]
+        assert abs(on_ground[2]) < 1e-3
+
+
+def test_without_a_ground_plane_no_pixel_is_told_of_one():
+    told, _, meets = rays(references_of(), WIDTH, HEIGHT, 4, has_ground=False)
+    assert not meets.any()
+    assert not told[:, 2:].any()
+
+
+def test_a_level_rung_is_told_the_rays_of_level_flight():
+    told = rays(references_of("level"), WIDTH, HEIGHT, 4, has_ground=True)[0]
+    assert torch.allclose(told[:, 1, :, 0], told[:, 1, :, -1], atol=1e-6), "no row is tilted"
+    tilted = rays(references_of(), WIDTH, HEIGHT, 4, has_ground=True)[0]
+    assert not torch.allclose(tilted[:, 1, :, 0], tilted[:, 1, :, -1], atol=0.05)
+
+
+def test_the_probability_rises_from_edge_to_edge_of_the_seen_bin():
+    sight, pixel = sure_sight(10.0), torch.tensor([5, 5, 5, HEIGHT * WIDTH + 3])
+    seen = int(place_of(torch.tensor(10.0), BINS))
+    edges_m = NEAR_M * (FAR_M / NEAR_M) ** (torch.tensor([seen, seen + 0.5, seen + 1, 0]) / BINS)
+    nearer = sight.nearer(pixel, edges_m)
+    torch.testing.assert_close(nearer, torch.tensor([0.0, 0.5, 1.0, 0.0]), atol=1e-5, rtol=0)
+    assert sight.nearer(pixel[:1], torch.tensor([1e3])) == 1
+
+
+def test_a_point_is_on_the_surface_in_front_of_it_or_behind():
+    torch.manual_seed(0)
+    sight = Sight(torch.zeros(2, 9, HEIGHT, WIDTH), torch.randn(2, BINS + 1, HEIGHT, WIDTH))
+    pixel = torch.arange(0, 2 * HEIGHT * WIDTH, 7)
+    depth_m = torch.linspace(0.5, 90, len(pixel))
+    places = torch.stack(places_along_rays(sight, pixel, depth_m, 1.0))
+    torch.testing.assert_close(places.sum(0), torch.ones(len(pixel)))
+    assert places.min() >= -1e-6
+    halfway_m = torch.full_like(depth_m, 5.0)
+    surface, free, hidden = places_along_rays(sure_sight(10.0), pixel, halfway_m, 1.0)
+    assert free.min() > 0.99
+    assert surface.max() < 0.01
+    assert hidden.max() < 0.01
+
+
+def test_the_losses_fall_towards_the_truth():
+    head = SightHead(8, BINS)
+    batch = {
+        "pixel_class": torch.full((2, HEIGHT, WIDTH), 3, dtype=torch.uint8),
+        "pixel_depth_m": torch.full((2, HEIGHT, WIDTH), 10.0),
+    }
+    right, wrong = head.losses(sure_sight(10.0), batch), head.losses(sure_sight(30.0), batch)
+    assert right["pixel_depth"] < 1e-6 < wrong["pixel_depth"]
+    beyond = {**batch, "pixel_depth_m": torch.full((2, HEIGHT, WIDTH), math.inf)}
+    assert head.losses(sure_sight(10.0), beyond)["pixel_depth"].isfinite()
+
+
+def test_the_error_is_that_of_the_logarithm_where_something_is_near():
+    depth_m = torch.full((2, HEIGHT, WIDTH), 10.0)
+    depth_m[:, 0] = math.inf
+    sight = sure_sight(20.0)
+    error, counts = depth_error(sight, depth_m)
+    assert counts.sum() == 2 * (HEIGHT - 1) * WIDTH
+    expected = (sight.depth_m()[0, 0, 0] / 10).log()
+    torch.testing.assert_close(error[counts > 0].mean(), expected)
+
+
+def test_a_head_that_knows_nothing_begins_with_the_ground():
+    torch.manual_seed(0)
+    references = references_of()
+    head = SightHead(8, 48)
+    for parameter in head.layers[-1].parameters():
+        torch.nn.init.zeros_(parameter)
+    sight = head(torch.randn(2, 8, HEIGHT, WIDTH), references, has_ground=True)
+    _, ground_m, meets = rays(references, WIDTH, HEIGHT, 4, has_ground=True)
+    probable = sight.depth.argmax(dim=1)[:, None][meets]
+    assert (probable - (place_of(ground_m, 48) - 0.5)[meets]).abs().max() <= 0.5 + 1e-3
+
+
+def test_a_lift_that_reads_what_pixels_see_needs_them_said():
+    with pytest.raises(UserError, match="model/sight=on"):
+        build_network(lift="surface", sight=None)
+    with pytest.raises(UserError, match=r"model/sight: .*16.*model\.encoder\.lift\.stride=4"):
+        build_network(lift="lss", sight=SightHead(16))
+
+
+def test_the_volume_frame_begins_at_the_ground():
+    chain = references_of().camera_from_volume
+    lowered = chain @ occ_from_ground(-HEIGHTS_M)
+    assert lowered.inverse()[:, 2, 3].abs().max() < 0.3
+    assert torch.allclose(chain.inverse()[:, 2, 3], HEIGHTS_M, atol=0.3)

@@ -1,0 +1,67 @@
+"""task=bounds: floor and ceiling of a dataset."""
+
+import pandas as pd
+import pytest
+from PIL import Image
+
+from src.data.clip import AUX
+from src.errors import UserError
+from src.tasks.bounds import Sight, bounds
+from src.tasks.dataset import root_of
+from tests.synthetic import compose_config, mini_overrides, write_dataset
+
+
+@pytest.fixture
+def cfg(tmp_path):
+    cfg = compose_config(*mini_overrides(tmp_path, "task=bounds"))
+    write_dataset(cfg)
+    return cfg
+
+
+def measured(cfg, out, **settings):
+    task = {"depth_error": [0.1], "attitude_deg": [5.0], "seed": 0, **settings}
+    bounds(cfg, out=str(out), **task)
+    table = pd.read_csv(out / "bounds.csv")
+    return table[table["score"] == "kar_miou"].set_index("bound")
+
+
+def test_floors_and_ceilings_stand_in_their_order(cfg, tmp_path, capsys):
+    table = measured(cfg, tmp_path / "out")
+    floors, score = ["all_free", "voxel_prior", "height_prior"], table["value"]
+    assert [*table.index[:3]] == floors
+    assert set(table.index[3:]) == {
+        *("images_4", "sight", "level", "depth_10%", "depth_10%_by_pixel", "depth_10%_level"),
+        *("depth_10%_by_pixel_level", "attitude_5deg"),
+    }
+    assert score["all_free"] == 0 < score["sight"]
+    assert score["depth_10%"] < score["sight"] > score["attitude_5deg"]
+    assert score["sight"] > score["level"]
+    assert table.loc[floors, "images"].isna().all()
+    assert (table["low"] <= score).all()
+
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in (*floors, "images_4"))
+    with Image.open(tmp_path / "out/bounds.png") as image:
+        assert image.width > 600
+    assert {path.stem for path in (tmp_path / "out/tallies").glob("*.npz")} == {*table.index}
+
+
+def test_it_writes_the_same_again_and_leaves_nothing_of_an_earlier_call(cfg, tmp_path):
+    first = measured(cfg, tmp_path / "out")
+    again = measured(cfg, tmp_path / "out", depth_error=[])
+    assert "depth_10%" not in again.index
+    pd.testing.assert_frame_equal(first.loc[again.index], again)
+
+
+def test_data_without_depth_are_refused_before_anything_is_written(cfg, tmp_path):
+    (root_of(cfg) / "suburb/clip00" / AUX).unlink()
+    with pytest.raises(UserError, match=r"suburb/clip00: .*sim\.save_aux=true"):
+        measured(cfg, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_sight_has_a_name():
+    assert Sight().name == "sight"
+    assert (
+        Sight(4, 0.05, "pixel", 3.0, True).name == "images_4_depth_5%_by_pixel_attitude_3deg_level"
+    )

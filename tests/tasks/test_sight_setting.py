@@ -1,0 +1,45 @@
+"""+setting=sight: a training whose pixels are a second task."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from src.data.clip import AUX
+from src.errors import UserError
+from src.tasks.dataset import root_of
+from src.tasks.fit import fit
+from tests.synthetic import compose_config, mini_overrides, write_dataset
+
+
+@pytest.fixture
+def config(tmp_path):
+    def composed(*overrides):
+        here = mini_overrides(tmp_path, "+experiment=skyocc", "+setting=sight")
+        return compose_config(*here, "trainer.max_epochs=2", *overrides)
+
+    write_dataset(composed())
+    return composed
+
+
+def test_what_pixels_see_is_learnt_measured_and_scored_beside_its_floor(config):
+    cfg = config()
+    assert fit(cfg) == "finished"
+    log = pd.read_csv(f"{cfg.paths.run}/metrics.csv")
+    for loss in ("train/pixel_class", "train/pixel_depth"):
+        assert log[loss].dropna().iloc[-1] < log[loss].dropna().iloc[0]
+    assert log["val/depth_error"].dropna().between(0, 3).sum() == 2
+    results = pd.read_csv(f"{cfg.paths.run}/results.csv")
+    assert {"skyocc", "height_prior"} <= {*results["experiment"]}
+
+
+def test_data_without_depth_are_refused_with_both_ways_out(config):
+    (root_of(config()) / "downtown/clip00" / AUX).unlink()
+    with pytest.raises(UserError, match=r"^data\.pixels: .*sim\.save_aux=true.*model/sight=off"):
+        fit(config())
+    assert not Path(config().paths.run).exists()
+
+
+def test_a_second_task_without_its_labels_is_refused_before_it_trains(config):
+    with pytest.raises(UserError, match=r"^data\.pixels: .*model/sight"):
+        fit(config("data.pixels=false"))
