@@ -151,8 +151,7 @@ def _static_votes(maker: ClipMaker, seen: Observation, view: View) -> Int[np.nda
 def _all_votes(maker: ClipMaker, seen: Observation, frame: int) -> Int[np.ndarray, "X Y Z 8"]:
     """Votes for all surfaces that any signal speaks for, in the image or not."""
     signal = seen.signals[frame]
-    votes = _static_votes(maker, seen, signal.view)
-    vote_camera(votes, signal.view, maker.grid)
+    votes = _static_votes(maker, seen, signal.view) + vote_camera(signal.view, maker.grid)
     supported = [
         body for body in seen.scene.actors if is_supported(body, signal.view, signal.lidar_returns)
     ]

@@ -15,11 +15,11 @@ from torch.nn.functional import max_pool2d
 
 from .. import geometry
 from ..geometry import VoxelGrid
-from ..ontology import FREE, UNKNOWN
+from ..ontology import FREE, RAREST_FIRST, UNKNOWN
 from .fusion import ActorMap, StaticMap
 from .scene import ScanHits, SceneActor, count_by_actor
 from .sensors import Scan
-from .voxel_kernels import Lattice, count_pixel_votes, count_votes, elect, mark_box, see_centers
+from .voxel_kernels import Lattice, centers_of, count_votes
 
 # An actor is placed where it is now if the camera or the LiDARs see at least this of it now.
 MIN_VISIBLE_PIXELS = 4
@@ -97,9 +97,9 @@ def label_frame(
     """
     # Every point that a sensor measured votes for its class in the voxel around it.
     inside, seen_free = frustum(view, grid)
-    votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
+    votes = vote_camera(view, grid)
+    seen = votes.any(axis=-1)
     static_map.vote(votes, grid, view.occ_from_world)
-    seen = vote_camera(votes, view, grid)
     supported = [actor for actor in actors if is_supported(actor, view, lidar_returns)]
     vote_actors(votes, view, grid, actor_map, supported, step)
 
@@ -121,38 +121,73 @@ def frustum(
 ) -> tuple[Bool[np.ndarray, "X Y Z"], Bool[np.ndarray, "X Y Z"]]:
     """Returns the voxels whose center is in the image, and those that the camera sees to be free.
 
-    A voxel is seen to be free if it is nearer than the rendered depth by half its diagonal.
+    A voxel is seen to be free if it is nearer than the rendered depth by half its diagonal. The
+    formulas are those of `geometry.project` and `geometry.in_image`.
     """
+    x, y, z = centers_of(grid)
     pix_from_occ = (view.pix_from_camera @ view.camera_from_occ[:3]).numpy()
-    clearance_m = grid.voxel_m * 3**0.5 / 2
-    return see_centers(grid.shape, Lattice.of(grid), pix_from_occ, view.depth_m, clearance_m)
+    u, v, depth_m = (of_x * x + of_y * y + one + of_z * z for of_x, of_y, of_z, one in pix_from_occ)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = u / depth_m, v / depth_m
+    height, width = view.depth_m.shape
+    inside = (depth_m > geometry.MIN_DEPTH_M) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+
+    surface_m = view.depth_m[v[inside].astype(int), u[inside].astype(int)].astype(np.float64)
+    seen_free = np.zeros(grid.shape, dtype=bool)
+    seen_free[inside] = depth_m[inside] < surface_m - grid.voxel_m * 3**0.5 / 2
+    return inside, seen_free
 
 
 def space_of(
     actors: Iterable[SceneActor], step: int, view: FrontView, grid: VoxelGrid
 ) -> Bool[np.ndarray, "X Y Z"]:
     """Returns the voxels in the boxes of moving actors as they stand at a step."""
-    moving = np.zeros(grid.shape, dtype=bool)
+    moving, axes_m = np.zeros(grid.shape, dtype=bool), centers_of(grid)
     for actor in actors:
         half_m = np.array(actor.size_m) / 2 + grid.voxel_m / 2
         # An actor stands on its origin; its box is around its middle.
         occ_from_box = view.occ_from_world @ actor.world_from_actor[step]
-        occ_from_box[2, 3] += actor.size_m[2] / 2
-        mark_box(moving, Lattice.of(grid), occ_from_box, half_m)
+        middle_m = occ_from_box[:3, 3] + (0, 0, actor.size_m[2] / 2)
+
+        # However it is turned, the box reaches no farther than this along each axis.
+        flat_m = np.hypot(half_m[0], half_m[1])
+        reach_m = (flat_m, flat_m, half_m[2])
+        near = [np.abs(axes_m[k] - middle_m[k]).ravel() <= reach_m[k] for k in range(3)]
+        away_m = [axes_m[k].ravel()[near[k]] - middle_m[k] for k in range(3)]
+        away_m = np.stack(np.meshgrid(*away_m, indexing="ij"), axis=-1)
+        moving[np.ix_(*near)] |= (np.abs(away_m @ occ_from_box[:3, :3]) <= half_m).all(axis=-1)
     return moving
 
 
 # -------------------------------------------------------------------------------------- the vote
 
 
-def vote_camera(
-    votes: Int[np.ndarray, "X Y Z 8"], view: FrontView, grid: VoxelGrid
-) -> Bool[np.ndarray, "X Y Z"]:
-    """Adds every pixel's point to the votes; returns the voxels that hold one."""
+def vote_camera(view: FrontView, grid: VoxelGrid) -> Int[np.ndarray, "X Y Z 8"]:
+    """Returns the votes of the points that the pixels show."""
     occ_from_pix = geometry.inverse(view.camera_from_occ)[:3]
     occ_from_pix[:, :3] = occ_from_pix[:, :3] @ torch.linalg.inv(view.pix_from_camera)
-    pixels = view.depth_m, view.class_id
-    return count_pixel_votes(votes, Lattice.of(grid), occ_from_pix.numpy(), *pixels)
+    to_u, to_v, to_one, origin_m = occ_from_pix.numpy().T
+
+    row, column = np.nonzero(np.isfinite(view.depth_m))
+    u, v, depth_m = column[:, None] + 0.5, row[:, None] + 0.5, view.depth_m[row, column, None]
+    points_m = origin_m + depth_m * (to_u * u + to_v * v + to_one)
+    votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
+    count_votes(votes, Lattice.of(grid), np.eye(4), points_m, view.class_id[row, column])
+    return votes
+
+
+def elect(
+    votes: Int[np.ndarray, "X Y Z 8"], free: Bool[np.ndarray, "X Y Z"]
+) -> UInt8[np.ndarray, "X Y Z"]:
+    """Elects the class with most votes in every voxel; without votes it is free or unknown.
+
+    A tie goes to the rarer class, and occupied beats free.
+    """
+    semantics = np.where(free, np.uint8(FREE), np.uint8(UNKNOWN))
+    voted = votes.any(axis=-1)
+    rarest_first = np.array(RAREST_FIRST, dtype=np.uint8)
+    semantics[voted] = rarest_first[votes[voted][:, rarest_first].argmax(axis=1)]
+    return semantics
 
 
 def is_supported(actor: SceneActor, view: FrontView, lidar_returns: Mapping[int, int]) -> bool:

@@ -13,10 +13,7 @@ from ..geometry import VoxelGrid, transform
 from .point_set import PointSet
 from .scene import SceneActor
 from .sensors import Scan
-from .voxel_kernels import Lattice, carve, count_votes, look_up
-
-TILE_M = 8.0
-"""Points are sorted into square tiles of this side, so that a frame reads only those near it."""
+from .voxel_kernels import Lattice, carve, centers_of, count_votes
 
 
 class StaticMap:
@@ -45,13 +42,8 @@ class StaticMap:
         self._points.add(scan.points_m(static), scan.hits.class_id[static])
 
     def freeze(self) -> None:
-        """Sorts the points into tiles and takes the cells that hold one from the free space."""
-        points_m, class_id = self._points.points()
-        tile = np.floor(points_m[:, :2] / TILE_M).astype(np.int64)
-        order = np.lexsort((tile[:, 1], tile[:, 0]))
-        self.points_m, self.class_id, tile = points_m[order], class_id[order], tile[order]
-        self._tiles, self._starts = np.unique(tile, axis=0, return_index=True)
-
+        """Takes the cells that hold a point from the free space."""
+        self.points_m, self.class_id = self._points.points()
         cell = np.floor((self.points_m - self.cells.lower_m) / self.cells.side_m).astype(int)
         cell = cell[((cell >= 0) & (cell < self.free.shape)).all(axis=1)]
         self.free[tuple(cell.T)] = 0
@@ -66,27 +58,24 @@ class StaticMap:
 
         Points are moved, not voxels, so that no rotation of the frame opens holes.
         """
-        ends = np.append(self._starts[1:], len(self.points_m))
-        for tile in np.flatnonzero(self._near(grid, occ_from_world)):
-            part = slice(self._starts[tile], ends[tile])
-            points_m, class_id = self.points_m[part], self.class_id[part]
-            count_votes(votes, Lattice.of(grid), occ_from_world, points_m, class_id)
-
-    def _near(
-        self, grid: VoxelGrid, occ_from_world: Float[np.ndarray, "4 4"]
-    ) -> Bool[np.ndarray, "n"]:
-        """Returns which tiles can reach into a grid."""
-        middle_m = (self._tiles + 0.5) * TILE_M
-        middle = middle_m @ occ_from_world[:2, :2].T + occ_from_world[:2, 3]
-        lower, upper = np.array([grid.lower_m, grid.upper_m])[:, :2]
-        reach = TILE_M / 2**0.5
-        return ((middle > lower - reach) & (middle < upper + reach)).all(axis=1)
+        count_votes(votes, Lattice.of(grid), occ_from_world, self.points_m, self.class_id)
 
     def free_in(
         self, grid: VoxelGrid, world_from_occ: Float[np.ndarray, "4 4"]
     ) -> Bool[np.ndarray, "X Y Z"]:
-        """Returns the voxels whose center is in a cell that some ray passed and none ended in."""
-        return look_up(grid.shape, Lattice.of(grid), world_from_occ, self.free, self.cells)
+        """Returns the voxels whose center is in a cell that some ray passed and none ended in.
+
+        The occ frame is upright, so that a column of voxels stands in one column of the map.
+        """
+        x, y, z = centers_of(grid)
+        center_m = [of_x * x + of_y * y + offset for of_x, of_y, _, offset in world_from_occ[:3]]
+        center_m[2] = center_m[2] + z
+        cell, in_map = [], True
+        for k, place_m in enumerate(center_m):
+            index = np.floor((place_m - self.cells.lower_m[k]) / self.cells.side_m).astype(int)
+            in_map = in_map & (index >= 0) & (index < self.free.shape[k])
+            cell.append(np.clip(index, 0, self.free.shape[k] - 1))
+        return in_map & (self.free[tuple(cell)] == 1)
 
 
 class ActorMap:
