@@ -7,7 +7,7 @@ import pandas as pd
 from jaxtyping import Bool, UInt8
 
 from ..ontology import CAR, CLASSES, FREE, LARGE_VEHICLE, OCCUPIED, UNKNOWN, VRU
-from .truth import SurfaceTruth
+from .truth import OfClasses, SurfaceTruth
 
 MOVING = (LARGE_VEHICLE, CAR, VRU)
 SCOPES = ("visible", "supervised")
@@ -18,6 +18,7 @@ COUNTS += ["free_wrong"]
 ALL = "all"
 
 Voxels = Bool[np.ndarray, "X Y Z"]
+Labels = UInt8[np.ndarray, "X Y Z"]
 
 
 def _no_counts() -> pd.DataFrame:
@@ -43,7 +44,7 @@ class SurfaceAgreement:
     frames: int = 0
     counts: pd.DataFrame = field(default_factory=_no_counts)
 
-    def add(self, semantics: UInt8[np.ndarray, "X Y Z"], truth: SurfaceTruth) -> None:
+    def add(self, semantics: Labels, truth: SurfaceTruth) -> None:
         """Counts one frame."""
         self.frames += 1
         seen = truth.seen & truth.inside[..., None]
@@ -58,16 +59,11 @@ class SurfaceAgreement:
         self.counts += other.counts
 
     def _add(
-        self,
-        scope: str,
-        semantics: UInt8[np.ndarray, "X Y Z"],
-        truth: SurfaceTruth,
-        surfaces: Bool[np.ndarray, "X Y Z 8"],
-        open_space: Voxels,
+        self, scope: str, semantics: Labels, truth: SurfaceTruth, surfaces: OfClasses, air: Voxels
     ) -> None:
-        """Counts a frame's ``surfaces``, the labels there, and those in the ``open_space``."""
+        """Counts a frame's ``surfaces``, the labels there, and those in the open ``air``."""
         occupied = semantics < FREE
-        true, in_scope = truth.holds & surfaces, surfaces.any(axis=-1) | open_space
+        true, in_scope = truth.holds & surfaces, surfaces.any(axis=-1) | air
         holds_any, named_any = truth.holds.any(axis=-1), np.zeros(semantics.shape, dtype=bool)
 
         for k in OCCUPIED:
@@ -88,7 +84,7 @@ class SurfaceAgreement:
         of_labels = ["labelled", "right", "right_name", "ghosts"]
         classes = self.counts.loc[scope, of_labels].drop(ALL)
         self.counts.loc[(scope, ALL), of_labels] = classes.sum()
-        any_true, free = true.any(axis=-1), (semantics == FREE) & open_space
+        any_true, free = true.any(axis=-1), (semantics == FREE) & air
         voxels = {"true": any_true, "found": any_true & occupied, "named": any_true & named_any}
         self._count(scope, ALL, voxels | {"free": free, "free_wrong": free & holds_any})
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 
 from ..geometry import (
     VoxelGrid,
@@ -36,6 +36,7 @@ RAYS_A_SIDE = 4
 
 # For each voxel, by class.
 OfClasses = Bool[np.ndarray, "X Y Z 8"]
+Matrix = Float[np.ndarray, "4 4"]
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class SurfaceTruth:
     def of(cls, scene: Scene, step: int, camera: Camera, grid: VoxelGrid) -> "SurfaceTruth":
         """Looks at the scene as it is at a step of the simulation."""
         occ_from_world = inverse(world_from_occ(camera.world_from_body)).numpy()
-        triangles_m, class_id = triangles_of(scene, step)
+        triangles_m, class_id = scene.triangles_at(step)
         triangles_occ = transform(occ_from_world, triangles_m)
 
         areas_m2 = surface_areas(triangles_occ, class_id, grid)
@@ -80,28 +81,8 @@ class SurfaceTruth:
         return cls(areas_m2 > FACE_SHARE * grid.voxel_m**2, near_m2 > 0, seen, center_seen, inside)
 
 
-def triangles_of(
-    scene: Scene, step: int
-) -> tuple[Float[np.ndarray, "f 3 3"], UInt8[np.ndarray, "f"]]:
-    """Returns all triangles of a scene at a step, in the world (float64), and their classes."""
-    triangles_m, classes = [np.zeros((0, 3, 3))], [np.zeros(0, np.uint8)]
-    for part in scene.static:
-        triangles_m.append(part.mesh.vertices_m[part.mesh.faces])
-        classes.append(np.full(len(part.mesh.faces), part.class_id, np.uint8))
-
-    for actor in scene.actors:
-        world_from_actor, own_m = actor.world_from_actor[step], actor.triangles_m.astype(np.float64)
-        triangles_m.append(transform(world_from_actor, own_m))
-        classes.append(np.full(len(own_m), actor.class_id, np.uint8))
-    return np.concatenate(triangles_m), np.concatenate(classes)
-
-
 def seen_surfaces(
-    scene: Scene,
-    step: int,
-    camera: Camera,
-    grid: VoxelGrid,
-    occ_from_world: Float[np.ndarray, "4 4"],
+    scene: Scene, step: int, camera: Camera, grid: VoxelGrid, occ_from_world: Matrix
 ) -> OfClasses:
     """Returns the classes in every voxel that some of the camera's rays meet first."""
     directions = rays_of(camera)

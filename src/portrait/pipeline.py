@@ -48,7 +48,7 @@ def draw_pipeline(sim: Mapping, plan: ClipPlan, path: Path) -> None:
         images.append(image)
 
     seen = maker.observe(plan, keep)
-    frame = int(np.argmax([entropy(signal.view.class_id) for signal in seen.signals]))
+    frame = int(np.argmax([entropy(view.class_id) for view in seen.views]))
     rows = [_sensed(maker, seen, frame, images[frame]), _labelled(maker, seen, frame)]
     write_picture(titled_sheet(rows, CELL_PIX[0]).drawn(), path, MAX_BYTES)
 
@@ -59,7 +59,7 @@ def draw_pipeline(sim: Mapping, plan: ClipPlan, path: Path) -> None:
 def _sensed(
     maker: ClipMaker, seen: Observation, frame: int, image: Pixels
 ) -> list[tuple[str, Pixels]]:
-    view = seen.signals[frame].view
+    view = seen.views[frame]
     pictures = {
         "1  front image": image,
         "2  depth, 1 to 80 m": _depth(view),
@@ -93,7 +93,7 @@ def _instances(view: View) -> Pixels:
 
 def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Pixels) -> Pixels:
     """The LiDAR returns of the frame's own scan that lie in the image, over it."""
-    view, sim = seen.signals[frame].view, maker.sim
+    view, sim = seen.views[frame], maker.sim
     world_from_body, step = view.world_from_body.numpy(), maker.step_of(frame)
     scans = scan(seen.scene, step, world_from_body, sim["lidar_rays"], frame, maker.range_m)
     points_m = np.concatenate([each.points_m(each.hits.actor_id >= 0) for each in scans])
@@ -120,7 +120,7 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Pixels) -> 
 
 
 def _labelled(maker: ClipMaker, seen: Observation, frame: int) -> list[tuple[str, Pixels]]:
-    view, grid = seen.signals[frame].view, maker.grid
+    view, grid = seen.views[frame], maker.grid
     fused = _elected(_static_votes(maker, seen, view))
     # App. A.3: static surfaces are fused over time, actors are placed as they are now.
     placed = _elected(_all_votes(maker, seen, frame))
@@ -150,12 +150,10 @@ def _static_votes(maker: ClipMaker, seen: Observation, view: View) -> Int[np.nda
 
 def _all_votes(maker: ClipMaker, seen: Observation, frame: int) -> Int[np.ndarray, "X Y Z 8"]:
     """Votes for all surfaces that any signal speaks for, in the image or not."""
-    signal = seen.signals[frame]
-    votes = _static_votes(maker, seen, signal.view) + vote_camera(signal.view, maker.grid)
-    supported = [
-        body for body in seen.scene.actors if is_supported(body, signal.view, signal.lidar_returns)
-    ]
-    vote_actors(votes, signal.view, maker.grid, seen.actors, supported, maker.step_of(frame))
+    view, returns = seen.views[frame], seen.lidar_returns[frame]
+    votes = _static_votes(maker, seen, view) + vote_camera(view, maker.grid)
+    supported = [body for body in seen.scene.actors if is_supported(body, view, returns)]
+    vote_actors(votes, view, maker.grid, seen.actors, supported, maker.step_of(frame))
     return votes
 
 

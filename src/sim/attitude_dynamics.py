@@ -9,6 +9,9 @@ from jaxtyping import Float
 
 GRAVITY_MPS2 = 9.81
 
+Vectors = Float[np.ndarray, "t 3"]
+Angles = Float[np.ndarray, "t"]
+
 
 def ornstein_uhlenbeck(
     rng: np.random.Generator, steps: int, step_s: float, kappa_per_s: float, sigma: float
@@ -32,11 +35,8 @@ def ornstein_uhlenbeck(
 
 
 def manoeuvre_attitude(
-    velocity_mps: Float[np.ndarray, "t 3"],
-    acceleration_mps2: Float[np.ndarray, "t 3"],
-    yaw_rad: Float[np.ndarray, "t"],
-    drag_per_s: float,
-) -> tuple[Float[np.ndarray, "t"], Float[np.ndarray, "t"]]:
+    velocity_mps: Vectors, acceleration_mps2: Vectors, yaw_rad: Angles, drag_per_s: float
+) -> tuple[Angles, Angles]:
     """Returns the roll and pitch that point the thrust where the motion needs it.
 
     A multirotor pushes along its body z only, so that axis must lie along acceleration plus drag
@@ -52,9 +52,7 @@ def manoeuvre_attitude(
     return roll_rad, np.arctan2(forward, thrust[:, 2])
 
 
-def soft_limit(
-    angle_rad: Float[np.ndarray, "t"], limit_rad: float, knee: float = 2 / 3
-) -> Float[np.ndarray, "t"]:
+def soft_limit(angle_rad: Angles, limit_rad: float, knee: float = 2 / 3) -> Angles:
     """Keeps angles below a limit: unchanged up to a knee, then bent towards it smoothly."""
     free_rad = knee * limit_rad
     room_rad = limit_rad - free_rad
@@ -63,7 +61,7 @@ def soft_limit(
     return np.where(excess_rad > 0, np.sign(angle_rad) * bent_rad, angle_rad)
 
 
-def body_rates(quat_xyzw: Float[np.ndarray, "t+1 4"], step_s: float) -> Float[np.ndarray, "t 3"]:
+def body_rates(quat_xyzw: Float[np.ndarray, "t+1 4"], step_s: float) -> Vectors:
     """Returns the angular velocity in body axes that carries each attitude into the next."""
     # The product of the earlier quaternion's conjugate and the later one is the turn between them.
     before, after = quat_xyzw[:-1], quat_xyzw[1:]

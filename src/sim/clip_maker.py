@@ -36,22 +36,18 @@ OnImage = Callable[[int, Image, Rendering], None]
 
 
 @dataclass(frozen=True)
-class FrameSignals:
-    """The sensors' measurements at one captured frame, besides the image."""
-
-    view: FrontView
-    lidar_returns: dict[int, int]
-
-
-@dataclass(frozen=True)
 class Observation:
-    """A clip as it was flown, and all that its sensors measured, fused."""
+    """A clip as it was flown, all that its sensors measured, fused, and by captured frame.
+
+    ``lidar_returns`` counts how often a frame's own scan met each actor.
+    """
 
     frames: pd.DataFrame
     scene: Scene
     static: StaticMap
     actors: ActorMap
-    signals: list[FrameSignals]
+    views: list[FrontView]
+    lidar_returns: list[dict[int, int]]
 
 
 class ClipMaker:
@@ -77,7 +73,7 @@ class ClipMaker:
         """Writes the clip's folder; ``on_frame`` is called as frames are finished."""
         with ClipWriter(self.root / plan.clip_id, self._meta(plan)) as writer:
             observation = self.observe(plan, partial(self._write_images, writer))
-            for frame in range(len(observation.signals)):
+            for frame in range(len(observation.views)):
                 labels = self.label(observation, frame)
                 writer.add_labels(frame, labels.semantics, labels.visible)
                 on_frame()
@@ -94,16 +90,16 @@ class ClipMaker:
         """
         flight, scene = self.stage(plan)
         observation = Observation(
-            flight.table(self.sim["capture_hz"]), scene, *self._maps(flight), []
+            flight.table(self.sim["capture_hz"]), scene, *self._maps(flight), [], []
         )
-        lidar_returns = self._scan(flight, observation)
+        returns = self._scan(flight, observation)
 
         for frame, view in enumerate(self._film(plan, observation, on_image)):
             self._fuse_view(view, frame, observation)
             # A frame's own scan is the one nearest in time.
             nearest = round(frame * self.sim["lidar_hz"] / self.sim["capture_hz"])
-            returns = lidar_returns[min(nearest, len(lidar_returns) - 1)]
-            observation.signals.append(FrameSignals(view, returns))
+            observation.views.append(view)
+            observation.lidar_returns.append(returns[min(nearest, len(returns) - 1)])
 
         observation.static.freeze()
         observation.actors.freeze()
@@ -111,9 +107,10 @@ class ClipMaker:
 
     def label(self, observation: Observation, frame: int) -> Labels:
         """Returns the labels of one frame of an observation."""
-        signals, maps = observation.signals[frame], (observation.static, observation.actors)
+        view, returns = observation.views[frame], observation.lidar_returns[frame]
+        maps = observation.static, observation.actors
         actors_now = observation.scene.actors, self.step_of(frame)
-        return label_frame(signals.view, self.grid, *maps, *actors_now, signals.lidar_returns)
+        return label_frame(view, self.grid, *maps, *actors_now, returns)
 
     def step_of(self, frame: int) -> int:
         """Returns the simulation's step at which a frame is captured."""
@@ -206,9 +203,9 @@ class ClipMaker:
 
     def _actor_table(self, observation: Observation) -> pd.DataFrame:
         """Returns every actor at every frame: the rows of ``actors.csv``."""
-        frames = np.arange(len(observation.signals))
+        frames = np.arange(len(observation.views))
         steps = [self.step_of(frame) for frame in frames.tolist()]
-        visible_pixels = [signals.view.visible_pixels for signals in observation.signals]
+        visible_pixels = [view.visible_pixels for view in observation.views]
 
         tables = []
         for actor in observation.scene.actors:

@@ -1,21 +1,29 @@
 """One flight of the UAV through a town: the paper's App. A.1, as plain data."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from ..data.clip import CLIP_SECONDS
+from ..data.clip import CLIP_SECONDS, FRAME_COLUMNS
 from ..data.rates import frames_per_clip
 from ..errors import UserError
 from ..geometry import quat_from_euler, rigid, rotation_from_quat
-from .attitude_dynamics import body_rates, manoeuvre_attitude, ornstein_uhlenbeck, soft_limit
+from .attitude_dynamics import (
+    Angles,
+    Vectors,
+    body_rates,
+    manoeuvre_attitude,
+    ornstein_uhlenbeck,
+    soft_limit,
+)
 from .clearance import RayCast, obstacle_heights, stays_clear
 from .layout import HeightField, Town
 from .pilot import STEP_HZ, STEP_S, Command, FlightConfig, Pilot
 from .route import Route, chain, gaussian_window, slow_wave, smoothed
+from .solid import Rng
 
 # Distance between the samples of a route.
 SPACING_M = 0.5
@@ -30,13 +38,13 @@ class Flight:
     """
 
     time_s: Float[np.ndarray, "t"]
-    position_m: Float[np.ndarray, "t 3"]
+    position_m: Vectors
     quat_xyzw: Float[np.ndarray, "t 4"]
-    velocity_mps: Float[np.ndarray, "t 3"]
-    body_rates_radps: Float[np.ndarray, "t 3"]
-    roll_rad: Float[np.ndarray, "t"]
-    pitch_rad: Float[np.ndarray, "t"]
-    yaw_rad: Float[np.ndarray, "t"]
+    velocity_mps: Vectors
+    body_rates_radps: Vectors
+    roll_rad: Angles
+    pitch_rad: Angles
+    yaw_rad: Angles
     altitude_m: Float[np.ndarray, "t"]
 
     @cached_property
@@ -48,22 +56,14 @@ class Flight:
         """Returns the captured steps as the rows of ``frames.csv``."""
         frame = np.arange(frames_per_clip(capture_hz))
         steps = np.round(frame * STEP_HZ / capture_hz).astype(int)
-        columns = {"frame": frame, "time_s": self.time_s[steps]}
-
-        vectors = {
-            ("x_m", "y_m", "z_m"): self.position_m,
-            ("qx", "qy", "qz", "qw"): self.quat_xyzw,
-            ("vx_mps", "vy_mps", "vz_mps"): self.velocity_mps,
-            ("wx_radps", "wy_radps", "wz_radps"): self.body_rates_radps,
-        }
-        for names, values in vectors.items():
-            columns |= dict(zip(names, values[steps].T))
-        for name in ("roll_rad", "pitch_rad", "yaw_rad", "altitude_m"):
-            columns[name] = getattr(self, name)[steps]
-        return pd.DataFrame(columns)
+        # The states have the order of the file's columns.
+        states = np.column_stack([getattr(self, field.name) for field in fields(self)])
+        table = pd.DataFrame(states[steps], columns=FRAME_COLUMNS[1:])
+        table.insert(0, "frame", frame)
+        return table
 
 
-def fly(town: Town, rng: np.random.Generator, ray_cast: RayCast, config: FlightConfig) -> Flight:
+def fly(town: Town, rng: Rng, ray_cast: RayCast, config: FlightConfig) -> Flight:
     """Returns a flight along the town's corridors that touches nothing.
 
     Routes are drawn until one can be flown. Raises `UserError` when ``config.tries`` were in vain.
@@ -94,9 +94,7 @@ def fly(town: Town, rng: np.random.Generator, ray_cast: RayCast, config: FlightC
 # -------------------------------------------------------------------------------------- the route
 
 
-def _draw_route(
-    town: Town, rng: np.random.Generator, config: FlightConfig
-) -> tuple[Route, float, float] | None:
+def _draw_route(town: Town, rng: Rng, config: FlightConfig) -> tuple[Route, float, float] | None:
     """Draws a curve along some corridors, where on it to start, and the cruise speed.
 
     Returns None where the curve is too short for the flight.
@@ -120,20 +118,17 @@ def _draw_route(
 
 
 def _flown(
-    route: Route,
-    command: Command,
-    terrain: HeightField,
-    rng: np.random.Generator,
-    config: FlightConfig,
+    route: Route, command: Command, terrain: HeightField, rng: Rng, config: FlightConfig
 ) -> Flight:
     """Returns the flight of an airframe that follows a command smoothly.
 
     It is smooth, so that it has an attitude at every step. A weighted mean over time keeps every
     bound on speed, climb and descent.
     """
-    points_m, heading_rad = route.at(command.arc_m)
+    arc_m, altitude_m = command
+    points_m, heading_rad = route.at(arc_m)
     window = gaussian_window(config.response_s / STEP_S)
-    track = smoothed(np.c_[points_m, command.altitude_m, heading_rad], window)
+    track = smoothed(np.c_[points_m, altitude_m, heading_rad], window)
     position_m = track[:, :3].copy()
     position_m[:, 2] += terrain(track[:, 0], track[:, 1])
 
@@ -158,10 +153,10 @@ def _flown(
 
 
 def _attitude(
-    velocity_mps: Float[np.ndarray, "t 3"],
-    acceleration_mps2: Float[np.ndarray, "t 3"],
-    yaw_rad: Float[np.ndarray, "t"],
-    rng: np.random.Generator,
+    velocity_mps: Vectors,
+    acceleration_mps2: Vectors,
+    yaw_rad: Angles,
+    rng: Rng,
     config: FlightConfig,
 ) -> list[Float[np.ndarray, "t+1"]]:
     """Returns roll and pitch: those of the motion and of gusts, below the limit.
@@ -174,7 +169,7 @@ def _attitude(
     return [soft_limit(angle_rad, config.tilt_limit_rad) for angle_rad in gusty]
 
 
-def _gust(rng: np.random.Generator, steps: int, config: FlightConfig) -> Float[np.ndarray, "t"]:
+def _gust(rng: Rng, steps: int, config: FlightConfig) -> Angles:
     """Draws the paper's Ornstein-Uhlenbeck angle, with which the UAV holds its track in gusts."""
     window = gaussian_window(config.gust_response_s / STEP_S)
     eta_rad = ornstein_uhlenbeck(

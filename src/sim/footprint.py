@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 Angles = Float[np.ndarray, "*t"]
+Places = Float[np.ndarray, "t 3"]
 # The middle of a rectangle, the direction of its length, and its length and width.
 Footprint = tuple[Float[np.ndarray, "*t 2"], Angles, tuple[float, float]]
 
@@ -28,10 +29,7 @@ def boxes_overlap(one: Footprint, other: Footprint) -> Bool[np.ndarray, "*t"]:
 
 
 def box_distance_m(
-    point_m: Float[np.ndarray, "t 3"],
-    position_m: Float[np.ndarray, "t 3"],
-    yaw_rad: Angles,
-    size_m: tuple[float, float, float],
+    point_m: Places, position_m: Places, yaw_rad: Angles, size_m: tuple[float, float, float]
 ) -> Float[np.ndarray, "t"]:
     """Returns the distance of points from a box that stands on its position; 0 inside."""
     x, y, z = (point_m - position_m).T

@@ -17,17 +17,14 @@ from .weather import Weather
 LIFT_M = 0.05
 
 Places = Float[np.ndarray, "h w 3"]
+Depths = Float[np.ndarray, "h w"]
 Picture = UInt8[np.ndarray, "h w 3"]
 # Says whether anything lies between points of the world and a light in a direction.
 Blocked = Callable[[Float[np.ndarray, "n 3"], Float[np.ndarray, "3"]], Bool[np.ndarray, "n"]]
 
 
 def cast_shadows(
-    rgb: Picture,
-    points_m: Places,
-    depth_m: Float[np.ndarray, "h w"],
-    weather: Weather,
-    blocked: Blocked,
+    rgb: Picture, points_m: Places, depth_m: Depths, weather: Weather, blocked: Blocked
 ) -> Picture:
     """Adds the shadows to a picture that was lit as if nothing shaded anything else.
 
@@ -46,11 +43,7 @@ def cast_shadows(
 
 
 def illuminate(
-    rgb: Picture,
-    points_m: Places,
-    depth_m: Float[np.ndarray, "h w"],
-    weather: Weather,
-    blocked: Blocked,
+    rgb: Picture, points_m: Places, depth_m: Depths, weather: Weather, blocked: Blocked
 ) -> Picture:
     """Lights a picture of bare colors with a weather's light, and leaves the sky as it is.
 
@@ -90,9 +83,7 @@ def _towards(weather: Weather) -> Float[np.ndarray, "3"]:
 
 
 @njit
-def surface_normals(
-    points_m: Float[np.ndarray, "h w 3"], depth_m: Float[np.ndarray, "h w"]
-) -> Float[np.ndarray, "h w 3"]:
+def surface_normals(points_m: Places, depth_m: Depths) -> Float[np.ndarray, "h w 3"]:
     """Returns unit normals, towards the camera, of the surface that a picture shows.
 
     Of the two neighbours in a row, and in a column, the one nearer in depth is taken to lie on the

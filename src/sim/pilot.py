@@ -58,15 +58,9 @@ class FlightConfig:
     tilt_limit_rad: float = 0.5236
 
 
-@dataclass(frozen=True)
-class Command:
-    """The commanded place at each step: arc of the route, and height above the terrain.
-
-    It begins `lead_steps` before the flight and ends as many after it, so that it can be smoothed.
-    """
-
-    arc_m: Float[np.ndarray, "s"]
-    altitude_m: Float[np.ndarray, "s"]
+# The commanded place at each step: arc of the route, and height above the terrain. It begins
+# `lead_steps` before the flight and ends as many after it, so that it can be smoothed.
+Command = tuple[Float[np.ndarray, "s"], Float[np.ndarray, "s"]]
 
 
 def lead_steps(config: FlightConfig) -> int:
@@ -114,7 +108,7 @@ class Pilot:
             arcs_m[k], altitudes_m[k] = arc_m, altitude_m
             speed_mps = self._paced(k, arc_m, altitude_m, speed_mps)
             arc_m += speed_mps * STEP_S
-        return Command(arcs_m, altitudes_m)
+        return arcs_m, altitudes_m
 
     def _target_altitude(self, k: int, arc_m: float, speed_mps: float) -> float:
         """Returns the paper's h*: the wish, or higher where obstacles and speed demand it.

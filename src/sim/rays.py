@@ -7,12 +7,14 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Bool, Float, Int
 
+Points = Float[np.ndarray, "n 3"]
+
 GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
 
 
 def spread_directions(
     count: int, sin_elevation: tuple[float, float], shift: float = 0.5, turn_rad: float = 0.0
-) -> Float[np.ndarray, "n 3"]:
+) -> Points:
     """Returns unit vectors, evenly over the sphere between two elevations: a Fibonacci lattice.
 
     ``shift``, from 0 to 1, moves the lattice up by so many of its steps, ``turn_rad`` turns it.
@@ -27,34 +29,27 @@ def spread_directions(
 
 
 class RayScene:
-    """Triangles that rays can hit; ``triangles_m`` is [f, 3, 3] in the world frame."""
+    """Triangles that rays can hit; ``triangles_m`` is [f, 3, 3] in the world frame.
+
+    Rays begin at origins in metres; their directions are unit vectors.
+    """
 
     def __init__(self, triangles_m: Float[np.ndarray, "f 3 3"]) -> None:
         self._scene = EmbreeScene()
         TriangleMesh(self._scene, np.ascontiguousarray(triangles_m, dtype=np.float32))
 
     def cast(
-        self, origins_m: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+        self, origins_m: Points, directions: Points
     ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-        """Returns distances in metres (inf where nothing is hit) and indices of triangles (-1).
-
-        Directions are unit vectors.
-        """
-        hits = self._scene.run(
-            np.ascontiguousarray(origins_m, dtype=np.float32),
-            np.ascontiguousarray(directions, dtype=np.float32),
-            output=True,
-        )
+        """Returns distances in metres (inf where nothing is hit) and indices of triangles (-1)."""
+        hits = self._scene.run(*_for_embree(origins_m, directions), output=True)
         face = hits["primID"]
         return np.where(face >= 0, hits["tfar"], np.float32(np.inf)), face
 
-    def blocked(
-        self, origins_m: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> Bool[np.ndarray, "n"]:
+    def blocked(self, origins_m: Points, directions: Points) -> Bool[np.ndarray, "n"]:
         """Returns which rays hit anything; that takes less time than what each hits first."""
-        met = self._scene.run(
-            np.ascontiguousarray(origins_m, dtype=np.float32),
-            np.ascontiguousarray(directions, dtype=np.float32),
-            query="OCCLUDED",
-        )
-        return met >= 0
+        return self._scene.run(*_for_embree(origins_m, directions), query="OCCLUDED") >= 0
+
+
+def _for_embree(*arrays: Points) -> list[Points]:
+    return [np.ascontiguousarray(array, dtype=np.float32) for array in arrays]

@@ -10,10 +10,14 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ..geometry import transform
 from ..ontology import GROUND, UNKNOWN
+from .assets import upright
 from .layout import GroundPatch, Town
 from .mesh import Mesh, merge, mesh_of_patch, mesh_of_solid
 from .rays import RayScene
 from .solid import Solid
+from .towns.polyline import Spot
+
+Points = Float[np.ndarray, "n 3"]
 
 # Longer ground patches are cut, so that only what is near a route is drawn.
 PATCH_M = 40.0
@@ -30,9 +34,10 @@ class Part:
 
 @dataclass(frozen=True)
 class SceneActor:
-    """A moving actor as a scene shows it: its parts in its own frame, and where it is at each step.
+    """A moving actor: its parts in its own frame, and its place, direction and velocity by step.
 
-    ``size_m`` is length, width and height.
+    Its origin is on the road or pavement under its middle; z is up, x forward. ``size_m`` is
+    length, width and height.
     """
 
     actor_id: int
@@ -40,8 +45,15 @@ class SceneActor:
     class_id: int
     size_m: tuple[float, float, float]
     parts: tuple[Part, ...]
-    world_from_actor: Float[np.ndarray, "t 4 4"]
+    position_m: Float[np.ndarray, "t 3"]
+    yaw_rad: Float[np.ndarray, "t"]
     velocity_mps: Float[np.ndarray, "t 3"]
+
+    @cached_property
+    def world_from_actor(self) -> Float[np.ndarray, "t 4 4"]:
+        """The transform at every step, of an actor that stands upright on its place."""
+        places = zip(self.position_m, self.yaw_rad)
+        return np.stack([upright(*position_m, yaw_rad) for position_m, yaw_rad in places])
 
     @cached_property
     def triangles_m(self) -> Float[np.ndarray, "f 3 3"]:
@@ -99,18 +111,18 @@ class Scene:
         classes = [np.full(len(part.mesh.faces), part.class_id, np.uint8) for part in self.static]
         return np.concatenate([*classes, np.array([UNKNOWN], np.uint8)])
 
-    def cast_static(
-        self, origins_m: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> Float[np.ndarray, "n"]:
+    def triangles_at(self, step: int) -> tuple[Float[np.ndarray, "f 3 3"], UInt8[np.ndarray, "f"]]:
+        """Returns all triangles at a step, in the world (float64), and their classes."""
+        moved = [actor.triangles_at(step) for actor in self.actors]
+        classes = [np.full(len(each), actor.class_id) for each, actor in zip(moved, self.actors)]
+        class_id = np.concatenate([self._static_classes[:-1], *classes]).astype(np.uint8)
+        return np.concatenate([_triangles(self.static), *moved]), class_id
+
+    def cast_static(self, origins_m: Points, directions: Points) -> Float[np.ndarray, "n"]:
         """Returns the distances in metres to the static scene alone, inf where nothing is hit."""
         return self._static_rays.cast(origins_m, directions)[0]
 
-    def cast(
-        self,
-        step: int,
-        origins_m: Float[np.ndarray, "n 3"],
-        directions: Float[np.ndarray, "n 3"],
-    ) -> ScanHits:
+    def cast(self, step: int, origins_m: Points, directions: Points) -> ScanHits:
         """Returns the first hit of every ray with the scene as it is at a step."""
         distance_m, face = self._static_rays.cast(origins_m, directions)
         class_id = self._static_classes[face]
@@ -130,10 +142,7 @@ class Scene:
         return ScanHits(distance_m, class_id, actor_id)
 
     def blocked(
-        self,
-        step: int,
-        points_m: Float[np.ndarray, "n 3"],
-        towards: Float[np.ndarray, "3"],
+        self, step: int, points_m: Points, towards: Float[np.ndarray, "3"]
     ) -> Bool[np.ndarray, "n"]:
         """Returns whether anything lies between points and the sun or moon, at a step.
 
@@ -143,39 +152,10 @@ class Scene:
         directions = np.broadcast_to(towards, points_m.shape)
         blocked = self._static_rays.blocked(points_m, directions)
         lit = np.flatnonzero(~blocked)
-        if not len(lit):
-            return blocked
-
-        bounds_m = points_m[lit].min(axis=0), points_m[lit].max(axis=0)
-        moved = [
-            actor.triangles_at(step)
-            for actor in self.actors
-            if _may_shade(actor, step, bounds_m, towards)
-        ]
-        if moved:
-            rays = RayScene(np.concatenate(moved))
+        if len(lit) and self.actors:
+            rays = RayScene(np.concatenate([actor.triangles_at(step) for actor in self.actors]))
             blocked[lit] = rays.blocked(points_m[lit], directions[lit])
         return blocked
-
-
-def _may_shade(
-    actor: SceneActor,
-    step: int,
-    bounds_m: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]],
-    towards: Float[np.ndarray, "3"],
-) -> bool:
-    """Returns whether an actor's shadow, down to the lowest point, may reach into the bounds in
-    the plane."""
-    lower_m, upper_m = bounds_m
-    position_m = actor.world_from_actor[step, :3, 3]
-    reach_m = float(np.linalg.norm(actor.size_m))
-
-    # The shadow runs from the actor to where a ray over its top comes down.
-    fall_m = max(0.0, position_m[2] + actor.size_m[2] - lower_m[2])
-    ends_m = np.stack([position_m[:2], position_m[:2] - towards[:2] * (fall_m / towards[2])])
-    above = (ends_m.max(axis=0) + reach_m > lower_m[:2]).all()
-    below = (ends_m.min(axis=0) - reach_m < upper_m[:2]).all()
-    return bool(above and below)
 
 
 @dataclass(frozen=True)
@@ -235,14 +215,14 @@ def _cut(patch: GroundPatch) -> list[GroundPatch]:
     rows = max(1, int(np.ceil(patch.length_m / PATCH_M)))
     columns = max(1, int(np.ceil(patch.width_m / PATCH_M)))
     size_m = {"length_m": patch.length_m / rows, "width_m": patch.width_m / columns}
-    (x_m, y_m), cos, sin = patch.origin_m, np.cos(patch.yaw_rad), np.sin(patch.yaw_rad)
+    middle = Spot(*patch.origin_m, patch.yaw_rad)
 
     pieces = []
     for i, j in np.ndindex(rows, columns):
         along_m = ((i + 0.5) / rows - 0.5) * patch.length_m
         across_m = ((j + 0.5) / columns - 0.5) * patch.width_m
-        center_m = x_m + cos * along_m - sin * across_m, y_m + sin * along_m + cos * across_m
-        pieces.append(replace(patch, origin_m=center_m, **size_m))
+        x_m, y_m, _ = middle.moved(along_m, across_m)
+        pieces.append(replace(patch, origin_m=(x_m, y_m), **size_m))
     return pieces
 
 

@@ -1,20 +1,17 @@
 """The stage of one clip, from its seed alone: the town, the flight through it, and its traffic."""
 
 import zlib
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from ..ontology import ACTOR_TYPES
-from .assets import ACTORS
 from .flight import Flight, FlightConfig, fly
 from .layout import Town
 from .pilot import STEP_HZ
-from .scene import Piece, Scene, SceneActor, parts_of, pieces_of, static_parts
+from .scene import Piece, Scene, pieces_of, static_parts
 from .towns import build_town
-from .traffic import ActorTrack, TrafficConfig, simulate_traffic
+from .traffic import TrafficConfig, simulate_traffic
 
 # The part of the town that lies within this distance of the flight is drawn.
 DRAWN_RADIUS_M = 90.0
@@ -66,24 +63,8 @@ def stage_clip(
     flight = fly(place.town, rng, place.whole.cast_static, flight_config)
 
     rng = generator_for(seed, "traffic", plan.town, plan.index)
-    tracks = simulate_traffic(place.town, rng, traffic_config, flight.position_m)
+    actors = simulate_traffic(place.town, rng, traffic_config, flight.position_m)
 
     every_second_m = flight.position_m[::STEP_HZ, :2]
     parts = static_parts(place.pieces, every_second_m, DRAWN_RADIUS_M)
-    return flight, Scene(parts, scene_actors(tracks))
-
-
-def scene_actors(tracks: Iterable[ActorTrack]) -> tuple[SceneActor, ...]:
-    """Gives moving actors their shapes, drawn from each actor's own seed."""
-    return tuple(
-        SceneActor(
-            actor_id=track.actor_id,
-            type=track.type,
-            class_id=ACTOR_TYPES[track.type],
-            size_m=track.size_m,
-            parts=parts_of(ACTORS[track.type](np.random.default_rng(track.seed))),
-            world_from_actor=track.world_from_actor,
-            velocity_mps=track.velocity_mps,
-        )
-        for track in tracks
-    )
+    return flight, Scene(parts, actors)

@@ -7,14 +7,19 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import UserError
+from ..ontology import ACTOR_TYPES
 from .actor import HABITS, Actor
-from .assets import ACTORS, extent_m, upright
+from .assets import ACTORS, extent_m
 from .driver import drive
 from .footprint import Footprint, box_distance_m, boxes_overlap
 from .layout import Town
 from .lights import LightPlan, light_plans
 from .pilot import STEP_S
 from .placement import Placer, Size
+from .scene import SceneActor, parts_of
+
+# An actor's place and direction at every step.
+Track = tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t"]]
 
 COUNTS = {"car": 6, "truck": 2, "bus": 2, "pedestrian": 2, "bicycle": 3, "motorcycle": 4}
 
@@ -47,37 +52,9 @@ def size_of(actor_type: str, seed: int) -> Size:
     return extent_m(ACTORS[actor_type](np.random.default_rng(seed)))
 
 
-@dataclass(frozen=True)
-class ActorTrack:
-    """One actor at every step: its place, direction and velocity.
-
-    Its origin is on the road or pavement under its middle; z is up, x forward. ``seed`` draws its
-    appearance; ``size_m`` is length, width and height.
-    """
-
-    actor_id: int
-    type: str
-    seed: int
-    size_m: Size
-    position_m: Float[np.ndarray, "t 3"]
-    yaw_rad: Float[np.ndarray, "t"]
-    velocity_mps: Float[np.ndarray, "t 3"]
-
-    @property
-    def footprint(self) -> Footprint:
-        """What the actor covers of the ground at every step."""
-        return self.position_m[:, :2], self.yaw_rad, self.size_m[:2]
-
-    @property
-    def world_from_actor(self) -> Float[np.ndarray, "t 4 4"]:
-        """The transform at every step, of an actor that stands upright on its place."""
-        places = zip(self.position_m, self.yaw_rad)
-        return np.stack([upright(*position_m, yaw_rad) for position_m, yaw_rad in places])
-
-
 def simulate_traffic(
     town: Town, rng: np.random.Generator, config: TrafficConfig, uav_m: Float[np.ndarray, "t 3"]
-) -> tuple[ActorTrack, ...]:
+) -> tuple[SceneActor, ...]:
     """Drives actors on the lanes and walks that the UAV sees from ``uav_m``, at each of its steps.
 
     They are numbered from 1. There are fewer than asked for where the town has no room, or where
@@ -89,9 +66,10 @@ def simulate_traffic(
     # Where one is left out all others drive again, so that none reacts to what is not there.
     while placed:
         tracks = _tracks(placed, plans, town, len(uav_m))
-        stays = _compatible(tracks, uav_m, config.uav_gap_m)
+        stays = _compatible(placed, tracks, uav_m, config.uav_gap_m)
         if all(stays):
-            return tracks
+            numbered = enumerate(zip(placed, tracks), start=1)
+            return tuple(_scene_actor(number, *driven) for number, driven in numbered)
         placed = [actor for actor, keep in zip(placed, stays) if keep]
     return ()
 
@@ -110,8 +88,8 @@ def _placed(placer: Placer, rng: np.random.Generator, config: TrafficConfig) -> 
 
 def _tracks(
     placed: Sequence[Actor], plans: Mapping[int, LightPlan], town: Town, steps: int
-) -> tuple[ActorTrack, ...]:
-    """Drives placed actors, and returns where each is at every step."""
+) -> list[Track]:
+    """Drives placed actors, and returns the place and direction of each at every step."""
     motion = drive(placed, (steps - 1) * STEP_S, plans)
     arcs_m = motion.arc_at(np.arange(steps) * STEP_S)
 
@@ -120,27 +98,39 @@ def _tracks(
         points_m, heading_rad = actor.route.at(arc_m)
         rise_m = np.interp(arc_m, actor.route.arc_m, actor.route.rise_m)
         position_m = np.c_[points_m, town.terrain(points_m[:, 0], points_m[:, 1]) + rise_m]
-        track = ActorTrack(
-            actor_id=len(tracks) + 1,
-            type=actor.type,
-            seed=actor.seed,
-            size_m=actor.size_m,
-            position_m=position_m,
-            yaw_rad=(heading_rad + np.pi) % (2 * np.pi) - np.pi,
-            velocity_mps=np.gradient(position_m, STEP_S, axis=0),
-        )
-        tracks.append(track)
-    return tuple(tracks)
+        tracks.append((position_m, (heading_rad + np.pi) % (2 * np.pi) - np.pi))
+    return tracks
 
 
 def _compatible(
-    tracks: Sequence[ActorTrack], uav_m: Float[np.ndarray, "t 3"], uav_gap_m: float
+    placed: Sequence[Actor],
+    tracks: Sequence[Track],
+    uav_m: Float[np.ndarray, "t 3"],
+    uav_gap_m: float,
 ) -> list[bool]:
     """Returns which actors stay: not too near to the UAV, and never in one that stays as well."""
     stays: list[bool] = []
-    for track in tracks:
-        distance_m = box_distance_m(uav_m, track.position_m, track.yaw_rad, track.size_m)
-        others = (other for other, kept in zip(tracks, stays) if kept)
-        collides = any(boxes_overlap(track.footprint, other.footprint).any() for other in others)
+    footprints: list[Footprint] = []
+    for actor, (position_m, yaw_rad) in zip(placed, tracks):
+        footprint = position_m[:, :2], yaw_rad, actor.size_m[:2]
+        distance_m = box_distance_m(uav_m, position_m, yaw_rad, actor.size_m)
+        collides = any(boxes_overlap(footprint, other).any() for other in footprints)
         stays.append(bool(distance_m.min() >= uav_gap_m) and not collides)
+        if stays[-1]:
+            footprints.append(footprint)
     return stays
+
+
+def _scene_actor(number: int, actor: Actor, track: Track) -> SceneActor:
+    """Gives a driven actor its shape, drawn from its own seed."""
+    position_m, yaw_rad = track
+    return SceneActor(
+        actor_id=number,
+        type=actor.type,
+        class_id=ACTOR_TYPES[actor.type],
+        size_m=actor.size_m,
+        parts=parts_of(ACTORS[actor.type](np.random.default_rng(actor.seed))),
+        position_m=position_m,
+        yaw_rad=yaw_rad,
+        velocity_mps=np.gradient(position_m, STEP_S, axis=0),
+    )

@@ -16,11 +16,13 @@ from ..ontology import SKY
 from . import camera
 from .camera import FAR_M, NEAR_M, SAMPLE_OFFSET_PIX
 from .drawing import Drawing, texture_coordinates
-from .lighting import cast_shadows, illuminate
+from .lighting import Depths, Picture, Places, cast_shadows, illuminate
 from .mesh import Mesh, merge, split
 from .renderer import require_renderer
 from .scene import Part, Scene
 from .weather import Weather
+
+Matrix = Float[np.ndarray, "4 4"]
 
 # The static scene is drawn as cells of this side, so that what is out of sight can be hidden.
 CELL_M = 25.0
@@ -38,8 +40,8 @@ class Rendering:
     sky.
     """
 
-    rgb: UInt8[np.ndarray, "h w 3"]
-    depth_m: Float[np.ndarray, "h w"]
+    rgb: Picture
+    depth_m: Depths
     class_id: UInt8[np.ndarray, "h w"]
     actor_id: Int[np.ndarray, "h w"]
 
@@ -51,16 +53,6 @@ class Rendering:
             class_id=np.where(sky, SKY, self.class_id).astype(np.uint8),
             actor_id=np.where(sky, -1, self.actor_id).astype(np.int32),
         )
-
-
-@dataclass(frozen=True)
-class _DrawnMesh:
-    """A mesh of the drawing: its class, the index of its actor, and a sphere around it."""
-
-    class_id: int
-    actor: int
-    middle_m: Float[np.ndarray, "3"]
-    reach_m: float
 
 
 class World:
@@ -132,18 +124,17 @@ class World:
 
     def _fill(self) -> None:
         """Draws the scene, and keeps one row a mesh of the drawing, in the order of bullet ids."""
-        self._drawn: list[_DrawnMesh] = []
+        # Class, index of the actor, and the middle and radius of a sphere around the mesh.
+        self._drawn: list[tuple[int, int, np.ndarray, float]] = []
         # EGL hides on its own what is out of sight, and pays for every mesh.
         self._add(self._scene.static, STATIC, CELL_M if self._renderer == "tiny" else np.inf)
         for index, actor in enumerate(self._scene.actors):
             self._add(actor.parts, index, np.inf)
 
+        columns = zip(*self._drawn) if self._drawn else ([], np.zeros(0, int), np.zeros((0, 3)), [])
+        self._class_id, self._actor, self._middle_m, self._reach_m = map(np.array, columns)
         actor_ids = np.array([*(actor.actor_id for actor in self._scene.actors), 0])
-        self._actor = np.array([mesh.actor for mesh in self._drawn], dtype=int)
         self._actor_id = actor_ids[self._actor]
-        self._class_id = np.array([mesh.class_id for mesh in self._drawn])
-        self._middle_m = np.array([mesh.middle_m for mesh in self._drawn]).reshape(-1, 3)
-        self._reach_m = np.array([mesh.reach_m for mesh in self._drawn])
         self._visible = np.ones(len(self._drawn), dtype=bool)
 
     def _add(self, parts: Iterable[Part], actor: int, cell_m: float) -> None:
@@ -157,9 +148,9 @@ class World:
         for (class_id, texture, _), members in grouped.items():
             mesh = merge([mesh for mesh, _ in members])
             self._drawing.add(mesh, np.concatenate([uvs for _, uvs in members]), texture)
-            self._drawn.append(_DrawnMesh(class_id, actor, *mesh.bounding_sphere()))
+            self._drawn.append((class_id, actor, *mesh.bounding_sphere()))
 
-    def _place(self, step: int, camera_from_world: Float[np.ndarray, "4 4"]) -> None:
+    def _place(self, step: int, camera_from_world: Matrix) -> None:
         """Shows every mesh that can be seen, where it is at the step, and hides the rest."""
         moved = [actor.world_from_actor[step] for actor in self._scene.actors]
         world_from_mesh = np.stack([*moved, np.eye(4)])[self._actor]
@@ -173,10 +164,7 @@ class World:
             self._drawing.place(bullet_id, world_from_mesh[bullet_id])
 
     def _from_buffers(
-        self,
-        rgb: UInt8[np.ndarray, "h w 3"],
-        buffer: Float[np.ndarray, "h w"],
-        bullet_id: Int[np.ndarray, "h w"],
+        self, rgb: Picture, buffer: Depths, bullet_id: Int[np.ndarray, "h w"]
     ) -> Rendering:
         """Reads depth, class and actor of every pixel from the renderer's own buffers."""
         depth_m = camera.depth_from_buffer(buffer, self._near_m, self._far_m)
@@ -185,12 +173,7 @@ class World:
         class_id, actor_id = self._class_id[bullet_id], self._actor_id[bullet_id]
         return Rendering(rgb, depth_m, class_id, actor_id).with_sky(sky)
 
-    def _from_rays(
-        self,
-        rgb: UInt8[np.ndarray, "h w 3"],
-        step: int,
-        world_from_camera: Float[np.ndarray, "4 4"],
-    ) -> Rendering:
+    def _from_rays(self, rgb: Picture, step: int, world_from_camera: Matrix) -> Rendering:
         """Finds depth, class and actor of every pixel by a ray through its center."""
         shape = rgb.shape[:2]
         length = np.linalg.norm(self._through, axis=-1)
@@ -202,9 +185,7 @@ class World:
         class_id, actor_id = hits.class_id.reshape(shape), hits.actor_id.reshape(shape)
         return Rendering(rgb, depth_m, class_id, actor_id).with_sky(~(depth_m < self._far_m))
 
-    def _points_m(
-        self, depth_m: Float[np.ndarray, "h w"], world_from_camera: Float[np.ndarray, "4 4"]
-    ) -> Float[np.ndarray, "h w 3"]:
+    def _points_m(self, depth_m: Depths, world_from_camera: Matrix) -> Places:
         """Returns where in the world each pixel looks; at the sky, the camera's own position."""
         world_from_camera = world_from_camera.astype(np.float32)
         finite_m = np.where(np.isfinite(depth_m), depth_m, 0)

@@ -31,10 +31,10 @@ def ground(top_m=0.0, size_m=160.0):
 
 def actor(places_m, size_m=(4.0, 2.0, 1.6), class_id=CAR, actor_id=1, yaw_rad=0.0):
     """A box that stands at one place after the other."""
-    world_from_actor = np.stack([upright(*place_m, yaw_rad) for place_m in places_m])
     parts = parts_of([solid(class_id, size_m, (0, 0, size_m[2] / 2))])
-    velocity_mps = np.zeros((len(places_m), 3))
-    return SceneActor(actor_id, "car", class_id, size_m, parts, world_from_actor, velocity_mps)
+    position_m = np.array(places_m, dtype=float)
+    track = position_m, np.full(len(position_m), yaw_rad), np.zeros_like(position_m)
+    return SceneActor(actor_id, "car", class_id, size_m, parts, *track)
 
 
 def body_at(position_m, roll=0.0, pitch=0.0, yaw=0.0):

@@ -2,15 +2,17 @@
 
 import cv2
 import numpy as np
-import pybullet
 import pytest
 import torch
 
 from src import geometry as g
 from src.sim import camera
 from src.sim.camera import FAR_M, NEAR_M, SAMPLE_OFFSET_PIX
-from src.sim.renderer import egl_plugin
+from src.sim.drawing import Drawing
+from src.sim.mesh import mesh_of_solid
+from src.sim.solid import Solid
 from tests.sim.scenery import body_at
+from tests.sim.weathers import WEATHERS
 
 WIDTH, HEIGHT = 224, 128
 PIX_FROM_CAMERA = g.pinhole(WIDTH, HEIGHT, np.deg2rad(90.0))
@@ -23,57 +25,40 @@ ATTITUDES = pytest.mark.parametrize(
     "attitude_rad", [LEVEL, TILTED, (-0.35, -0.1, 2.0), (0.3, 0.3, -1.2)]
 )
 UNCORRECTED = (0.0, 0.0)
-FLAGS = {"tiny": pybullet.ER_TINY_RENDERER, "egl": pybullet.ER_BULLET_HARDWARE_OPENGL}
 
 
 @pytest.fixture
 def tiny():
-    client = pybullet.connect(pybullet.DIRECT)
-    yield client
-    pybullet.disconnect(client)
+    drawing = Drawing("tiny")
+    yield drawing
+    drawing.close()
 
 
 @pytest.fixture
-def egl(needs_egl, tiny):
-    pybullet.loadPlugin(egl_plugin(), "_eglRendererPlugin", physicsClientId=tiny)
-    return tiny
+def egl(needs_egl):
+    drawing = Drawing("egl")
+    yield drawing
+    drawing.close()
 
 
-def add_box(client, size_m, world_from_box):
-    half_m = [side_m / 2 for side_m in size_m]
-    roll_pitch_yaw = [float(angle) for angle in g.euler_from_rotation(world_from_box[:3, :3])]
-    shape = pybullet.createVisualShape(
-        pybullet.GEOM_BOX, halfExtents=half_m, physicsClientId=client
-    )
-    pybullet.createMultiBody(
-        baseVisualShapeIndex=shape,
-        basePosition=world_from_box[:3, 3].tolist(),
-        baseOrientation=pybullet.getQuaternionFromEuler(roll_pitch_yaw),
-        physicsClientId=client,
-    )
+def add_box(drawing, size_m, world_from_box):
+    mesh = mesh_of_solid(Solid("box", 0, size_m, world_from_box.numpy(), "asphalt"))
+    drawing.add(mesh, mesh.uvs_m, "asphalt")
 
 
-def add_ground(client):
+def add_ground(drawing):
     """A slab whose top is world z = 0."""
-    add_box(client, (2 * PLANE_HALF_M, 2 * PLANE_HALF_M, 1.0), body_at((0.0, 0.0, -0.5)))
+    add_box(drawing, (2 * PLANE_HALF_M, 2 * PLANE_HALF_M, 1.0), body_at((0.0, 0.0, -0.5)))
 
 
-def render(client, world_from_body, renderer="tiny", offset_pix=None):
+def render(drawing, world_from_body, offset_pix=SAMPLE_OFFSET_PIX["tiny"]):
     """Depth in metres and bullet ids (-1 where nothing is hit), both (height, width)."""
-    offset_pix = offset_pix or SAMPLE_OFFSET_PIX[renderer]
     lens = PIX_FROM_CAMERA, WIDTH, HEIGHT, NEAR_M, FAR_M
-    camera_from_world = g.inverse(world_from_body @ BODY_FROM_CAMERA)
-    _, _, _, buffer, bullet_id = pybullet.getCameraImage(
-        WIDTH,
-        HEIGHT,
-        viewMatrix=camera.view_matrix(camera_from_world),
-        projectionMatrix=camera.projection_matrix(*lens, offset_pix),
-        renderer=FLAGS[renderer],
-        shadow=0,
-        physicsClientId=client,
-    )
-    depth_m = camera.depth_from_buffer(np.reshape(buffer, (HEIGHT, WIDTH)), NEAR_M, FAR_M)
-    return depth_m, np.reshape(bullet_id, (HEIGHT, WIDTH))
+    view = camera.view_matrix(g.inverse(world_from_body @ BODY_FROM_CAMERA))
+    projection = camera.projection_matrix(*lens, offset_pix)
+    light = WEATHERS["clear"].light()
+    _, buffer, bullet_id = drawing.picture(WIDTH, HEIGHT, view, projection, light)
+    return camera.depth_from_buffer(buffer, NEAR_M, FAR_M), bullet_id
 
 
 def ground_depth(world_from_body):
@@ -91,11 +76,11 @@ def ground_depth(world_from_body):
     return depth_m.numpy(), hits_world[..., :2].abs().amax(dim=-1).numpy()
 
 
-def ground_error(client, attitude_rad, renderer="tiny", offset_pix=None):
+def ground_error(drawing, attitude_rad, offset_pix=SAMPLE_OFFSET_PIX["tiny"]):
     """By how much the ground is rendered too far, and its true depth, where that is within 50 m."""
-    add_ground(client)
+    add_ground(drawing)
     world_from_body = body_at((1.0, 2.0, HEIGHT_M), *attitude_rad)
-    depth_m, _ = render(client, world_from_body, renderer, offset_pix)
+    depth_m, _ = render(drawing, world_from_body, offset_pix)
     expected_m, radius_m = ground_depth(world_from_body)
 
     # One pixel spans metres of ground near the horizon, so the slab's border needs a margin.
@@ -125,14 +110,14 @@ def test_without_the_correction_ground_at_29_m_is_15_cm_too_high(tiny):
 
 @pytest.mark.parametrize("attitude_rad", [LEVEL, TILTED])
 def test_egl_samples_at_pixel_centers(egl, attitude_rad):
-    error_m, depth_m = ground_error(egl, attitude_rad, "egl")
+    error_m, depth_m = ground_error(egl, attitude_rad, SAMPLE_OFFSET_PIX["egl"])
     # Its depth buffer may have 16 bits only; a step of that is z^2 / near / 2^16.
     assert (np.abs(error_m) < depth_m**2 / NEAR_M / 2**16 + 0.01).all()
     assert np.median(np.abs(error_m)) < 0.03
 
 
 def test_egl_with_tiny_renderers_correction_misses_the_ground(egl):
-    error_m, _ = ground_error(egl, TILTED, "egl", SAMPLE_OFFSET_PIX["tiny"])
+    error_m, _ = ground_error(egl, TILTED)
     assert np.median(np.abs(error_m)) > 0.1
 
 
@@ -176,15 +161,15 @@ def test_a_sphere_is_in_view_if_any_of_its_points_is():
 # -------------------------------------------------------------------------------------- a box
 
 
-def misjudged_pix(client, attitude_rad, offset_pix=None):
+def misjudged_pix(drawing, attitude_rad, offset_pix=SAMPLE_OFFSET_PIX["tiny"]):
     """The largest distance, from the outline of a box's projected corners, of the center of a
     pixel that is on the wrong side of it."""
     world_from_body = body_at((20.0, -7.0, 9.0), *attitude_rad)
     before_camera = torch.tensor([[0.4, -0.3, 12.0]], dtype=torch.float64)
     middle_m = g.transform(world_from_body @ BODY_FROM_CAMERA, before_camera)[0]
     world_from_box = body_at(middle_m.tolist(), 0.4, -0.2, 1.1)
-    add_box(client, BOX_SIZE_M, world_from_box)
-    _, bullet_id = render(client, world_from_body, offset_pix=offset_pix)
+    add_box(drawing, BOX_SIZE_M, world_from_box)
+    _, bullet_id = render(drawing, world_from_body, offset_pix)
 
     # The corners take the chain through the occ frame, as the annotation does.
     occ_from_box = g.inverse(g.world_from_occ(world_from_body)) @ world_from_box

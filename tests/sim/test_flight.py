@@ -180,39 +180,40 @@ def test_a_wire_of_four_centimetres_is_seen():
 
 
 def commanded(height_m, end_m=300.0):
-    """The command of 20 s along a straight line, from 10 m on, and its speeds.
+    """The commanded arcs and altitudes of 20 s along a straight line, from 10 m on, and its speeds.
 
     An obstacle of that height begins at 60 m.
     """
     route = Route.through([corridor((0, 0), (300, 0))], 5.0, 0.5)
     at_m = np.arange(600) / 2
     obstacle_m = np.where((at_m >= 60) & (at_m < end_m), height_m, 0.0)
-    command = Pilot(route, obstacle_m, np.random.default_rng(0), LOW, 8.0, 20.0).fly_from(10.0)
-    return command, np.diff(command.arc_m) / STEP_S
+    pilot = Pilot(route, obstacle_m, np.random.default_rng(0), LOW, 8.0, 20.0)
+    arc_m, altitude_m = pilot.fly_from(10.0)
+    return arc_m, altitude_m, np.diff(arc_m) / STEP_S
 
 
 def test_the_altitude_command_is_the_paper_s():
-    command, speed_mps = commanded(8.0, end_m=65.0)
-    over = (command.arc_m[1:] > 60) & (command.arc_m[1:] < 64)
+    arc_m, altitude_m, speed_mps = commanded(8.0, end_m=65.0)
+    over = (arc_m[1:] > 60) & (arc_m[1:] < 64)
     margin_m = LOW.clearance_m + LOW.clearance_per_speed_s * speed_mps[over]
-    assert command.altitude_m[1:][over] == pytest.approx(8.0 + margin_m, abs=0.05)
-    assert command.altitude_m[-1] < 4.5
-    assert len(command.arc_m) == 20 * STEP_HZ + 2 * lead_steps(LOW)
+    assert altitude_m[1:][over] == pytest.approx(8.0 + margin_m, abs=0.05)
+    assert altitude_m[-1] < 4.5
+    assert len(arc_m) == 20 * STEP_HZ + 2 * lead_steps(LOW)
 
 
 def test_it_slows_down_where_it_cannot_climb_in_time():
-    _, free_mps = commanded(0.0)
-    command, speed_mps = commanded(16.0)
+    *_, free_mps = commanded(0.0)
+    arc_m, altitude_m, speed_mps = commanded(16.0)
     assert free_mps.min() > 7
-    assert speed_mps[command.arc_m[1:] < 60].min() < 4
-    assert command.arc_m[-1] > 65
-    assert (command.altitude_m[command.arc_m > 59] > 16 + 0.9 * LOW.clearance_m).all()
+    assert speed_mps[arc_m[1:] < 60].min() < 4
+    assert arc_m[-1] > 65
+    assert (altitude_m[arc_m > 59] > 16 + 0.9 * LOW.clearance_m).all()
 
 
 def test_what_passes_the_ceiling_does_not_raise_the_target():
-    command, _ = commanded(17.9)
-    assert command.arc_m[-1] == pytest.approx(60 - LOW.standoff_m, abs=0.6)
-    assert command.altitude_m.max() < 5
+    arc_m, altitude_m, _ = commanded(17.9)
+    assert arc_m[-1] == pytest.approx(60 - LOW.standoff_m, abs=0.6)
+    assert altitude_m.max() < 5
 
 
 def test_it_stops_before_what_is_too_tall():

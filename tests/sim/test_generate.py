@@ -22,11 +22,9 @@ from src.sim.plan import plan_clips
 
 ROOT = Path(__file__).parents[2]
 DRIVER = """
-import json, sys
-from pathlib import Path
+import json, pathlib, sys
 from src.sim.generate import generate
-if __name__ == "__main__":
-    generate(json.loads(sys.argv[1]), Path(sys.argv[2]))
+generate(json.loads(sys.argv[1]), pathlib.Path(sys.argv[2]))
 """
 
 
@@ -36,13 +34,11 @@ def hashes(root):
     return {str(folder.relative_to(root)): sha256_of(folder / SUMS) for folder in folders}
 
 
-def start(sim, root, tmp_path):
+def start(sim, root):
     """The generator as a process of its own."""
-    driver = tmp_path / "driver.py"
-    driver.write_text(DRIVER)
-    command = [sys.executable, str(driver), json.dumps(sim), str(root)]
+    command = [sys.executable, "-c", DRIVER, json.dumps(sim), str(root)]
     streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-    return subprocess.Popen(command, env={**os.environ, "PYTHONPATH": str(ROOT)}, **streams)
+    return subprocess.Popen(command, cwd=ROOT, **streams)
 
 
 # The patience is for a machine that does much else at the same time.
@@ -175,13 +171,13 @@ def test_a_clip_does_not_depend_on_the_others_and_another_seed_makes_others(
 def test_killed_at_any_point_it_goes_on_to_the_same_bytes(mini_dataset, mini_sim, tmp_path):
     """First in the middle of a clip, then at random moments."""
     root, sim, hit = tmp_path / "data", mini_sim | {"workers": 1}, 0
-    process = start(sim, root, tmp_path)
+    process = start(sim, root)
     wait_for(lambda: list(root.glob("*/.clip*.part/rgb.zip")))
     assert kill(process) > 0
     assert list(root.glob("*/.clip*.part"))
 
     for moment_s in np.random.default_rng(0).uniform(0.3, 9.0, 10):
-        process = start(sim, root, tmp_path)
+        process = start(sim, root)
         time.sleep(moment_s)
         hit += process.poll() is None
         kill(process)
@@ -204,7 +200,7 @@ def test_a_death_leaves_nothing_running_and_nothing_partial(
     mini_sim, tmp_path, killed, by, message
 ):
     root = tmp_path / "data"
-    process = start(mini_sim, root, tmp_path)
+    process = start(mini_sim, root)
     wait_for(lambda: len(list(root.glob("*/.clip*.part"))) == 2)
     workers = workers_of(process.pid)
     os.kill(workers[0] if killed == "worker" else process.pid, by)
