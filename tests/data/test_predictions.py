@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from src.data.predictions import Predictions, PredictionWriter
+from src.data.predictions import Predictions, save_predictions
 from src.errors import UserError
 
 SHAPE = (4, 3, 2)
@@ -17,10 +17,11 @@ def labels_at(frame):
 
 @pytest.fixture
 def folder(tmp_path):
-    with PredictionWriter(tmp_path / "run" / "test", {"name": "mine"}) as writer:
-        for clip, frame in SAMPLES:
-            logits = torch.nn.functional.one_hot(labels_at(frame).long(), 9).movedim(-1, 0)
-            writer.add(clip, frame, labels_at(frame), 3.0 * logits)
+    frames = []
+    for clip, frame in SAMPLES:
+        logits = torch.nn.functional.one_hot(labels_at(frame).long(), 9).movedim(-1, 0)
+        frames.append((clip, frame, labels_at(frame), 3.0 * logits))
+    save_predictions(tmp_path / "run" / "test", {"name": "mine"}, frames)
     return tmp_path / "run" / "test"
 
 
@@ -47,19 +48,18 @@ def test_without_class_scores_there_are_no_logits(folder):
 
 def test_a_folder_is_not_written_to_where_there_is_one_nor_read_where_there_is_none(folder):
     with pytest.raises(UserError, match=str(folder)):
-        PredictionWriter(folder, {})
+        save_predictions(folder, {}, [])
     with pytest.raises(UserError, match=r"^predictions: .*task=predict"):
         Predictions(folder / "none")
 
 
 def test_after_a_failure_nothing_is_left(tmp_path):
-    def fail():
-        with PredictionWriter(tmp_path / "new", {}) as writer:
-            writer.add("town/clip00", 0, labels_at(0))
-            raise RuntimeError("of the model")
+    def frames():
+        yield "town/clip00", 0, labels_at(0), None
+        raise RuntimeError("of the model")
 
     with pytest.raises(RuntimeError):
-        fail()
+        save_predictions(tmp_path / "new", {}, frames())
     assert list(tmp_path.iterdir()) == []
 
 

@@ -163,7 +163,7 @@ class Network:
         return joined(ways + self._turns(ways, 0.0))
 
     def _directions(self) -> Iterator[tuple[int, Polyline, tuple, tuple]]:
-        """Yields each street's number and open line with its first and last port, there and back."""
+        """Yields each street's number, open line, first and last port, there and back."""
         for k, street in enumerate(self.streets):
             line_m = self.open_m(street)
             yield k, line_m, ("from", street.start, k), ("to", street.end, k)
