@@ -1,7 +1,7 @@
 """task=check: are the bytes those written, do attitudes agree, do labels lie in their image?"""
 
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -23,31 +23,14 @@ from ..ontology import FREE, SKY, UNKNOWN
 from .clip import Clip, damaged_files
 
 
-@dataclass
-class DepthAgreement:
-    """Depth pixels against labels, in counts; shares are of the pixels that can be judged.
-
-    A pixel can be judged when its point lies in the grid and its voxel's center in the image.
-    """
-
-    pixels: int = 0
-    occupied: int = 0
-    own_class: int = 0
-    free_voxels: int = 0
-    free_with_point: int = 0
-
-    def join(self, other: "DepthAgreement") -> None:
-        """Adds another's counts to these."""
-        for name, count in vars(other).items():
-            setattr(self, name, getattr(self, name) + count)
-
-    def shares(self) -> dict[str, float]:
-        return {
-            "pixels in an occupied voxel": self.occupied / max(1, self.pixels),
-            "pixels in a voxel of their class": self.own_class / max(1, self.pixels),
-            "free voxels that hold a pixel's point": self.free_with_point
-            / max(1, self.free_voxels),
-        }
+def shares_of(counts: Counter) -> dict[str, float]:
+    """Returns shares of the pixels and of the free voxels that `agreement_of` counted."""
+    pixels, free = max(1, counts["pixels"]), max(1, counts["free voxels"])
+    return {
+        "pixels in an occupied voxel": counts["occupied"] / pixels,
+        "pixels in a voxel of their class": counts["own class"] / pixels,
+        "free voxels that hold a pixel's point": counts["free with point"] / free,
+    }
 
 
 def problems_of(clip_folder: Path) -> Iterator[str]:
@@ -90,8 +73,12 @@ def _frustum_problems(clip: Clip, frame: int, centers: Float[Tensor, "X Y Z 3"])
         yield f"{clip.folder}: frame {frame}: {outside} voxels outside the image carry labels"
 
 
-def agreement_of(clip: Clip, frame: int, total: DepthAgreement) -> None:
-    """Adds one frame's depth pixels to the counts; the clip must have been made with aux images."""
+def agreement_of(clip: Clip, frame: int) -> Counter:
+    """Counts the depth pixels of a frame against its labels; `shares_of` divides such counts.
+
+    A pixel can be judged when its point lies in the grid and its voxel's center in the image. The
+    clip must have been made with aux images.
+    """
     meta = clip.meta
     depth_m, class_id = (torch.from_numpy(clip.aux(name, frame)) for name in ("depth", "class"))
     hit = class_id != SKY
@@ -113,8 +100,12 @@ def agreement_of(clip: Clip, frame: int, total: DepthAgreement) -> None:
     semantics = torch.from_numpy(clip.semantics(frame))
     holds_point = torch.zeros(meta.grid.shape, dtype=torch.bool)
     holds_point[voxels] = True
-    total.pixels += len(own)
-    total.occupied += int((semantics[voxels] < FREE).sum())
-    total.own_class += int((semantics[voxels] == own).sum())
-    total.free_voxels += int((semantics == FREE).sum())
-    total.free_with_point += int(((semantics == FREE) & holds_point).sum())
+    free = semantics == FREE
+    counts = {
+        "pixels": len(own),
+        "occupied": (semantics[voxels] < FREE).sum(),
+        "own class": (semantics[voxels] == own).sum(),
+        "free voxels": free.sum(),
+        "free with point": (free & holds_point).sum(),
+    }
+    return Counter({name: int(count) for name, count in counts.items()})

@@ -8,103 +8,25 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
+import yaml
 
 from ..ontology import ACTOR_TYPES, CLASSES
 from .clip import ACTOR_COLUMNS, FRAME_COLUMNS, SUMS
 from .files import sha256_of
 from .manifest import MANIFEST
 
-# The context of Croissant 1.0: names that stand for ``cr:<name>``, and the others.
-_CROISSANT_NAMES = ["citeAs", "column", "equivalentProperty", "extract", "field", "fileObject"]
-_CROISSANT_NAMES += ["fileProperty", "fileSet", "format", "includes", "isLiveDataset", "jsonPath"]
-_CROISSANT_NAMES += ["key", "md5", "parentField", "path", "recordSet", "references", "regex"]
-_CROISSANT_NAMES += ["repeated", "replace", "samplingRate", "separator", "source", "subField"]
-_CROISSANT_NAMES += ["transform"]
-_OTHER_NAMES = {
-    "@language": "en",
-    "@vocab": "https://schema.org/",
-    "conformsTo": "dct:conformsTo",
-    "cr": "http://mlcommons.org/croissant/",
-    "data": {"@id": "cr:data", "@type": "@json"},
-    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
-    "dct": "http://purl.org/dc/terms/",
-    "examples": {"@id": "cr:examples", "@type": "@json"},
-    "rai": "http://mlcommons.org/croissant/RAI/",
-    "sc": "https://schema.org/",
-}
-CONTEXT = dict(sorted({**{n: f"cr:{n}" for n in _CROISSANT_NAMES}, **_OTHER_NAMES}.items()))
+WORDS = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
+# The files of a clip: how each is written, and what is in it.
+FILE_SETS = WORDS["files"]
 
-# The files of a clip: what is in them, and by their endings how it is written.
-FILE_SETS = {
-    "clip.json": "town, weather, seed, camera and voxel grid of a clip",
-    "frames.csv": "time, place, quaternion, velocity, attitude and height of every frame",
-    "actors.csv": "class, place, velocity, size of every moving actor, every frame",
-    "rgb.zip": "front images, 000000.jpg and so on",
-    "occupancy.npz": "NumPy arrays [X, Y, Z] of each frame: semantics_000000 (uint8, 255 is "
-    "unknown) and visible_000000 (bool)",
-    "aux.npz": "NumPy arrays [H, W] of each frame: depth_000000 (float32, metres), class_000000 "
-    "(uint8), instance_000000 (int32)",
-    SUMS: "SHA-256 of every other file of the clip",
+# Type and meaning of every column. What the ontology lists is not written down a second time.
+COLUMNS = {
+    **WORDS["columns"],
+    "type": ["sc:Text", f"one of {', '.join(ACTOR_TYPES)}"],
+    **{f"share_{n}": ["sc:Float", f"share of {n} among the labelled voxels"] for n in CLASSES},
 }
-ENCODINGS = {
-    ".json": "application/json",
-    ".csv": "text/csv",
-    ".zip": "application/zip",
-    ".npz": "application/zip",
-    "": "text/plain",
-}
-
-UNITS = {"m": "metres", "s": "seconds", "rad": "radians", "mps": "m/s", "radps": "rad/s"}
-POSES = {
-    "x_m": "position, east",
-    "y_m": "position, north",
-    "z_m": "position, up",
-    "vx_mps": "velocity, east",
-    "vy_mps": "velocity, north",
-    "vz_mps": "velocity, up",
-    "yaw_rad": "heading, counter-clockwise from east",
-}
-FRAME_MEANINGS = {
-    **POSES,
-    "frame": "number of the frame in its clip, from 0",
-    "time_s": "time since the start of the clip",
-    **{f"q{axis}": f"{axis} of the quaternion world_from_body, scalar last" for axis in "xyzw"},
-    "wx_radps": "angular velocity about the body's x axis (forward)",
-    "wy_radps": "angular velocity about the body's y axis (left)",
-    "wz_radps": "angular velocity about the body's z axis (up)",
-    "roll_rad": "roll, right side down positive",
-    "pitch_rad": "pitch, nose down positive",
-    "altitude_m": "height above the ground",
-}
-ACTOR_MEANINGS = {
-    **POSES,
-    "frame": "number of the frame in its clip, from 0",
-    "actor_id": "number of the actor in its clip",
-    "type": f"one of {', '.join(ACTOR_TYPES)}",
-    "class_id": "class of its voxels, as in the record set classes",
-    "length_m": "length of its box",
-    "width_m": "width of its box",
-    "height_m": "height of its box",
-    "visible_pixels": "pixels of the front image that show it",
-}
-CLIP_MEANINGS = {
-    "clip": "the clip's folder, <town>/<clip>",
-    "town": "name of the town",
-    "weather": "name of the illumination and weather",
-    "role": "split: divided by time into train, val and test; val or test: held out as a whole",
-    "capture_hz": "frames a second",
-    "frames": "number of frames",
-    "mean_altitude_m": "mean height above the ground",
-    "mean_speed_mps": "mean speed",
-    **{f"visible_{name}": f"visible actors, {name}, summed over frames" for name in ACTOR_TYPES},
-    **{f"share_{name}": f"share of {name} among the labelled voxels" for name in CLASSES},
-    "bytes": "size of all files",
-}
-INTEGERS = ("frame", "actor_id", "class_id", "frames", "bytes", "visible_pixels")
-TYPES = {
-    **dict.fromkeys(("clip", "type", "town", "weather", "role"), "sc:Text"),
-    **dict.fromkeys((*INTEGERS, *(f"visible_{name}" for name in ACTOR_TYPES)), "sc:Integer"),
-}
+for _actor in ACTOR_TYPES:
+    COLUMNS[f"visible_{_actor}"] = ["sc:Integer", f"visible actors, {_actor}, summed over frames"]
 
 
 def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Path) -> dict:
@@ -117,33 +39,21 @@ def croissant_of(root: Path, manifest: Mapping, description: str, clips_csv: Pat
     files = next(iter(manifest["clips"].values()))["files"]
 
     return {
-        "@context": CONTEXT,
-        "@type": "sc:Dataset",
-        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        **WORDS["dataset"],
+        "@context": WORDS["context"],
         "name": root.name,
         "description": description,
-        "license": "https://spdx.org/licenses/MIT.html",
-        "version": "1.0.0",
-        "keywords": ["UAV", "semantic occupancy", "3-D scene understanding", "synthetic data"],
-        "citeAs": "SkyShield: Occupancy as a Safety Interface for Low-Altitude UAV Autonomy",
         "distribution": [
-            _file_object(root, root / MANIFEST),
-            _file_object(root, clips_csv),
+            _file_object(root, root / MANIFEST, "application/json"),
+            _file_object(root, clips_csv, "text/csv"),
             *(_file_set(name) for name in FILE_SETS if name in files or name == SUMS),
-            _node(
-                "FileSet",
-                "images",
-                description="the front images in each rgb.zip",
-                containedIn={"@id": "rgb.zip"},
-                encodingFormat="image/jpeg",
-                includes="*.jpg",
-            ),
+            _node("FileSet", "images", **WORDS["images"]),
         ],
         "recordSet": [
             _classes(),
             _clips(clips_csv),
-            _table("frames", "A record a frame.", FRAME_COLUMNS, FRAME_MEANINGS),
-            _table("actors", "A record a moving actor and frame.", ACTOR_COLUMNS, ACTOR_MEANINGS),
+            _table("frames", "A record a frame.", FRAME_COLUMNS),
+            _table("actors", "A record a moving actor and frame.", ACTOR_COLUMNS),
         ],
     }
 
@@ -153,20 +63,21 @@ def _node(kind: str, name: str, **facts: object) -> dict:
     return {"@type": f"cr:{kind}", "@id": name, "name": name.rpartition("/")[2], **facts}
 
 
-def _file_object(root: Path, path: Path) -> dict:
+def _file_object(root: Path, path: Path, encoding: str) -> dict:
     return _node(
         "FileObject",
         path.name,
         contentUrl=path.relative_to(root).as_posix(),
         contentSize=f"{path.stat().st_size} B",
-        encodingFormat=ENCODINGS[path.suffix],
+        encodingFormat=encoding,
         sha256=sha256_of(path),
     )
 
 
 def _file_set(name: str) -> dict:
     """Describes the files of one name, one in the folder of each clip."""
-    facts = {"description": FILE_SETS[name], "encodingFormat": ENCODINGS[Path(name).suffix]}
+    encoding, content = FILE_SETS[name]
+    facts = {"description": content, "encodingFormat": encoding}
     return _node("FileSet", name, **facts, includes=f"*/*/{name}")
 
 
@@ -184,31 +95,24 @@ def _classes() -> dict:
 def _clips(clips_csv: Path) -> dict:
     files = {"fileObject": {"@id": clips_csv.name}}
     columns = pd.read_csv(clips_csv, nrows=0).columns
-    fields = [_column(f"clips/{name}", CLIP_MEANINGS[name], files) for name in columns]
+    fields = [_column(f"clips/{name}", {**files, "extract": {"column": name}}) for name in columns]
     facts = {"description": "A record a clip.", "key": {"@id": "clips/clip"}}
     return _node("RecordSet", "clips", **facts, field=fields)
 
 
-def _table(name: str, description: str, columns: list[str], meanings: Mapping[str, str]) -> dict:
+def _table(name: str, description: str, columns: list[str]) -> dict:
     """Describes the tables of one name in all clips; the folder says which clip it is."""
     files = {"fileSet": {"@id": f"{name}.csv"}}
     folder = {"regex": f"^(.*)/{name}[.]csv$"}
-    source = {**files, "extract": {"fileProperty": "fullpath"}, "transform": folder}
-    clip = {"description": CLIP_MEANINGS["clip"], "dataType": TYPES["clip"], "source": source}
+    clip = {**files, "extract": {"fileProperty": "fullpath"}, "transform": folder}
 
-    fields = [_node("Field", f"{name}/clip", **clip)]
-    fields += [_column(f"{name}/{column}", meanings[column], files) for column in columns]
+    fields = [_column(f"{name}/clip", clip)]
+    for column in columns:
+        fields.append(_column(f"{name}/{column}", {**files, "extract": {"column": column}}))
     return _node("RecordSet", name, description=description, field=fields)
 
 
-def _column(name: str, meaning: str, files: Mapping) -> dict:
-    """Describes a column of tables, its unit beside its meaning."""
-    column = name.rpartition("/")[2]
-    unit = UNITS.get(column.rpartition("_")[2]) if "_" in column else None
-    return _node(
-        "Field",
-        name,
-        description=f"{meaning} ({unit})" if unit else meaning,
-        dataType=TYPES.get(column, "sc:Float"),
-        source={**files, "extract": {"column": column}},
-    )
+def _column(name: str, source: Mapping) -> dict:
+    """Describes a column by its type and meaning, and where it is read."""
+    kind, meaning = COLUMNS[name.rpartition("/")[2]]
+    return _node("Field", name, description=meaning, dataType=kind, source=source)

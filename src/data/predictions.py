@@ -7,8 +7,10 @@ as ``logits_<frame>``, floats [C, X, Y, Z]. ``predictions.json`` says whose they
 import json
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -24,59 +26,43 @@ FACTS = "predictions.json"
 LABELS, LOGITS = "occupancy.npz", "logits.npz"
 MOST_NAMED = 3
 Sample = tuple[str, int]
+# A clip, the number of a frame, its labels [X, Y, Z], and class scores [C, X, Y, Z] if any.
+Frame = tuple[str, int, Tensor, Tensor | None]
 
 
-class PredictionWriter:
-    """Writes predictions under a temporary name, renamed when all are there.
+def save_predictions(folder: Path, facts: dict, frames: Iterable[Frame]) -> None:
+    """Writes predictions, clip by clip, under a temporary name, renamed when all are there.
 
-    Frames must come clip by clip. Use it as a context manager; leaving it by an exception removes
-    what was written. Raises `UserError` where the folder exists already.
+    After a failure nothing is left of them. Raises `UserError`, before the first frame is asked
+    for, where the folder exists already.
     """
+    part = folder.with_name(f".{folder.name}.part")
+    if folder.exists():
+        raise UserError(f"{folder}: exists already; delete it, or choose another folder")
 
-    def __init__(self, folder: Path, facts: dict) -> None:
-        self.folder, self.facts = Path(folder), facts
-        self._part = self.folder.with_name(f".{self.folder.name}.part")
-        if self.folder.exists():
-            raise UserError(f"{self.folder}: exists already; delete it, or choose another folder")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
+    try:
+        for clip, of_clip in groupby(frames, key=itemgetter(0)):
+            (part / clip).mkdir(parents=True, exist_ok=True)
+            _save_clip(part / clip, of_clip)
+        (part / FACTS).write_text(json.dumps(facts, indent=1) + "\n")
+        os.rename(part, folder)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
 
-    def __enter__(self) -> "PredictionWriter":
-        shutil.rmtree(self._part, ignore_errors=True)
-        self._part.mkdir(parents=True)
-        self._clip, self._labels, self._logits = None, {}, {}
-        return self
 
-    def add(
-        self,
-        clip: str,
-        frame: int,
-        labels: UInt8[Tensor, "X Y Z"],
-        logits: Float[Tensor, "c X Y Z"] | None = None,
-    ) -> None:
-        """Keeps one frame; ``logits`` are stored with half precision."""
-        # An archive is written at once, so a clip's frames are kept until the next clip comes.
-        if clip != self._clip:
-            self._flush()
-            self._clip = clip
-        self._labels[f"semantics_{frame:06d}"] = labels.cpu().numpy().astype(np.uint8)
-        if logits is not None:
-            self._logits[f"logits_{frame:06d}"] = logits.cpu().numpy().astype(np.float16)
+def _save_clip(folder: Path, frames: Iterable[Frame]) -> None:
+    """Writes a clip's archives, each of them at once; logits with half precision."""
+    labels, logits = {}, {}
+    for _, frame, labels_of_frame, logits_of_frame in frames:
+        labels[f"semantics_{frame:06d}"] = labels_of_frame.cpu().numpy().astype(np.uint8)
+        if logits_of_frame is not None:
+            logits[f"logits_{frame:06d}"] = logits_of_frame.cpu().numpy().astype(np.float16)
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        try:
-            if kind is None:
-                self._flush()
-                (self._part / FACTS).write_text(json.dumps(self.facts, indent=1) + "\n")
-                os.rename(self._part, self.folder)
-        finally:
-            shutil.rmtree(self._part, ignore_errors=True)
-
-    def _flush(self) -> None:
-        for name, arrays in ((LABELS, self._labels), (LOGITS, self._logits)):
-            if arrays:
-                path = self._part / self._clip / name
-                path.parent.mkdir(parents=True, exist_ok=True)
-                np.savez_compressed(path, **arrays)
-        self._labels, self._logits = {}, {}
+    np.savez_compressed(folder / LABELS, **labels)
+    if logits:
+        np.savez_compressed(folder / LOGITS, **logits)
 
 
 @dataclass

@@ -1,6 +1,7 @@
 """task=check: verifies a dataset clip by clip, draws its labels, and mends what is damaged."""
 
 import shutil
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby
@@ -8,7 +9,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from ..data.check import DepthAgreement, agreement_of, problems_of
+from ..data.check import agreement_of, problems_of, shares_of
 from ..data.clip import AUX, SUMS, Clip, recorded_sums, sha256_of, unfinished
 from ..data.files import differing_files
 from ..data.manifest import MANIFEST, read_manifest
@@ -29,7 +30,7 @@ class Findings:
 
     of_clips: dict[str, list[str]] = field(default_factory=dict)
     of_whole: list[str] = field(default_factory=list)
-    agreement: DepthAgreement = field(default_factory=DepthAgreement)
+    agreement: Counter = field(default_factory=Counter)
 
     @property
     def lines(self) -> list[str]:
@@ -65,8 +66,8 @@ def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
 
 def _report(findings: Findings, root: Path) -> None:
     """Prints how labels agree with the depth. Raises `UserError` where there is a problem."""
-    if findings.agreement.pixels:
-        for name, share in findings.agreement.shares().items():
+    if findings.agreement["pixels"]:
+        for name, share in shares_of(findings.agreement).items():
             say(f"{name}: {100 * share:.2f} %")
     else:
         say("labels not compared with depth: no clip was made with sim.save_aux=true")
@@ -97,18 +98,16 @@ def _findings(root: Path, workers: int | None) -> Findings:
     results = mapped(partial(_check_clip, root), workers, clips, clips.values())
     bar = tracked(results, f"checking {root.name}", len(clips))
     for clip, (lines, agreement) in zip(clips, bar):
-        findings.agreement.join(agreement)
+        findings.agreement.update(agreement)
         if lines:
             findings.of_clips[clip] = lines
     return findings
 
 
-def _check_clip(
-    root: Path, clip_id: str, sums_sha256: str | None
-) -> tuple[list[str], DepthAgreement]:
+def _check_clip(root: Path, clip_id: str, sums_sha256: str | None) -> tuple[list[str], Counter]:
     """Returns the problems of a clip, given the manifest's digest of its sums, and how its labels
     agree with the depth, where there is one. An unreadable file is a problem."""
-    folder, agreement = root / clip_id, DepthAgreement()
+    folder, agreement = root / clip_id, Counter()
     try:
         problems = list(problems_of(folder))
         if sums_sha256 is not None and sha256_of(folder / SUMS) != sums_sha256:
@@ -119,7 +118,7 @@ def _check_clip(
     if not problems and (folder / AUX).is_file():
         clip = Clip(folder)
         for frame in range(len(clip)):
-            agreement_of(clip, frame, agreement)
+            agreement.update(agreement_of(clip, frame))
     return problems, agreement
 
 

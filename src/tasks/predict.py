@@ -1,12 +1,13 @@
 """task=predict: writes a checkpoint's labels of one part of the split, for task=score or others."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import torch
 from omegaconf import DictConfig
 
 from ..bounds import require_choice
-from ..data.predictions import Predictions, PredictionWriter
+from ..data.predictions import Frame, Predictions, save_predictions
 from ..data.split import held_out_clips
 from ..data.truth import PARTS
 from ..errors import UserError
@@ -36,14 +37,16 @@ def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = No
     network = checkpoint.network()
     scores_of = predictor(network, trainer)
     facts = {"name": cfg.name, "part": part, "held_out": held_out_clips(data.split)}
-    # The folder appears under its name when all frames are in it.
-    with PredictionWriter(folder, facts | session.facts(network)) as writer:
+
+    def frames() -> Iterator[Frame]:
         for batch in tracked(data.in_order(part), f"predicting {part}"):
             scores = scores_of(batch)
             for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):
                 labels = scores[n].argmax(dim=0).to(torch.uint8)
-                writer.add(clip, int(frame), labels, scores[n] if logits else None)
+                yield clip, int(frame), labels, scores[n] if logits else None
 
+    # The folder appears under its name when all frames are in it.
+    save_predictions(folder, facts | session.facts(network), frames())
     if animation is not None:
         # Predicting needs no drawing code; it is loaded for the picture alone.
         from ..report.animation import draw_predicted_flight

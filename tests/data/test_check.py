@@ -1,11 +1,13 @@
 """task=check's eyes: what it counts and what it finds, on clips with known faults."""
 
+from collections import Counter
+
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 
-from src.data.check import DepthAgreement, agreement_of, problems_of
+from src.data.check import agreement_of, problems_of, shares_of
 from src.data.clip import ACTOR_COLUMNS, FRAME_COLUMNS, Clip, ClipMeta, ClipWriter, poses_of
 from src.geometry import (
     VoxelGrid,
@@ -71,39 +73,38 @@ def write(folder, rows, labels, class_id=BUILDING):
     return folder
 
 
-def agreement(folder):
-    total = DepthAgreement()
-    agreement_of(Clip(folder), 4, total)
-    return total
-
-
 # ---------------------------------------------------------------------------------- agreement
 
 
-def test_sound_labels_agree_wholly(tmp_path):
-    total = agreement(write(tmp_path / "c", table(), wall_labels(table())))
+def test_sound_labels_agree_wholly_and_counts_add_up_over_frames(tmp_path):
+    clip = Clip(write(tmp_path / "c", table(), wall_labels(table())))
+    counts = agreement_of(clip, 4)
     in_view = frustum(table())[10][wall_voxels()]
     # At the border of the image points lie in voxels whose centers are outside of it.
-    assert total.pixels == in_view.sum() < in_view.size
-    assert total.occupied == total.own_class == total.pixels
-    assert total.free_with_point == 0
-    assert total.free_voxels == (wall_labels(table()) == FREE).sum()
+    assert counts["pixels"] == in_view.sum() < in_view.size
+    assert counts["occupied"] == counts["own class"] == counts["pixels"]
+    assert counts["free with point"] == 0
+    assert counts["free voxels"] == (wall_labels(table()) == FREE).sum()
+
+    two = counts + agreement_of(clip, 1)
+    assert two["pixels"] == 2 * counts["pixels"]
+    assert shares_of(two) == shares_of(counts)
+    assert shares_of(Counter()) == dict.fromkeys(shares_of(two), 0.0)
 
 
 def test_the_wrong_class_the_wrong_place_and_free_on_a_surface_are_counted(tmp_path):
     rows = table()
-    other = agreement(write(tmp_path / "class", rows, wall_labels(rows), class_id=CAR))
-    assert other.occupied == other.pixels
-    assert other.own_class == 0
+    other = agreement_of(Clip(write(tmp_path / "class", rows, wall_labels(rows), CAR)), 4)
+    assert other["occupied"] == other["pixels"] > other["own class"] == 0
     moved = wall_labels(rows)
     moved[9], moved[10] = moved[10], FREE
     moved[~frustum(rows)] = UNKNOWN
-    wrong = agreement(write(tmp_path / "moved", rows, moved))
-    assert wrong.occupied == 0
+    wrong = agreement_of(Clip(write(tmp_path / "moved", rows, moved)), 4)
+    assert wrong["occupied"] == 0
     held = np.zeros(GRID.shape[1:], dtype=bool)
     held[wall_voxels()] = True
-    assert wrong.free_with_point == (frustum(rows)[10] & held).sum()
-    assert wrong.shares()["free voxels that hold a pixel's point"] > 0.05
+    assert wrong["free with point"] == (frustum(rows)[10] & held).sum()
+    assert shares_of(wrong)["free voxels that hold a pixel's point"] > 0.05
 
 
 def wall_voxels():
@@ -112,17 +113,6 @@ def wall_voxels():
     v, u = np.mgrid[1:HEIGHT, 0:WIDTH] + 0.5
     left_m, up_m = (WIDTH / 2 - u) * DEPTH_M / focal, (HEIGHT / 2 - v) * DEPTH_M / focal
     return np.floor(left_m + 16).astype(int), np.floor(up_m + 8).astype(int)
-
-
-def test_counts_add_up_over_frames(tmp_path):
-    clip = Clip(write(tmp_path / "c", table(), wall_labels(table())))
-    one, two = DepthAgreement(), DepthAgreement()
-    agreement_of(clip, 0, one)
-    for frame in (1, 2):
-        agreement_of(clip, frame, two)
-    assert two.pixels == 2 * one.pixels
-    assert two.shares() == one.shares()
-    assert DepthAgreement().shares() == dict.fromkeys(one.shares(), 0.0)
 
 
 # ----------------------------------------------------------------------------------- problems
@@ -149,9 +139,8 @@ def test_angles_that_are_not_the_quaternion_s_are_found(tmp_path):
     rows = table(0.3, 0.1, 0.5)
     labels = free_labels(rows)
     rows.loc[4, "roll_rad"] *= -1
-    problems = list(problems_of(write(tmp_path / "c", rows, labels)))
-    assert len(problems) == 1
-    assert "frame 4" in problems[0]
+    (problem,) = problems_of(write(tmp_path / "c", rows, labels))
+    assert "frame 4" in problem
 
 
 def test_changed_bytes_are_found_before_anything_is_read(tmp_path):
@@ -160,7 +149,6 @@ def test_changed_bytes_are_found_before_anything_is_read(tmp_path):
     data[400] ^= 1
     (folder / "rgb.zip").write_bytes(bytes(data))
     (folder / "frames.csv").unlink()
-    problems = list(problems_of(folder))
-    assert len(problems) == 2
-    assert str(folder / "frames.csv") in problems[0]
-    assert str(folder / "rgb.zip") in problems[1]
+    first, second = problems_of(folder)
+    assert str(folder / "frames.csv") in first
+    assert str(folder / "rgb.zip") in second

@@ -112,21 +112,17 @@ def test_the_meta_data_round_trip(folder):
     assert ", ".join(json.loads((folder / "clip.json").read_text())) == keys
 
 
-def test_plain_tools_read_it(folder):
+def test_plain_tools_read_it(folder, tmp_path):
     with zipfile.ZipFile(folder / "rgb.zip") as archive:
         assert archive.namelist()[:2] == ["000000.jpg", "000001.jpg"]
-        members = archive.infolist()
-    assert {member.compress_type for member in members} == {zipfile.ZIP_STORED}
-    assert {member.date_time for member in members} == {(1980, 1, 1, 0, 0, 0)}
+        kinds = {(member.compress_type, member.date_time) for member in archive.infolist()}
+    assert kinds == {(zipfile.ZIP_STORED, (1980, 1, 1, 0, 0, 0))}
     with np.load(folder / "occupancy.npz", allow_pickle=False) as arrays:
         assert {"semantics_000000", "visible_000029"} <= set(arrays.files)
         assert len(arrays.files) == 2 * FRAMES
-    names = {path.name for path in folder.iterdir()}
-    assert names == {*READ, "aux.npz", SUMS}
-
-
-def test_without_aux_there_is_no_such_file(tmp_path):
-    assert not (write(tmp_path / "t/c", aux=False) / "aux.npz").exists()
+    assert {path.name for path in folder.iterdir()} == {*READ, "aux.npz", SUMS}
+    without = write(tmp_path / "t/c", aux=False)
+    assert {path.name for path in without.iterdir()} == {*READ, SUMS}
 
 
 def test_identical_input_gives_identical_bytes(folder, tmp_path):
@@ -292,35 +288,35 @@ def test_other_json_is_refused(folder, text):
         Clip(folder)
 
 
-def test_a_table_without_its_last_row_is_refused(folder):
+def test_a_frame_that_is_not_there_and_a_table_without_its_last_row_are_refused(folder):
+    with pytest.raises(UserError, match=r"rgb\.zip"):
+        Clip(folder).image(FRAMES)
     path = folder / "frames.csv"
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
     with pytest.raises(UserError, match=r"frames\.csv.*frames 0 to 29"):
         Clip(folder)
 
 
-def test_a_frame_that_is_not_there_is_an_error_that_names_the_file(folder):
-    with pytest.raises(UserError, match=r"rgb\.zip"):
-        Clip(folder).image(FRAMES)
-
-
 # ---------------------------------------------------------------------------- many processes
 
 
-def sums_in_child(clip, queue):
-    queue.put([int(clip.semantics(frame).sum()) for frame in range(FRAMES)])
+def sums_of(clip, queue=None):
+    sums = [int(clip.semantics(frame).sum()) for frame in range(FRAMES)]
+    if queue is not None:
+        queue.put(sums)
+    return sums
 
 
 def test_an_open_archive_survives_a_fork(folder):
     clip = Clip(folder)
-    expected = [int(clip.semantics(frame).sum()) for frame in range(FRAMES)]
+    expected = sums_of(clip)
     context = multiprocessing.get_context("fork")
     queue = context.Queue()
-    children = [context.Process(target=sums_in_child, args=(clip, queue)) for _ in range(3)]
+    children = [context.Process(target=sums_of, args=(clip, queue)) for _ in range(3)]
     for child in children:
         child.start()
     for _ in range(5):
-        assert [int(clip.semantics(frame).sum()) for frame in range(FRAMES)] == expected
+        assert sums_of(clip) == expected
     assert [queue.get(timeout=30) for _ in children] == [expected] * 3
     for child in children:
         child.join()

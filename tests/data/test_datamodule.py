@@ -34,19 +34,9 @@ def same(batch, other):
 def test_every_part_has_its_frames(root):
     """At 2.5 Hz a clip has 30 frames: 25 for training, 3 for validation and 2 for test."""
     data = data_of(root)
-    assert {part: len(data.dataset(part)) for part in data.split} == {
-        "train": 25,
-        "val": 3,
-        "test": 32,
-    }
+    sizes = {part: len(data.dataset(part)) for part in data.split}
+    assert sizes == {"train": 25, "val": 3, "test": 32}
     assert {clip for clip, _ in data.split["train"]} == {"downtown/clip00"}
-
-
-def test_images_stay_bytes(root):
-    batch = next(iter(data_of(root).train_dataloader()))
-    assert batch["image"].dtype == torch.uint8
-    assert batch["image"].shape == (8, 4, 3, 64, 96)
-    assert len(batch["clip"]) == 8
 
 
 def test_batches_do_not_depend_on_the_number_of_workers(root):
@@ -55,8 +45,13 @@ def test_batches_do_not_depend_on_the_number_of_workers(root):
     assert all(map(same, alone, helped))
 
 
-def test_the_last_short_batch_is_dropped_unless_it_is_all(root):
-    assert len(data_of(root).train_dataloader()) == 25 // 8
+def test_images_stay_bytes_and_the_last_short_batch_is_dropped_unless_it_is_all(root):
+    loader = data_of(root).train_dataloader()
+    batch = next(iter(loader))
+    assert batch["image"].dtype == torch.uint8
+    assert batch["image"].shape == (8, 4, 3, 64, 96)
+    assert len(batch["clip"]) == 8
+    assert len(loader) == 25 // 8
     assert [len(b["frame"]) for b in data_of(root, batch_size=64).train_dataloader()] == [25]
 
 
@@ -70,11 +65,6 @@ def test_streams_read_the_current_image_alone_and_reach_back_as_far_as_they_went
             assert reach == min(step, 3), "runs of five, five of them, fill the places exactly"
             for age in range(1, reach + 1):
                 assert batches[step - age]["frame"][place] == batch["frame"][place] - age
-
-
-def test_an_unknown_order_is_refused(root):
-    with pytest.raises(UserError, match=r"data\.order: 'sorted'.*shuffled, streams"):
-        data_of(root, order="sorted")
 
 
 def test_validation_and_test_are_whole_in_order_and_not_mirrored(root):
@@ -95,9 +85,16 @@ def test_labels_are_those_of_the_samples(root):
         assert velocity_mps.norm() == pytest.approx(samples[index]["velocity_mps"].norm().item())
 
 
-def test_a_part_without_frames_is_refused(root):
-    with pytest.raises(UserError, match=r"data\.val_clips.*train"):
-        data_of(root, val_clips=["downtown/clip00"])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"order": "sorted"}, r"data\.order: 'sorted'.*shuffled, streams"),
+        ({"val_clips": ["downtown/clip00"]}, r"data\.val_clips.*train"),
+    ],
+)
+def test_an_unknown_order_and_a_part_without_frames_are_refused(root, options, message):
+    with pytest.raises(UserError, match=message):
+        data_of(root, **options)
 
 
 def test_a_grid_that_is_no_mirror_of_itself_is_refused(tmp_path):

@@ -18,20 +18,15 @@ def batch_of(clips, *samples):
     return default_collate([dataset[n] for n in range(len(samples))])
 
 
-def test_a_faultless_measurement_is_the_truth(clips):
-    batch = batch_of(clips, (FIRST, 9), (SECOND, 4))
-    reported = MeasuredAttitude(clips, step=2)(batch)
-    for key in ("occ_from_body", "attitude_rad"):
-        torch.testing.assert_close(reported[key], batch[key], atol=1e-6, rtol=0)
-        assert reported[key].dtype == batch[key].dtype
-
-
-def test_every_frame_of_the_queue_is_told_what_was_true_before(clips):
+@pytest.mark.parametrize(("delay_s", "frames"), [(0.0, 0), (0.4, 2)])
+def test_every_frame_of_the_queue_is_told_what_was_true_before(clips, delay_s, frames):
     """Two frames late: the queue's own attitudes, one frame of the queue back."""
-    batch, before = (batch_of(clips, (FIRST, now)) for now in (12, 10))
-    reported = MeasuredAttitude(clips, step=2, delay_s=0.4)(batch)
+    now = ((FIRST, 12), (SECOND, 7))
+    batch, before = batch_of(clips, *now), batch_of(clips, *((c, n - frames) for c, n in now))
+    reported = MeasuredAttitude(clips, step=2, delay_s=delay_s)(batch)
     for key in ("occ_from_body", "attitude_rad"):
         torch.testing.assert_close(reported[key], before[key], atol=1e-6, rtol=0)
+        assert reported[key].dtype == batch[key].dtype
 
 
 def test_told_a_level_attitude_the_camera_is_said_to_look_straight_ahead(clips):

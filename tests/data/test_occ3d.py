@@ -10,6 +10,7 @@ from src.ontology import CAR, FREE, GROUND, UNKNOWN
 
 GRID = VoxelGrid((-2, -2, -1), (2, 2, 1), (4, 4, 2))
 CLASS_MAP = ["ground", "car", "unknown", "free"]
+FRAME = ("scene-0001", "abc")
 
 
 def write(root, scene="scene-0001", token="abc", **arrays):
@@ -24,41 +25,42 @@ def semantics():
     return np.arange(32).reshape(4, 4, 2).astype(np.uint8) % 4
 
 
-def test_their_classes_become_ours(tmp_path, semantics):
-    write(tmp_path, semantics=semantics)
-    folder = Occ3DFolder(tmp_path, CLASS_MAP, GRID)
-    assert folder.samples == [("scene-0001", "abc")]
-    expected = np.array([GROUND, CAR, UNKNOWN, FREE])[semantics]
-    assert (folder.labels("scene-0001", "abc").numpy() == expected).all()
-
-
-def test_masks_are_read_by_name(tmp_path, semantics):
+@pytest.fixture
+def folder(tmp_path, semantics):
     write(tmp_path, semantics=semantics, mask_camera=semantics == 1, mask_lidar=semantics)
-    folder = Occ3DFolder(tmp_path, CLASS_MAP, GRID)
-    assert (folder.mask("scene-0001", "abc", "mask_camera").numpy() == (semantics == 1)).all()
-    assert (folder.mask("scene-0001", "abc", "mask_lidar").numpy() == (semantics > 0)).all()
+    return Occ3DFolder(tmp_path, CLASS_MAP, GRID)
 
 
-def test_a_class_that_the_map_lacks_is_refused(tmp_path, semantics):
-    path = write(tmp_path, semantics=semantics + 1)
-    with pytest.raises(UserError, match=r"class 4\b.*layout\.class_map") as error:
-        Occ3DFolder(tmp_path, CLASS_MAP, GRID).labels("scene-0001", "abc")
+def test_their_classes_become_ours(folder, semantics):
+    assert folder.samples == [FRAME]
+    expected = np.array([GROUND, CAR, UNKNOWN, FREE])[semantics]
+    assert (folder.labels(*FRAME).numpy() == expected).all()
+
+
+def test_masks_are_read_by_name(folder, semantics):
+    assert (folder.mask(*FRAME, "mask_camera").numpy() == (semantics == 1)).all()
+    assert (folder.mask(*FRAME, "mask_lidar").numpy() == (semantics > 0)).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda semantics: semantics + 1, r"labels\.npz: class 4\b.*layout\.class_map"),
+        (lambda semantics: semantics[:3], r"labels\.npz: .*\[3, 4, 2\].*\[4, 4, 2\].*layout\.grid"),
+    ],
+)
+def test_a_frame_that_the_map_or_the_grid_does_not_fit_is_refused(
+    tmp_path, folder, semantics, change, message
+):
+    path = write(tmp_path, semantics=change(semantics))
+    with pytest.raises(UserError, match=message) as error:
+        folder.labels(*FRAME)
     assert str(path) in str(error.value)
 
 
-def test_a_grid_that_does_not_fit_is_refused(tmp_path, semantics):
-    write(tmp_path, semantics=semantics[:3])
-    with pytest.raises(UserError, match=r"\[3, 4, 2\].*\[4, 4, 2\].*layout\.grid"):
-        Occ3DFolder(tmp_path, CLASS_MAP, GRID).labels("scene-0001", "abc")
-
-
-def test_a_name_that_is_no_class_is_refused(tmp_path, semantics):
-    write(tmp_path, semantics=semantics)
+def test_a_name_that_is_no_class_and_a_folder_without_frames_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"^layout\.class_map: 'kar'"):
         Occ3DFolder(tmp_path, ["kar"], GRID)
-
-
-def test_a_folder_without_frames_is_refused(tmp_path):
     with pytest.raises(UserError, match=r"<scene>/<token>/labels\.npz"):
         Occ3DFolder(tmp_path, CLASS_MAP, GRID)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from src.data.predictions import Predictions, PredictionWriter
+from src.data.predictions import Predictions, save_predictions
 from src.errors import UserError
 
 SHAPE = (4, 3, 2)
@@ -17,10 +17,11 @@ def labels_at(frame):
 
 @pytest.fixture
 def folder(tmp_path):
-    with PredictionWriter(tmp_path / "run" / "test", {"name": "mine"}) as writer:
-        for clip, frame in SAMPLES:
-            logits = torch.nn.functional.one_hot(labels_at(frame).long(), 9).movedim(-1, 0)
-            writer.add(clip, frame, labels_at(frame), 3.0 * logits)
+    frames = []
+    for clip, frame in SAMPLES:
+        logits = torch.nn.functional.one_hot(labels_at(frame).long(), 9).movedim(-1, 0)
+        frames.append((clip, frame, labels_at(frame), 3.0 * logits))
+    save_predictions(tmp_path / "run" / "test", {"name": "mine"}, frames)
     return tmp_path / "run" / "test"
 
 
@@ -45,25 +46,21 @@ def test_without_class_scores_there_are_no_logits(folder):
     assert Predictions(folder).logits("town/clip01", 0) is None
 
 
-def test_a_folder_that_is_there_is_not_written_to(folder):
+def test_a_folder_is_not_written_to_where_there_is_one_nor_read_where_there_is_none(folder):
     with pytest.raises(UserError, match=str(folder)):
-        PredictionWriter(folder, {})
+        save_predictions(folder, {}, [])
+    with pytest.raises(UserError, match=r"^predictions: .*task=predict"):
+        Predictions(folder / "none")
 
 
 def test_after_a_failure_nothing_is_left(tmp_path):
-    def fail():
-        with PredictionWriter(tmp_path / "new", {}) as writer:
-            writer.add("town/clip00", 0, labels_at(0))
-            raise RuntimeError("of the model")
+    def frames():
+        yield "town/clip00", 0, labels_at(0), None
+        raise RuntimeError("of the model")
 
     with pytest.raises(RuntimeError):
-        fail()
+        save_predictions(tmp_path / "new", {}, frames())
     assert list(tmp_path.iterdir()) == []
-
-
-def test_no_folder_is_one_clear_error(tmp_path):
-    with pytest.raises(UserError, match=r"^predictions: .*task=predict"):
-        Predictions(tmp_path / "none")
 
 
 def test_missing_and_extra_frames_are_named_and_counted(folder):
@@ -72,6 +69,13 @@ def test_missing_and_extra_frames_are_named_and_counted(folder):
     assert inventory.missing == ["town/clip00 semantics_000003"]
     assert inventory.extra == ["town/clip00 semantics_000007"]
     assert str(inventory).startswith("1 missing: town/clip00 semantics_000003; 1 extra: ")
+
+    # More than three are counted, and not all named.
+    samples = [("town/clip09", frame) for frame in range(5)]
+    message = str(Predictions(folder).inventory(samples, SHAPE))
+    assert message.startswith("5 missing: ")
+    assert message.count("town/clip09") == 3
+    assert "..." in message
 
 
 @pytest.mark.parametrize(
@@ -113,11 +117,3 @@ def test_a_flipped_byte_is_found(folder):
     content[offset + 90] ^= 0xFF
     path.write_bytes(bytes(content))
     assert "town/clip00" in str(Predictions(folder).inventory(SAMPLES, SHAPE))
-
-
-def test_more_than_three_are_counted_and_not_all_named(folder):
-    samples = [("town/clip09", frame) for frame in range(5)]
-    message = str(Predictions(folder).inventory(samples, SHAPE))
-    assert message.startswith("5 missing: ")
-    assert message.count("town/clip09") == 3
-    assert "..." in message

@@ -26,6 +26,9 @@ def test_shards_of_the_same_settings_join(spec, tmp_path):
     for _ in range(3):
         join_shards(tmp_path, spec, 4)
     assert [path.name for path in tmp_path.iterdir()] == [".mini.shards.json"]
+    record = json.loads(record_of(tmp_path, "mini").read_text())
+    assert record == {"sim": spec.sim, "generator": spec.generator, "shards": 4}
+
     forget_shards(tmp_path, spec)
     assert not list(tmp_path.iterdir())
     forget_shards(tmp_path, spec)
@@ -42,14 +45,11 @@ def test_other_settings_another_number_and_other_code_are_refused(spec, mini_sim
         with pytest.raises(UserError, match=message) as error:
             join_shards(tmp_path, joining, shards)
         assert "\n" not in str(error.value)
+    # Scales do not meet.
+    join_shards(tmp_path, replace(other, scale="small"), 2)
     # What is finished elsewhere leaves this record alone.
     forget_shards(tmp_path, other)
     join_shards(tmp_path, spec, 4)
-
-
-def test_scales_do_not_meet(spec, tmp_path):
-    join_shards(tmp_path, spec, 4)
-    join_shards(tmp_path, replace(spec, scale="small"), 2)
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", '{"sim": 3}'])
@@ -57,9 +57,3 @@ def test_a_record_that_cannot_be_read_is_named(spec, tmp_path, text):
     record_of(tmp_path, "mini").write_text(text)
     with pytest.raises(UserError, match=r"\.mini\.shards\.json"):
         join_shards(tmp_path, spec, 2)
-
-
-def test_the_record_says_what_is_under_way(spec, tmp_path):
-    join_shards(tmp_path, spec, 4)
-    record = json.loads(record_of(tmp_path, "mini").read_text())
-    assert record == {"sim": spec.sim, "generator": spec.generator, "shards": 4}

@@ -41,9 +41,9 @@ def test_held_out_clips_are_found_again_in_the_split():
 
 @pytest.mark.parametrize(("capture_hz", "first_val"), [(2.5, 25), (5, 50), (25, 250)])
 def test_ten_seconds_is_the_first_frame_of_validation(capture_hz, first_val):
-    assert part_of_time((first_val - 1) / capture_hz) == "train"
-    assert part_of_time(first_val / capture_hz) == "val"
-    assert part_of_time(first_val * 1.1 / capture_hz) == "test"
+    frames = (first_val - 1, first_val, 1.1 * first_val)
+    parts = [part_of_time(frame / capture_hz) for frame in frames]
+    assert parts == ["train", "val", "test"]
 
 
 @pytest.mark.parametrize(

@@ -132,15 +132,13 @@ def made_up(voxels, altitude_m=(5.0,), **columns):
     return Statistics(frames, frames.get(["town", "weather"]))
 
 
-def test_shares_have_three_denominators():
+def test_shares_have_three_denominators_and_rare_classes_are_set_against_vrus():
     shares = made_up({"free": 90, "thin_structure": 8, "car": 2}).class_shares()
     assert list(shares.index) == list(CLASSES)
     assert shares.loc["free"].tolist() == pytest.approx([0.9, 0.6, 0.3])
     assert shares.loc["car"].tolist() == pytest.approx([0.02, 0.02 / 1.5, 0.02 / 3])
     assert shares.loc["vru"].tolist() == [0, 0, 0]
 
-
-def test_the_rare_classes_are_set_against_vrus():
     rare = {"thin_structure": 48, "car": 12, "vru": 3, "free": 1000}
     assert made_up(rare).thin_car_vru() == pytest.approx((16, 4, 1))
     assert np.isnan(made_up({"car": 5}).thin_car_vru()).all()
@@ -148,8 +146,7 @@ def test_the_rare_classes_are_set_against_vrus():
 
 def test_a_frame_at_11_m_is_not_below_11_m():
     statistics = made_up({"free": 1}, altitude_m=(3.0, 10.9, 11.0, 12.0))
-    assert statistics.share_below() == 0.5
-    assert statistics.share_below(3.5) == 0.25
+    assert (statistics.share_below(), statistics.share_below(3.5)) == (0.5, 0.25)
 
 
 def test_the_matrix_keeps_the_order_of_the_clips_and_shows_what_is_not_there():

@@ -7,7 +7,7 @@ import torch
 from PIL import Image, ImageSequence
 
 from src.data.clip import Clip
-from src.data.predictions import Predictions, PredictionWriter
+from src.data.predictions import Predictions, save_predictions
 from src.data.statistics import Statistics, statistics_of_clips
 from src.ontology import BUILDING, UNKNOWN
 from src.report import animation
@@ -41,10 +41,9 @@ def predicted(root, tmp_path):
 
     def draw(samples, labels_of):
         clips = {name: Clip(root / name) for name in CLIPS}
-        with PredictionWriter(tmp_path / "mine", {}) as writer:
-            for name, frame in samples:
-                labels = labels_of(clips[name].semantics(frame))
-                writer.add(name, frame, torch.from_numpy(labels))
+        labels = [torch.from_numpy(labels_of(clips[name].semantics(n))) for name, n in samples]
+        frames = ((*sample, each, None) for sample, each in zip(samples, labels))
+        save_predictions(tmp_path / "mine", {}, frames)
 
         predictions, path = Predictions(tmp_path / "mine"), tmp_path / "flight.gif"
         draw_predicted_flight(clips, samples, predictions, path)

@@ -95,40 +95,31 @@ def test_actor_is_realistic_and_of_one_class(kind, seed):
     assert all(s.material in TEXTURES or s.material in PALETTE for s in solids)
     for size, (low, high) in zip(extent_m(solids), EXTENTS_M[kind]):
         assert low <= size <= high
-    lower, upper = (np.stack(corner) for corner in zip(*map(bounds_m, solids)))
-    lower, upper = lower.min(axis=0), upper.max(axis=0)
-    assert np.abs(lower[:2] + upper[:2]).max() < 0.25, "the origin is not under the middle"
-    assert abs(lower[2]) < 0.08, "it does not stand on the ground"
+    lower, upper = map(np.stack, zip(*map(bounds_m, solids)))
+    middle_m = (lower.min(axis=0) + upper.max(axis=0)) / 2
+    assert np.abs(middle_m[:2]).max() < 0.125, "the origin is not under the middle"
+    assert abs(lower[:, 2].min()) < 0.08, "it does not stand on the ground"
 
 
 @pytest.mark.parametrize("name", STANDING)
-@pytest.mark.parametrize("seed", SEEDS)
-def test_asset_is_rooted_in_the_ground_and_whole(name, seed):
+def test_asset_is_rooted_in_the_ground_and_whole_and_its_generator_decides(name):
     make, classes = STANDING[name]
-    solids = make(rng(seed))
-    assert {s.class_id for s in solids} == classes
-    assert all(s.material in TEXTURES or s.material in PALETTE for s in solids)
-    assert -0.5 <= min(bounds_m(s)[0][2] for s in solids) < -0.1
-    assert floating(solids) == 0
+    drawn = [make(rng(seed)) for seed in SEEDS]
+    for solids in drawn:
+        assert {s.class_id for s in solids} == classes
+        assert all(s.material in TEXTURES or s.material in PALETTE for s in solids)
+        assert -0.5 <= min(bounds_m(s)[0][2] for s in solids) < -0.1
+        assert floating(solids) == 0
 
-
-ALWAYS_THE_SAME = ("apartment", "bollard", "jetty", "site_fence")
-
-
-@pytest.mark.parametrize("name", STANDING)
-def test_same_generator_same_asset_other_generator_other(name):
-    make, _ = STANDING[name]
-    same = [repr(make(rng(3))) for _ in range(2)]
-    assert same[0] == same[1]
-    if name not in ALWAYS_THE_SAME:
-        assert len({repr(make(rng(seed))) for seed in SEEDS}) > 1
+    assert repr(make(rng(3))) == repr(drawn[3])
+    if name not in ("apartment", "bollard", "jetty", "site_fence"):
+        assert len(set(map(repr, drawn))) > 1
 
 
 def test_wire_is_thin_sags_and_meets_its_ends():
     solids = furniture.wire((0, 0, 8), (20, 0, 8), sag_m=0.6)
     assert all(0.03 <= s.size_m[0] <= 0.05 for s in solids)
-    lower = min(bounds_m(s)[0][2] for s in solids)
-    assert lower == pytest.approx(8 - 0.6, abs=0.05)
+    assert min(bounds_m(s)[0][2] for s in solids) == pytest.approx(8 - 0.6, abs=0.05)
     ends = np.array([[0.02, 0, 7.99], [19.98, 0, 7.99]])
     assert all(any(s.contains(end[None], 0.02).any() for s in solids) for end in ends)
 
@@ -146,12 +137,10 @@ def test_bounds_enclose_the_mesh_tightly(shape):
 
         lower, upper = bounds_m(solid)
         vertices_m = mesh_of_solid(solid).vertices_m
+        gaps_m = np.stack([vertices_m.min(axis=0) - lower, upper - vertices_m.max(axis=0)])
         # The corners of the tessellation lie on the true surface, so it is a little smaller.
-        slack = 1e-9 if shape == "box" else 0.12 * max(size_m)
-        assert (vertices_m.min(axis=0) >= lower - 1e-9).all()
-        assert (vertices_m.max(axis=0) <= upper + 1e-9).all()
-        assert (vertices_m.min(axis=0) - lower).max() <= slack
-        assert (upper - vertices_m.max(axis=0)).max() <= slack
+        assert gaps_m.min() >= -1e-9
+        assert gaps_m.max() <= (1e-9 if shape == "box" else 0.12 * max(size_m))
 
 
 def test_placed_moves_the_asset_without_changing_it():

@@ -83,17 +83,15 @@ def test_it_is_headed_as_the_traffic_beside_it():
 
 def test_cars_and_trucks_have_the_classes_of_those_that_drive():
     classes = [{solid.class_id for solid in vehicle} for vehicle in parked_along(1.0).vehicles]
-    assert classes.count({CAR}) > 5 * classes.count({LARGE_VEHICLE}) > 0
-    assert classes.count({CAR}) + classes.count({LARGE_VEHICLE}) == len(classes)
+    cars, trucks = classes.count({CAR}), classes.count({LARGE_VEHICLE})
+    assert cars > 5 * trucks > 0
+    assert cars + trucks == len(classes)
 
 
-def test_the_share_says_how_many_places_are_taken():
-    counts = [len(parked_along(share).vehicles) for share in (0.0, 0.4, 1.0)]
-    assert counts[0] == 0
-    assert 0.25 * counts[2] < counts[1] < 0.6 * counts[2]
-
-
-def test_no_bays_without_a_pavement():
+def test_the_share_says_how_many_places_are_taken_and_there_are_none_without_a_pavement():
+    none, some, every = (len(parked_along(share).vehicles) for share in (0.0, 0.4, 1.0))
+    assert none == 0
+    assert 0.25 * every < some < 0.6 * every
     gravel = Profile(4.0, "gravel", 0.0, "gravel", None, 2.4, 6.0)
     assert parked_along(1.0, profile=gravel).vehicles == []
 

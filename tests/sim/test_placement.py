@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from src.sim.footprint import boxes_overlap
 from src.sim.layout import Gate, Town
 from src.sim.pilot import STEP_S
 from src.sim.placement import SHOULDER_M, SPOT_M, START_GAP_M, Gaze, Placer, Spots
-from tests.sim.roads import SIZES_M, road_user, way
+from tests.sim.roads import SIZES_M, overlapping, road_user, way
 
 CAR_M, BUS_M, PERSON_M = (SIZES_M[name] for name in ("car", "bus", "pedestrian"))
 REACH_M = 45.0
@@ -167,19 +166,16 @@ def test_nobody_starts_where_nothing_is_seen():
 
 def test_nobody_starts_far_from_the_flight():
     uav_m = flight(start_m=(-30.0, 0.0))
-    placed = filled("motorcycle", uav_m=uav_m, near_m=12.0)
-    assert placed
-    for one in placed:
-        assert np.linalg.norm(uav_m[:, :2] - one.start[0], axis=1).min() < 12 + 2
+    starts_m = np.array([one.start[0] for one in filled("motorcycle", uav_m=uav_m, near_m=12.0)])
+    apart_m = np.linalg.norm(uav_m[:, None, :2] - starts_m, axis=2)
+    assert apart_m.min(axis=0).max() < 12 + 2
 
 
 def test_they_start_with_room_around_them_until_there_is_none():
-    placed = filled("car")
-    assert 8 < len(placed) < 40
     room_m = (CAR_M[0] + 2 * START_GAP_M, CAR_M[1])
-    for i, one in enumerate(placed):
-        for other in placed[:i]:
-            assert not boxes_overlap((*one.start, room_m), (*other.start, room_m))
+    rooms = [(*one.start, room_m) for one in filled("car")]
+    assert 8 < len(rooms) < 40
+    assert not overlapping(rooms)
 
 
 def test_they_start_more_often_where_more_is_seen_of_them():
@@ -204,9 +200,6 @@ def test_cars_take_lanes_and_people_walks_as_wide_as_they_may():
             assert -8 - 0.4 - SHOULDER_M - 1e-6 <= y_m - PERSON_M[1] / 2 < -8 - 0.4
     lefts = [one.start[0][1] for one in filled("motorcycle") if one.start[1] == 0]
     assert max(lefts) < -2.2
-
-
-def test_of_those_who_ride_bicycles_some_are_on_walks():
-    placed = [one for seed in range(3) for one in filled("bicycle", seed)]
-    on_walks = [starts_on(one, WALKS) for one in placed]
-    assert 0 < sum(on_walks) < len(placed)
+    # Of those who ride bicycles, some are on walks.
+    bicycles = [one for seed in range(3) for one in filled("bicycle", seed)]
+    assert 0 < sum(starts_on(one, WALKS) for one in bicycles) < len(bicycles)

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import torch
 
-from src.data.predictions import FACTS, PredictionWriter
+from src.data.predictions import FACTS, save_predictions
 from src.data.truth import SkyShieldTruth
 from src.errors import UserError
 from src.ontology import BUILDING, CLASSES, FREE, UNKNOWN
@@ -31,10 +31,13 @@ def dataset(tmp_path_factory):
 def write_predictions(dataset, folder, change=lambda labels: labels, facts=None, part="test"):
     """The truth itself, free where it is unknown, after a change."""
     source = SkyShieldTruth(dataset, part, (facts or {}).get("held_out"))
-    with PredictionWriter(folder, facts or {"name": folder.name}) as writer:
+
+    def frames():
         for clip, frame in source.samples:
             labels = source.truth(clip, frame)["semantics"][0]
-            writer.add(clip, frame, change(torch.where(labels == UNKNOWN, FREE, labels).byte()))
+            yield clip, frame, change(torch.where(labels == UNKNOWN, FREE, labels).byte()), None
+
+    save_predictions(folder, facts or {"name": folder.name}, frames())
     return folder
 
 

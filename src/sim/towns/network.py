@@ -143,35 +143,31 @@ class Network:
     def lanes(self) -> tuple[Path, ...]:
         """Right-hand lanes, one per direction, joined by turns at the junctions."""
         ways = []
-        for k, street in enumerate(self.streets):
-            speed_mps = street.profile.lane_mps
-            if speed_mps is None:
-                continue
-
-            for line_m, start, end in self._directions(k):
-                lane_m = parallel(line_m, -street.profile.road_m / 4)
-                _, junction, _ = end
+        for k, line_m, start, end in self._directions():
+            profile, junction = self.streets[k].profile, end[1]
+            if profile.lane_mps is not None:
+                lane_m = parallel(line_m, -profile.road_m / 4)
                 stop_m = max(arc_m(lane_m)[-1] - STOP_LINE_OUT_M, 0.0)
                 gate = Gate(junction, stop_m, STOP_LINE_OUT_M, False, *self._phases(junction)[k])
-                lane = Path(lane_m, LANE_HALF_WIDTH_M, speed_mps, (), ROAD_RISE_M, gate)
-                ways.append(Way(lane, start, end))
+                room = (LANE_HALF_WIDTH_M, profile.lane_mps)
+                ways.append(Way(Path(lane_m, *room, (), ROAD_RISE_M, gate), start, end))
         return joined(ways + self._turns(ways, JUNCTION_RISE_M))
 
     def corridors(self) -> tuple[Path, ...]:
         """Center lines over the streets, both ways, joined by turns at the junctions."""
         ways = []
-        for k, street in enumerate(self.streets):
-            room = (street.profile.corridor_half_width_m, street.profile.corridor_mps)
-            for line_m, start, end in self._directions(k):
-                ways.append(Way(Path(line_m, *room, ()), start, end))
+        for k, line_m, start, end in self._directions():
+            profile = self.streets[k].profile
+            room = (profile.corridor_half_width_m, profile.corridor_mps)
+            ways.append(Way(Path(line_m, *room, ()), start, end))
         return joined(ways + self._turns(ways, 0.0))
 
-    def _directions(self, k: int) -> Iterator[tuple[Polyline, tuple, tuple]]:
-        """Yields a street's open line with its first and last port, there and back."""
-        street = self.streets[k]
-        line_m = self.open_m(street)
-        yield line_m, ("from", street.start, k), ("to", street.end, k)
-        yield line_m[::-1], ("from", street.end, k), ("to", street.start, k)
+    def _directions(self) -> Iterator[tuple[int, Polyline, tuple, tuple]]:
+        """Yields each street's number, open line, first and last port, there and back."""
+        for k, street in enumerate(self.streets):
+            line_m = self.open_m(street)
+            yield k, line_m, ("from", street.start, k), ("to", street.end, k)
+            yield k, line_m[::-1], ("from", street.end, k), ("to", street.start, k)
 
     def _phases(self, junction: int) -> dict[int, tuple[int | None, int]]:
         """For each street with lanes at a junction: its phase of the lights, of how many.
