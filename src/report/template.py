@@ -4,11 +4,11 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
-HERE = Path(__file__).parent
+MARKDOWN, WEB = (Path(__file__).parent / name for name in ("markdown", "web"))
 
 # In HTML whatever comes from data is escaped, so that no name of a run can become markup.
 ENVIRONMENT = Environment(
-    loader=FileSystemLoader([HERE / "markdown", HERE / "web"]),
+    loader=FileSystemLoader([MARKDOWN, WEB]),
     autoescape=select_autoescape(("html",)),
     undefined=StrictUndefined,
     trim_blocks=True,
