@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
@@ -19,9 +18,8 @@ from ..errors import UserError
 from .curve_plot import CurvePlot
 from .picture import Picture
 from .scene import ERROR_PALETTE, VoxelScene
+from .template import filled
 from .voxel_mesh import CLASS_PALETTE
-
-WEB = Path(__file__).parent / "web"
 
 # Titles of the sections that can have remarks.
 SETTINGS, TABLES = "Settings", "Tables"
@@ -62,7 +60,8 @@ def write_page(
     }
     sections = [(title, remarks.get(title, ()), parts) for title, parts in contents.items()]
 
-    page = _template().render(
+    page = filled(
+        "page.html",
         heading=heading,
         facts=facts,
         alarms={title: lines for title, lines in alarms.items() if lines},
@@ -74,10 +73,3 @@ def write_page(
     )
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8", newline="\n")
-
-
-def _template() -> Template:
-    # Jinja escapes whatever comes from data, so that no name of a run can become markup.
-    loader = FileSystemLoader(WEB)
-    options = {"autoescape": True, "undefined": StrictUndefined, "trim_blocks": True}
-    return Environment(loader=loader, **options).get_template("page.html")

@@ -5,15 +5,18 @@ import shutil
 
 import pandas as pd
 import pytest
+from omegaconf import OmegaConf
 from PIL import Image
 
-from src.data.manifest import MANIFEST
+from src.data.dataset import history_stride
+from src.data.manifest import MANIFEST, read_manifest
 from src.data.statistics import statistics_of
 from src.errors import UserError
 from src.report import animation, paper
-from src.report.card import write_card
+from src.report.card import overrides_of, write_card
 from src.tasks.card import card
-from tests.synthetic import compose_config
+from src.tasks.dataset import spec_of
+from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -125,8 +128,31 @@ def test_an_unfinished_data_set_is_refused(mini_dataset, tmp_path):
     assert not (root / "README.md").exists()
 
 
-def test_the_paper_s_numbers_agree_with_each_other():
+def test_the_paper_s_numbers_agree_with_each_other(text):
     """Copied by hand: its table, its text and its split must tell the same."""
-    of_paper = paper.BENCHMARKS[-1]
-    assert of_paper.train + of_paper.val + of_paper.test == paper.FRAMES
+    of_paper = cells(text, r"SkyShield (the paper's)")[-3:]
+    assert sum(int(number.replace(",", "")) for number in of_paper) == paper.FRAMES
     assert sum(paper.INSTANCES.values()) == 218_280
+
+
+# ---------------------------------------------------------------- the command that stands on it
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ["sim.seed=7", "sim.weathers=[fog,night]"],
+        ["sim.save_aux=true", "+sim.flight.min_altitude_m=3.5", "sim.camera.pitch_deg=10.0"],
+        ["grid.shape=[50,50,30]", "sim.image.width=128", "sim.workers=1"],
+    ],
+)
+def test_the_command_composes_to_the_same_digest(tmp_path, settings):
+    made_with = compose_config(*mini_overrides(tmp_path, *settings))
+    words = overrides_of(read_manifest(write_dataset(made_with)))
+    cfg = compose_config(*words)
+    assert spec_of(cfg).digest == spec_of(made_with).digest
+    assert (cfg.scale_name, cfg.data.test_clips) == ("tiny", ["suburb/clip00"])
+    assert OmegaConf.to_container(cfg.grid) == OmegaConf.to_container(made_with.grid)
+    assert any(setting in words for setting in settings if not setting.startswith("+"))
+    # The capture rate, which the default step of the history does not divide, is not refused.
+    assert history_stride(cfg.data.history_step_s, cfg.sim.capture_hz) == 1

@@ -7,8 +7,9 @@ from plotly.offline import get_plotlyjs
 
 from src.errors import UserError
 from src.report.curve_plot import Curve, CurvePlot
-from src.report.page import WEB, write_page
+from src.report.page import write_page
 from src.report.picture import Picture
+from src.report.template import WEB
 from tests.report.sample_page import sheet, tables
 from tests.report.test_page_scene import SMALL, scene_of
 

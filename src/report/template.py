@@ -1,0 +1,20 @@
+"""Texts and pages that are filled in: the templates in ``markdown/`` and ``web/``."""
+
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+
+MARKDOWN, WEB = (Path(__file__).parent / name for name in ("markdown", "web"))
+
+# In HTML whatever comes from data is escaped, so that no name of a run can become markup.
+ENVIRONMENT = Environment(
+    loader=FileSystemLoader([MARKDOWN, WEB]),
+    autoescape=select_autoescape(("html",)),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+)
+
+
+def filled(template: str, **values: object) -> str:
+    """Returns a template with its names filled in; a name without a value raises an error."""
+    return ENVIRONMENT.get_template(template).render(**values)
