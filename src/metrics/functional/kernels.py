@@ -1,9 +1,10 @@
-"""The pass over a frame's voxels that is compiled for the CPU."""
+"""What is compiled for the CPU: the pass over a frame's voxels, and the march of camera rays."""
 
 import numpy as np
 
 from ...jit import njit
-from .codes import CODES
+from ...voxels import advance, enter, is_inside
+from .codes import CODES, UNCOUNTED
 
 
 @njit(nogil=True)
@@ -29,3 +30,22 @@ def count_frame(codes, parts, shell, excess, count, penalty):
 
     for counter in counters:
         count += counter
+
+
+@njit(nogil=True, error_model="numpy")
+def march(codes, origin, directions, free_index, classes, distances):
+    """Fills ``classes`` and ``distances`` [2, n] with what every ray meets: predicted, and true.
+
+    ``codes`` are ``16 * target + prediction``, or 255 where nothing is counted.
+    """
+    for n in range(len(directions)):
+        ray = enter(codes.shape, origin, directions[n])
+        while is_inside(codes.shape, ray) and np.inf in (distances[0, n], distances[1, n]):
+            code = codes[ray.cell]
+            if code != UNCOUNTED:
+                predicted, true = code & 15, code >> 4
+                if distances[0, n] == np.inf and predicted != free_index:
+                    classes[0, n], distances[0, n] = predicted, ray.distance
+                if distances[1, n] == np.inf and true != free_index:
+                    classes[1, n], distances[1, n] = true, ray.distance
+            ray = advance(ray)
