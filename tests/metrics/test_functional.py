@@ -31,11 +31,6 @@ def test_the_bubble_ends_at_the_horizon_and_holds_its_edge():
     assert int((penalties(1e9) > 1).sum()) == 30
 
 
-def test_a_slow_uav_is_taken_to_fly_at_the_minimum_speed():
-    assert torch.equal(penalties(0.0), penalties(5.0))
-    assert not torch.equal(penalties(0.0), penalties(6.0))
-
-
 def test_shells_give_back_the_distance_of_every_voxel():
     grid = VoxelGrid((0, -20, -16), (40, 20, 8), (25, 25, 15))
     shell_m, shell = F.distance_shells(grid)
