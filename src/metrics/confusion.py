@@ -40,6 +40,7 @@ class PenalizedConfusion(VoxelMetric):
         **kwargs: Any,
     ) -> None:
         super().__init__(grid, num_classes, free_index, ignore_index, **kwargs)
+
         F.is_compiled(backend, torch.device("cpu"))  # raises for a backend that there is not
         self.backend = backend
         self.penalty = F.Penalty(horizon_s, decay_per_s, penalty_scale, min_speed_mps)
@@ -84,6 +85,7 @@ class PenalizedConfusion(VoxelMetric):
             self.num_classes,
             self.backend,
         )
+
         shape = (len(codes), *self.count.shape)
         return {name: table.reshape(shape) for name, table in zip(("count", "excess"), tables)}
 
