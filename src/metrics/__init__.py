@@ -4,8 +4,7 @@
 from .breakdown import KARBreakdown
 from .by_clip import ByClip
 from .calibration import Calibration
-from .kar import KARMeanIoU
-from .occupancy import OccupancyScores
+from .occupancy import KARMeanIoU, OccupancyScores
 from .ray_iou import CameraRayIoU, RayIoU
 from .safety import SafetyScores
 from .sensitivity import KARSensitivity

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 import torch
-from jaxtyping import Bool, Float, Int64
+from jaxtyping import Bool, Float, Int, Int64
 from torch import Tensor
 
 from ..errors import UserError
@@ -70,7 +70,8 @@ class KARBreakdown(PenalizedConfusion):
         self.ttc_edges_s = _ascending("ttc_edges_s", ttc_edges_s)
         self.distance_edges_m = _ascending("distance_edges_m", distance_edges_m)
         self.sides = (len(self.ttc_edges_s) + 1, len(self.distance_edges_m) + 1)
-        super().__init__(grid, *arguments, n_bins=math.prod(self.sides), by_visible=True, **kwargs)
+        self.n_bins = math.prod(self.sides)
+        super().__init__(grid, *arguments, parts=(2, self.n_bins), **kwargs)
 
     def scores(self, tables: Tables) -> Scores:
         """Returns the scores of tables ``count`` and ``excess`` [*n, 2, ttc * distance, c, c]."""
@@ -107,9 +108,12 @@ class KARBreakdown(PenalizedConfusion):
         columns = ["scope", "part", "class", "true_voxels", "iou", "kar_iou"]
         return pd.DataFrame(rows, columns=columns)
 
-    def _bins(self, speed_mps: float) -> Int64[Tensor, "s"]:
+    def part_of(self, speed_mps: float, visible: Bool[Tensor, "v"]) -> Int[Tensor, "v"]:
+        """Returns the bin of every voxel, after all bins for one that is visible."""
         sooner = _bin_of(self.penalty.ttc_s(self.shell_m, speed_mps), self.ttc_edges_s)
-        return self.sides[1] * sooner + _bin_of(self.shell_m, self.distance_edges_m)
+        bins = self.sides[1] * sooner + _bin_of(self.shell_m, self.distance_edges_m)
+        bins = bins.to(visible.device, torch.int32)
+        return bins.index_select(0, self.shell) + self.n_bins * visible.int()
 
     def _parts(self, tables: Tables) -> dict[tuple[str, str], Pair]:
         """Returns ``count`` and ``excess`` of every scope and part of space."""

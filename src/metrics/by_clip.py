@@ -24,8 +24,8 @@ class ByClip(Accumulator):
     """
 
     def __init__(self, metric: TableMetric, clips: Sequence[str], **kwargs: Any) -> None:
-        shapes = {name: (len(clips), *shape) for name, shape in metric.shapes.items()}
-        super().__init__(shapes, **kwargs)
+        super().__init__(**kwargs)
+        self.add_tables(**{k: (len(clips), *table.shape) for k, table in metric.tables.items()})
         self.metric = metric
         self.clips = list(clips)
         self.row = {clip: n for n, clip in enumerate(self.clips)}
@@ -55,7 +55,7 @@ class ByClip(Accumulator):
         # Inside `compute` the ranks' states are summed already.
         alone = not self._is_synced
         with self.sync_context(should_sync=alone, should_unsync=alone):
-            return {name: getattr(self, name)[rows] for name in self.metric.shapes}
+            return {name: table[rows] for name, table in self.metric_state.items()}
 
     def compute(self) -> Scores:
         """Returns the scores of all clips together."""

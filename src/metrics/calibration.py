@@ -61,8 +61,8 @@ class Calibration(VoxelMetric):
     ) -> None:
         if bins < 1:
             raise UserError(f"bins: {bins} must be 1 or more")
-        shapes = {"reliability": (num_classes, bins, 3), "likelihood": (num_classes, 2)}
-        super().__init__(grid, shapes, num_classes, ignore_index, **kwargs)
+        super().__init__(grid, num_classes, None, ignore_index, **kwargs)
+        self.add_tables(reliability=(num_classes, bins, 3), likelihood=(num_classes, 2))
         self.bubble = F.Penalty(horizon_s=horizon_s, min_speed_mps=min_speed_mps)
         self.bins = bins
 
@@ -76,8 +76,7 @@ class Calibration(VoxelMetric):
         # Refuses what the other metrics refuse, also beyond the bubble.
         codes = self.codes(logits, target, mask).flatten(1)
         speeds_mps = F.speeds(velocity, batch=len(target))
-        frames = [self._frame(*frame) for frame in zip(logits, codes, speeds_mps)]
-        return self.stacked(("reliability", "likelihood"), frames)
+        return self.stacked([self._frame(*frame) for frame in zip(logits, codes, speeds_mps)])
 
     def scores(self, tables: Tables) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
@@ -91,7 +90,7 @@ class Calibration(VoxelMetric):
 
     def _frame(
         self, logits: Float[Tensor, "c X Y Z"], codes: UInt8[Tensor, "v"], speed_mps: float
-    ) -> tuple[Int64[Tensor, "c bins 3"], Int64[Tensor, "c 2"]]:
+    ) -> Tables:
         # Distances ascend, so the bubble is the first so many of them.
         near = (self.bubble.ttc_s(self.shell_m, speed_mps) <= self.bubble.horizon_s).sum()
         voxels = torch.nonzero((codes != UNCOUNTED) & (self.shell < near.item())).squeeze(1)
@@ -106,11 +105,12 @@ class Calibration(VoxelMetric):
 
         bin_ = (confidence * self.bins).long().clamp(max=self.bins - 1)
         cells = predicted * self.bins + bin_
-        reliability = self.reliability.new_zeros(self.num_classes * self.bins, 3)
-        _add(reliability, cells, predicted == true, confidence * FIXED_POINT)
-        likelihood = torch.zeros_like(self.likelihood)
-        _add(likelihood, true, nll * FIXED_POINT)
-        return reliability.view_as(self.reliability), likelihood
+        tables = {name: torch.zeros_like(table) for name, table in self.tables.items()}
+        _add(
+            tables["reliability"].flatten(0, 1), cells, predicted == true, confidence * FIXED_POINT
+        )
+        _add(tables["likelihood"], true, nll * FIXED_POINT)
+        return tables
 
 
 def _add(table: Int64[Tensor, "t k"], rows: Int64[Tensor, "n"], *columns: Tensor) -> None:

@@ -1,10 +1,11 @@
 """What every score of voxels against voxels shares: the penalty, and two tables."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import torch
-from jaxtyping import Int
+from jaxtyping import Bool, Int, UInt8
 from torch import Tensor
 
 from ..geometry import VoxelGrid
@@ -15,10 +16,9 @@ from .tables import Tables, VoxelMetric
 class PenalizedConfusion(VoxelMetric):
     """Two [target, prediction] tables over a dataset: voxels, and their excess penalties.
 
-    The arguments are those of `KARMeanIoU`; a subclass adds `scores`. One that sorts voxels into
-    bins of their distance gives ``n_bins`` and overrides `_bins`, and one that keeps visible voxels
-    apart sets ``by_visible``: then the tables are [bins, c, c] or [2, bins, c, c], the visible ones
-    second. ``more_tables`` are shapes of tables that it adds itself.
+    The arguments are those of `KARMeanIoU`; a subclass adds `scores`. One that keeps parts of space
+    apart gives the shape of their numbers as ``parts`` and overrides `part_of`: then the tables are
+    [*parts, c, c].
     """
 
     count: Tensor
@@ -36,23 +36,16 @@ class PenalizedConfusion(VoxelMetric):
         min_speed_mps: float = 5.0,
         backend: str = "auto",
         *,
-        n_bins: int | None = None,
-        by_visible: bool = False,
-        more_tables: Mapping[str, tuple[int, ...]] | None = None,
+        parts: tuple[int, ...] = (),
         **kwargs: Any,
     ) -> None:
-        shape: tuple[int, ...] = (num_classes, num_classes)
-        if n_bins:
-            shape = (n_bins, *shape)
-        if by_visible:
-            shape = (2, *shape)
-        shapes = {"count": shape, "excess": shape, **(more_tables or {})}
-        super().__init__(grid, shapes, num_classes, ignore_index, free_index, **kwargs)
+        super().__init__(grid, num_classes, free_index, ignore_index, **kwargs)
 
         F.is_compiled(backend, torch.device("cpu"))  # raises for a backend that there is not
         self.backend = backend
         self.penalty = F.Penalty(horizon_s, decay_per_s, penalty_scale, min_speed_mps)
-        self.n_bins, self.by_visible = n_bins, by_visible
+        self.parts = parts
+        self.add_tables(**dict.fromkeys(("count", "excess"), (*parts, num_classes, num_classes)))
 
     def frame_tables(
         self,
@@ -70,33 +63,35 @@ class PenalizedConfusion(VoxelMetric):
         shapes that fit neither each other nor the grid, class ids out of range at counted voxels,
         and NaN in logits or velocities. A batch without a counted voxel is no error.
         """
-        self.check(preds, target, mask=mask, visible=visible)
+        codes = self.codes(preds, target, mask, visible=visible)
         speeds_mps = F.speeds(velocity, batch=len(target))
-        if not self.by_visible:
-            visible = None
-        elif visible is None:
-            visible = torch.zeros_like(target, dtype=torch.bool)
+        if visible is None:
+            visible = torch.zeros_like(codes, dtype=torch.bool)
+        return self.confusion(codes, speeds_mps, visible)
 
-        bins = None
-        if self.n_bins:
-            bins = [self._bins(speed).to(target.device, torch.int32) for speed in speeds_mps]
-        frames = F.Frames(
-            labels=F.labels_of(preds),
-            target=target,
-            shell=self.shell,
-            excess=self.penalty.excess_table(self.shell_m, speeds_mps).to(target.device),
-            num_classes=self.num_classes,
-            ignore_index=self.ignore_index,
-            mask=mask,
-            marked=visible,
-            bins=bins,
-            n_bins=self.n_bins or 1,
+    def confusion(
+        self,
+        codes: UInt8[Tensor, "b X Y Z"],
+        speeds_mps: Sequence[float],
+        visible: Bool[Tensor, "b X Y Z"],
+    ) -> Tables:
+        """Returns ``count`` and ``excess`` of every frame, from its codes (`functional.encode`)."""
+        tables = F.confusion_tables(
+            codes,
+            self.shell,
+            [self.penalty.excess_table(self.shell_m, v).to(codes.device) for v in speeds_mps],
+            [self.part_of(*frame) for frame in zip(speeds_mps, visible.flatten(1))],
+            math.prod(self.parts),
+            self.num_classes,
+            self.backend,
         )
 
-        shape = (len(target), *self.shapes["count"])
-        tables = F.confusion_tables(frames, self.backend)
+        shape = (len(codes), *self.count.shape)
         return {name: table.reshape(shape) for name, table in zip(("count", "excess"), tables)}
 
-    def _bins(self, speed_mps: float) -> Int[Tensor, "s"]:
-        """Returns the bin of every distance at this speed."""
-        raise NotImplementedError
+    def part_of(self, speed_mps: float, visible: Bool[Tensor, "v"]) -> Int[Tensor, "v"] | None:
+        """Returns the part of space of every voxel, numbered row by row.
+
+        ``None`` stands for all of it in one part.
+        """
+        return None

@@ -48,18 +48,16 @@ class RayIoU(VoxelMetric):
     def __init__(
         self,
         grid: VoxelGrid,
-        num_classes: int = 9,
-        free_index: int = 8,
-        ignore_index: int = 255,
+        *arguments: Any,
         thresholds_m: Sequence[float] = (1.0, 2.0, 4.0),
         **kwargs: Any,
     ) -> None:
         self.thresholds_m = tuple(map(float, thresholds_m))
         if not self.thresholds_m or not all(0 < t < math.inf for t in self.thresholds_m):
             raise UserError(f"thresholds_m: {list(self.thresholds_m)} must be numbers above 0")
-        shapes = {"hits": (len(self.thresholds_m), num_classes), "met": (2, num_classes)}
-        shapes["clear"] = (2,)
-        super().__init__(grid, shapes, num_classes, ignore_index, free_index, **kwargs)
+        super().__init__(grid, *arguments, **kwargs)
+        hits = (len(self.thresholds_m), self.num_classes)
+        self.add_tables(hits=hits, met=(2, self.num_classes), clear=(2,))
 
     def frame_tables(
         self,
@@ -78,8 +76,7 @@ class RayIoU(VoxelMetric):
         """
         codes = self.codes(preds, target, mask)
         _check_rays(origin_m, directions, len(target))
-        frames = [self._frame(*frame) for frame in zip(codes, origin_m, directions)]
-        return self.stacked(("hits", "met", "clear"), frames)
+        return self.stacked([self._frame(*frame) for frame in zip(codes, origin_m, directions)])
 
     def scores(self, tables: Tables) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
@@ -101,7 +98,7 @@ class RayIoU(VoxelMetric):
         codes: UInt8[Tensor, "X Y Z"],
         origin_m: Float[Tensor, "3"],
         directions: Float[Tensor, "n 3"],
-    ) -> tuple[Int64[Tensor, "t c"], Int64[Tensor, "2 c"], Int64[Tensor, "2"]]:
+    ) -> Tables:
         first_met = F.first_met(codes, origin_m, directions, self.grid, self.free_index)
         classes, distances_m = map(torch.from_numpy, first_met)
         solid = distances_m[1] < torch.inf
@@ -116,7 +113,8 @@ class RayIoU(VoxelMetric):
         same = predicted == true
         hits = torch.stack([count(true[same & (apart_m < t)]) for t in self.thresholds_m])
         phantom = distances_m[0][~solid] < torch.inf
-        return hits, met, torch.tensor([len(phantom), int(phantom.sum())])
+        clear = torch.tensor([len(phantom), int(phantom.sum())])
+        return {"hits": hits, "met": met, "clear": clear}
 
 
 class CameraRayIoU(RayIoU):

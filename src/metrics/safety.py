@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, Int64, UInt8
+from jaxtyping import Bool, Float, Int, Int64, UInt8
 from torch import Tensor
 from torch.nn.functional import max_pool3d
 
@@ -77,8 +77,8 @@ class SafetyScores(PenalizedConfusion):
         if thin_tolerance < 0:
             raise UserError(f"thin_tolerance: {thin_tolerance} must be 0 or more voxels")
 
-        more_tables = {"tube": (2, 2), "frames": (4,), "thin": (3,)}
-        super().__init__(grid, *arguments, n_bins=2, more_tables=more_tables, **kwargs)
+        super().__init__(grid, *arguments, parts=(2,), **kwargs)
+        self.add_tables(tube=(2, 2), frames=(4,), thin=(3,))
         if not 0 <= thin_index < self.num_classes:
             raise UserError(f"thin_index: {thin_index} must be 0 to {self.num_classes - 1}")
         self.tube_radius_m, self.tube_s = tube_radius_m, tube_s
@@ -99,12 +99,10 @@ class SafetyScores(PenalizedConfusion):
                 "velocities in the occ frame, not speeds"
             )
         codes = self.codes(preds, target, mask)
-        tables = super().frame_tables(preds, target, velocity, mask)
-        tubes = [(self._tube(*frame),) for frame in zip(codes, velocity)]
-        tables |= self.stacked(("tube",), tubes)
-        tables["frames"] = _outcomes(tables["tube"])
-        tables["thin"] = self._thin(codes)
-        return tables
+        speeds_mps = F.speeds(velocity, batch=len(target))
+        tables = self.stacked([{"tube": self._tube(*frame)} for frame in zip(codes, velocity)])
+        tables |= self.confusion(codes, speeds_mps, torch.zeros_like(codes, dtype=torch.bool))
+        return tables | {"frames": _outcomes(tables["tube"]), "thin": self._thin(codes)}
 
     def scores(self, tables: Tables) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
@@ -123,9 +121,10 @@ class SafetyScores(PenalizedConfusion):
             "geometric_iou": F.geometric_iou(tables["count"].sum(-3), self.free_index),
         }
 
-    def _bins(self, speed_mps: float) -> Bool[Tensor, "s"]:
+    def part_of(self, speed_mps: float, visible: Bool[Tensor, "v"]) -> Int[Tensor, "v"]:
         """Returns 0 in the bubble, 1 outside."""
-        return self.penalty.ttc_s(self.shell_m, speed_mps) > self.penalty.horizon_s
+        outside = self.penalty.ttc_s(self.shell_m, speed_mps) > self.penalty.horizon_s
+        return outside.to(visible.device, torch.int32).index_select(0, self.shell)
 
     def _tube(
         self, codes: UInt8[Tensor, "X Y Z"], velocity: Float[Tensor, "3"]

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 import torch
-from jaxtyping import Int64, UInt8
+from jaxtyping import UInt8
 from torch import Tensor
 
 from ..errors import UserError
@@ -51,9 +51,7 @@ class KARSensitivity(VoxelMetric):
         self,
         grid: VoxelGrid,
         values: Mapping[str, Sequence[float]] = GRID,
-        num_classes: int = 9,
-        free_index: int = 8,
-        ignore_index: int = 255,
+        *arguments: Any,
         **kwargs: Any,
     ) -> None:
         for name, chosen in values.items():
@@ -66,9 +64,11 @@ class KARSensitivity(VoxelMetric):
 
         every = [values.get(name, (getattr(F.Penalty(), name),)) for name in PARAMETERS]
         self.penalties = [F.Penalty(**dict(zip(PARAMETERS, row))) for row in product(*every)]
-        shapes = {"hits": (num_classes,), "errors": (num_classes,)}
-        shapes["excess"] = (len(self.penalties), num_classes)
-        super().__init__(grid, shapes, num_classes, ignore_index, free_index, **kwargs)
+        super().__init__(grid, *arguments, **kwargs)
+        of_classes = (self.num_classes,)
+        self.add_tables(
+            hits=of_classes, errors=of_classes, excess=(len(self.penalties), *of_classes)
+        )
 
     @property
     def settings(self) -> pd.DataFrame:
@@ -82,8 +82,7 @@ class KARSensitivity(VoxelMetric):
         ``excess`` penalty of these errors [setting, class], of every frame."""
         codes = self.codes(preds, target, mask).flatten(1)
         speeds_mps = F.speeds(velocity, batch=len(target))
-        frames = [self._frame(frame, speed) for frame, speed in zip(codes, speeds_mps)]
-        return self.stacked(("hits", "errors", "excess"), frames)
+        return self.stacked([self._frame(*frame) for frame in zip(codes, speeds_mps)])
 
     def scores(self, tables: Tables) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
@@ -95,9 +94,7 @@ class KARSensitivity(VoxelMetric):
             for n, row in enumerate(self.settings.itertuples(index=False))
         }
 
-    def _frame(
-        self, codes: UInt8[Tensor, "v"], speed_mps: float
-    ) -> tuple[Int64[Tensor, "c"], Int64[Tensor, "c"], Int64[Tensor, "p c"]]:
+    def _frame(self, codes: UInt8[Tensor, "v"], speed_mps: float) -> Tables:
         count = torch.bincount(codes, minlength=256).view(16, 16)
         hits = count.diagonal()[: self.num_classes]
 
@@ -111,6 +108,6 @@ class KARSensitivity(VoxelMetric):
         errors = errors.view(self.num_classes, shells)
 
         # Whole numbers below 2**53: any order of summation is exact.
-        weights = [each.excess_table(self.shell_m, [speed_mps])[0] for each in self.penalties]
+        weights = [each.excess_table(self.shell_m, speed_mps) for each in self.penalties]
         excess = errors.double() @ torch.stack(weights).double().T.to(codes.device)
-        return hits, errors.sum(1), excess.long().T
+        return {"hits": hits, "errors": errors.sum(1), "excess": excess.long().T}

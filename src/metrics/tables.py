@@ -20,13 +20,13 @@ Scores = dict[str, Float[Tensor, "..."]]
 
 
 class Accumulator(Metric, ABC):
-    """A metric that adds up int64 tables of some ``shapes``, and is unchanged by what raises."""
+    """A metric that adds up int64 tables, and is unchanged by what raises."""
 
     is_differentiable = False
     full_state_update = False
 
-    def __init__(self, shapes: Mapping[str, tuple[int, ...]], **kwargs: Any) -> None:
-        super().__init__(**kwargs)
+    def add_tables(self, **shapes: tuple[int, ...]) -> None:
+        """Begins the tables of these names, with zeros."""
         for name, shape in shapes.items():
             table = torch.zeros(shape, dtype=torch.int64)
             self.add_state(name, default=table, dist_reduce_fx="sum")
@@ -74,8 +74,8 @@ class TableMetric(Accumulator):
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]], **kwargs: Any) -> None:
         """``shapes`` are those of the tables, by name."""
-        super().__init__(shapes, **kwargs)
-        self.shapes = dict(shapes)
+        super().__init__(**kwargs)
+        self.add_tables(**shapes)
 
     @abstractmethod
     def frame_tables(self, *batch: Any, **options: Any) -> Tables:
@@ -91,7 +91,7 @@ class TableMetric(Accumulator):
     @property
     def tables(self) -> Tables:
         """The tables of everything counted so far."""
-        return {name: getattr(self, name) for name in self.shapes}
+        return self.metric_state
 
     def added(self, *batch: Any, **options: Any) -> Tables:
         """Returns what a batch adds to the tables; the arguments are those of `frame_tables`."""
@@ -106,7 +106,8 @@ class VoxelMetric(TableMetric):
     """A `TableMetric` whose batches are labels, or logits, on one grid.
 
     ``shell_m`` are the distinct distances of voxels from the UAV, and ``shell`` says which of them
-    each voxel has. Raises `UserError` for class ids that cannot be told apart.
+    each voxel has. A subclass adds its tables with `add_tables`. Raises `UserError` for class ids
+    that cannot be told apart.
     """
 
     shell: Tensor
@@ -114,10 +115,9 @@ class VoxelMetric(TableMetric):
     def __init__(
         self,
         grid: VoxelGrid,
-        shapes: Mapping[str, tuple[int, ...]],
-        num_classes: int,
-        ignore_index: int,
-        free_index: int | None = None,
+        num_classes: int = 9,
+        free_index: int | None = 8,
+        ignore_index: int = 255,
         **kwargs: Any,
     ) -> None:
         if not 2 <= num_classes <= MAX_CLASSES:
@@ -127,7 +127,7 @@ class VoxelMetric(TableMetric):
         if 0 <= ignore_index < num_classes:
             raise UserError(f"ignore_index: {ignore_index} is a class; give another number")
 
-        super().__init__(shapes, **kwargs)
+        super().__init__({}, **kwargs)
         self.grid = grid
         self.num_classes = num_classes
         self.ignore_index = ignore_index
@@ -177,17 +177,22 @@ class VoxelMetric(TableMetric):
             raise UserError(f"preds: {kind} of shape {list(preds.shape)} must be {wanted}")
 
     def codes(
-        self, preds: F.Preds, target: F.Labels, mask: F.Mask | None
+        self, preds: F.Preds, target: F.Labels, mask: F.Mask | None, **masks: F.Mask | None
     ) -> UInt8[Tensor, "b X Y Z"]:
-        """Returns a byte per voxel (`functional.encode`). Raises `UserError` for a bad batch."""
-        self.check(preds, target, mask=mask)
+        """Returns a byte per voxel (`functional.encode`). Raises `UserError` for a bad batch.
+
+        ``masks`` are others that the batch has, which are checked only.
+        """
+        self.check(preds, target, mask=mask, **masks)
         labels = F.labels_of(preds)
         return F.encode(labels, target, mask, self.num_classes, self.ignore_index)
 
-    def stacked(self, names: Sequence[str], frames: Sequence[Sequence[Tensor]]) -> Tables:
-        """Returns the tables of these names, stacked over frames; each frame has one of each."""
-        tables = {name: getattr(self, name) for name in names}
+    def stacked(self, frames: Sequence[Tables]) -> Tables:
+        """Returns the tables of every frame, stacked; where there is no frame, all of the metric's
+        own."""
         if not frames:
-            return {name: table.new_zeros(0, *table.shape) for name, table in tables.items()}
-        columns = [torch.stack(column) for column in zip(*frames)]
-        return {name: column.to(self.shell.device) for name, column in zip(names, columns)}
+            return {name: table.new_zeros(0, *table.shape) for name, table in self.tables.items()}
+        return {
+            name: torch.stack([frame[name] for frame in frames]).to(self.shell.device)
+            for name in frames[0]
+        }

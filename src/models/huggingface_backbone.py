@@ -1,7 +1,8 @@
 """Image encoders from the Hugging Face Hub, or at random from their configurations."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -70,17 +71,12 @@ class HuggingFaceBackbone(nn.Module):
 
         An example is a last norm: it would never have a gradient, which several processes wait for.
         """
-        # A walk through the graph, back from the feature maps to the parameters.
-        seen, todo = set(), [level.grad_fn for level in _probe(self.model, self.called)[finest:]]
-        while todo:
-            node = todo.pop()
-            if node is not None and node not in seen:
-                seen.add(node)
-                todo += [before for before, _ in node.next_functions]
-
-        read = {id(node.variable) for node in seen if hasattr(node, "variable")}
-        for parameter in self.model.parameters():
-            parameter.requires_grad_(id(parameter) in read)
+        parameters = list(self.model.requires_grad_().parameters())
+        with torch.enable_grad():
+            read = sum(level.sum() for level in _probe(self.model, self.called)[finest:])
+        gradients = torch.autograd.grad(read, parameters, allow_unused=True)
+        for parameter, gradient in zip(parameters, gradients):
+            parameter.requires_grad_(gradient is not None)
         self.model.train()  # as any new module: what was loaded is in evaluation
 
     def forward(self, image: Image) -> list[Float[Tensor, "b _ _ _"]]:
@@ -103,15 +99,21 @@ def import_transformers() -> ModuleType:
     return transformers
 
 
+@contextmanager
+def _refusing(what: str) -> Iterator[None]:
+    """Raises `UserError` with the reason for whatever goes wrong inside: each of the library's many
+    models refuses in its own way."""
+    try:
+        yield
+    except Exception as error:
+        raise UserError(f"{what}: {reason_of(error)}") from error
+
+
 def _at_random(config: Mapping[str, Any]) -> nn.Module:
     transformers = import_transformers()
-    try:
+    with _refusing(f"model.backbone.config: no backbone from {dict(config)}"):
         described = transformers.AutoConfig.for_model(**config, out_indices=LAST_FOUR)
         return transformers.AutoBackbone.from_config(described)
-    except Exception as error:  # each of its many models refuses in its own way
-        raise UserError(
-            f"model.backbone.config: no backbone from {dict(config)}: {reason_of(error)}"
-        ) from error
 
 
 def _by_name(name: str | None, pretrained: bool, revision: str) -> nn.Module:
@@ -120,7 +122,7 @@ def _by_name(name: str | None, pretrained: bool, revision: str) -> nn.Module:
         raise UserError("model.backbone.name: none; give a model of the Hub, a folder, or a config")
     folder = _folder(name, revision, CONFIG_FILES + (WEIGHT_FILES if pretrained else []))
 
-    try:
+    with _refusing(f"model.backbone.name: {name} is no backbone"):
         config = transformers.AutoConfig.from_pretrained(
             folder, out_indices=LAST_FOUR, trust_remote_code=False
         )
@@ -131,17 +133,8 @@ def _by_name(name: str | None, pretrained: bool, revision: str) -> nn.Module:
         with torch.device("meta"):
             kind = type(transformers.AutoBackbone.from_config(config))
         transformers.logging.set_verbosity_error()  # its report of the loading is judged below
-        model, loaded = kind.from_pretrained(
-            folder,
-            config=config,
-            use_safetensors=True,
-            dtype=torch.float32,
-            output_loading_info=True,
-        )
-    except Exception as error:  # each of its many models refuses in its own way
-        raise UserError(
-            f"model.backbone.name: {name} is no backbone: {reason_of(error)}"
-        ) from error
+        how = {"use_safetensors": True, "dtype": torch.float32, "output_loading_info": True}
+        model, loaded = kind.from_pretrained(folder, config=config, **how)
 
     _require_all(name, loaded["missing_keys"])
     return model
@@ -180,14 +173,9 @@ def _probe(model: nn.Module, name: str) -> list[Float[Tensor, "1 _ _ _"]]:
 
     Raises `UserError` where their strides are others: a configuration does not state them.
     """
-    try:
-        with torch.enable_grad():
-            maps = model.eval()(torch.zeros(1, 3, PROBE_PIX, PROBE_PIX)).feature_maps
-    except Exception as error:  # such as a model for one size of image only
-        raise UserError(
-            f"model.backbone: {name} does not take {PROBE_PIX}x{PROBE_PIX} pixels: "
-            f"{reason_of(error)}"
-        ) from error
+    # Such as a model for one size of image only.
+    with _refusing(f"model.backbone: {name} does not take {PROBE_PIX}x{PROBE_PIX} pixels"):
+        maps = model.eval()(torch.zeros(1, 3, PROBE_PIX, PROBE_PIX)).feature_maps
 
     sizes = [tuple(level.shape[2:]) for level in maps]
     if sizes != [(PROBE_PIX // stride,) * 2 for stride in STRIDES]:

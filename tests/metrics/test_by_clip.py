@@ -41,13 +41,20 @@ def scores(metric):
 
 
 @pytest.mark.parametrize("make", METRICS)
-@pytest.mark.parametrize("prefix", ["", "town/", "town/b", "village/", "village/empty", "nowhere"])
-def test_chosen_clips_score_as_the_plain_metric_on_their_frames(grid, frames_for, make, prefix):
+@pytest.mark.parametrize(
+    ("prefix", "size"),
+    [("", 7), ("town/", 1), ("town/b", 2), ("village/", 3), ("village/empty", 3), ("nowhere", 3)],
+)
+def test_chosen_clips_score_as_the_plain_metric_on_their_frames(
+    grid, frames_for, make, prefix, size
+):
+    """Whatever the batches that the frames came in."""
+
     def chosen(clip):
         return clip.startswith(prefix)
 
     batch = frames_for(make)
-    metric, alone = by_clip(grid, batch, make), plain(grid, batch, make, chosen)
+    metric, alone = by_clip(grid, batch, make, size), plain(grid, batch, make, chosen)
     assert_same(metric.scores(chosen), scores(alone))
     tables = {name: table.sum(0) for name, table in metric.tables(chosen).items()}
     assert_same(tables, alone.tables)
@@ -61,19 +68,14 @@ def test_the_tables_keep_the_order_of_the_clips(grid, frames_for):
     assert not chosen[2].any()
 
 
-@pytest.mark.parametrize("size", [1, 2, 7])
-def test_any_split_into_batches_gives_the_same_bits(grid, frames_for, size):
-    batch = frames_for(SafetyScores)
-    expected = by_clip(grid, batch, SafetyScores).tables()
-    assert_same(by_clip(grid, batch, SafetyScores, size).tables(), expected)
-
-
-def test_merged_states_equal_one_pass(grid, frames_for):
+def test_it_merges_and_gives_the_score_of_a_batch_as_any_metric(grid, frames_for):
     batch, other = frames_for(), frames_for(seed=1)
-    merged = by_clip(grid, batch)
-    merged.merge_state(by_clip(grid, other))
     in_one = updated(by_clip(grid, batch), (OF_FRAME, *other))
+    merged, forwarded = by_clip(grid, batch), by_clip(grid, batch)
+    merged.merge_state(by_clip(grid, other))
     assert_same(merged.tables(), in_one.tables())
+    assert_same(forwarded(OF_FRAME, *other), scores(plain(grid, other)))
+    assert_same(forwarded.tables(), in_one.tables())
 
 
 def test_options_reach_the_metric(grid, frames_for):
@@ -95,14 +97,6 @@ def test_reset_forgets_everything_and_the_metric_inside_never_counts(grid, frame
     assert not metric.count.any()
     metric.update(OF_FRAME, *frames_for())
     assert_same(metric.tables(), by_clip(grid, frames_for()).tables())
-
-
-def test_forward_gives_the_score_of_the_batch_and_accumulates(grid, frames_for):
-    batch, other = frames_for(), frames_for(seed=1)
-    metric = by_clip(grid, batch)
-    assert_same(metric(OF_FRAME, *other), scores(plain(grid, other)))
-    both = updated(by_clip(grid, batch), (OF_FRAME, *other))
-    assert_same(metric.tables(), both.tables())
 
 
 BAD_BATCHES = {

@@ -154,36 +154,6 @@ def test_a_hit_is_nearer_than_the_threshold(index, hits):
     assert scores["ray_iou/car"] == pytest.approx(hits / 3)
 
 
-def test_another_class_at_the_right_place_is_no_hit():
-    scores = scores_of(RayIoU(LINE), (line(x4=BUILDING), line(x4=CAR), HERE, AHEAD))
-    assert (scores["ray_iou/car"], scores["ray_iou/building"]) == (0.0, 0.0)
-    assert math.isnan(scores["ray_iou/vru"])
-
-
-def test_what_lies_behind_the_first_voxel_does_not_matter():
-    target = line(x4=CAR)
-    thin, thick = line(x4=CAR), line(x4=CAR, x5=CAR, x6=BUILDING, x9=CAR)
-    scores = [scores_of(RayIoU(LINE), (preds, target, HERE, AHEAD)) for preds in (thin, thick)]
-    assert scores[0] == pytest.approx(scores[1], abs=0, nan_ok=True)
-    assert scores[0]["ray_iou"] == 1.0
-
-
-def test_a_ray_that_truly_meets_nothing_counts_for_phantoms_only():
-    clear, blocked = (line(), line(x4=CAR))
-    batches = [(preds, clear, HERE, AHEAD) for preds in (clear, clear, clear, blocked)]
-    scores = scores_of(RayIoU(LINE), *batches)
-    assert scores["ray_phantom_rate"] == 0.25
-    assert math.isnan(scores["ray_iou"])
-    scores = scores_of(RayIoU(LINE), *batches, (blocked, blocked, HERE, AHEAD))
-    assert (scores["ray_phantom_rate"], scores["ray_iou"]) == (0.25, 1.0)
-
-
-def test_a_missed_surface_costs_and_is_no_phantom():
-    scores = scores_of(RayIoU(LINE), (line(), line(x4=CAR), HERE, AHEAD))
-    assert scores["ray_iou"] == 0.0
-    assert math.isnan(scores["ray_phantom_rate"])
-
-
 @pytest.mark.parametrize(
     ("origin_m", "direction"),
     [

@@ -4,31 +4,7 @@ from src.models.attention import DeformableCrossAttention
 from src.models.backbone import STRIDES
 from src.models.bilinear_lift import BilinearLift
 from tests.models.synthetic import build_references
-from tests.models.test_attention import DIM, HEIGHTS, bilinear, random_bilinear, random_input
-
-
-def slow_lift(lift, features, references):
-    """The definition, one reference at a time."""
-    frames, pillars = references.valid.shape[:2]
-    update = torch.zeros(frames, pillars, DIM).double()
-    for b, p in torch.cartesian_prod(torch.arange(frames), torch.arange(pillars)).tolist():
-        seen = references.valid[b, p].nonzero()[:, 0].tolist()
-        for j in seen:
-            u, v = references.pix[b, p, j]
-            values = [bilinear(f[b], u / s - 0.5, v / s - 0.5) for f, s in zip(features, STRIDES)]
-            update[b, p] += torch.stack(values).mean(0) @ lift.output[j] / len(seen)
-    return update
-
-
-def test_it_equals_the_loops_in_value_and_gradients():
-    lift = random_bilinear()
-    query, features, references = random_input()
-    inputs = [*(f.requires_grad_() for f in features), lift.output]
-    fast, slow = lift(query, features, references), slow_lift(lift, features, references)
-    torch.testing.assert_close(fast, slow)
-    upstream = torch.randn(fast.shape, generator=torch.Generator().manual_seed(1)).double()
-    gradients = (torch.autograd.grad(update, inputs, upstream) for update in (fast, slow))
-    torch.testing.assert_close(*gradients)
+from tests.models.test_attention import DIM, HEIGHTS, random_bilinear, random_input
 
 
 def test_it_is_the_deformable_lift_that_has_learned_nothing():

@@ -21,18 +21,26 @@ def random_places(batch=2, places=7, seed=0):
     return levels, x, y, weight, torch.arange(batch).repeat_interleave(places)
 
 
+def bilinear(feature, x, y):
+    """Value at (x, y), integers at pixel centers, zeros outside: four corners, one by one."""
+    total = torch.zeros(feature.shape[-1], dtype=feature.dtype)
+    left, top = math.floor(x.detach()), math.floor(y.detach())
+    for row in (top, top + 1):
+        for column in (left, left + 1):
+            if 0 <= row < feature.shape[0] and 0 <= column < feature.shape[1]:
+                weight = (1 - (x - column).abs()) * (1 - (y - row).abs())
+                total = total + weight * feature[row, column]
+    return total
+
+
 def summed_by_loops(levels, x, y, weight, frame):
-    """The definition, one corner at a time."""
-    out = torch.zeros(x.shape[-1], HEADS, DIM // HEADS).double()
+    """The definition, one sample at a time."""
+    heads, dim = x.shape[0], levels[0].shape[-1]
+    out = torch.zeros(x.shape[-1], heads, dim // heads).double()
     for head, point, number, place in torch.cartesian_prod(*map(torch.arange, x.shape)).tolist():
         at = (head, point, number, place)
-        values = levels[number][frame[place]].unflatten(-1, (HEADS, -1))[:, :, head]
-        left, top = math.floor(x[at]), math.floor(y[at])
-        for row in (top, top + 1):
-            for column in (left, left + 1):
-                if 0 <= row < values.shape[0] and 0 <= column < values.shape[1]:
-                    share = (1 - (x[at] - column).abs()) * (1 - (y[at] - row).abs())
-                    out[place, head] += weight[at] * share * values[row, column]
+        values = levels[number][frame[place]].unflatten(-1, (heads, -1))[:, :, head]
+        out[place, head] += weight[at] * bilinear(values, x[at], y[at])
     return out.flatten(1)
 
 

@@ -2,7 +2,7 @@
 # ruff: noqa: F401 (what others import from here)
 
 from .codes import Labels, Logits, Mask, Preds, Velocity, encode, labels_of
-from .confusion import Frames, confusion_tables, is_compiled
+from .confusion import confusion_tables, is_compiled
 from .iou import geometric_iou, iou_compute, mean_iou, precision_compute, recall_compute
 from .kar_mean_iou import kar_mean_iou
 from .penalty import FIXED_POINT, Penalty, distance_shells, speeds

@@ -59,14 +59,9 @@ class Penalty:
         near = ttc_s <= self.horizon_s
         return near * self.penalty_scale * torch.exp(-self.decay_per_s * ttc_s)
 
-    def excess_table(
-        self, shell_m: Float[Tensor, "s"], speeds_mps: list[float]
-    ) -> Int64[Tensor, "b s"]:
-        """Returns `excess` of every frame at every distance, in units of 1 / FIXED_POINT."""
-        table = torch.empty(len(speeds_mps), len(shell_m), dtype=torch.int64)
-        for row, speed_mps in zip(table, speeds_mps):
-            row[:] = torch.round(self.excess(shell_m, speed_mps) * FIXED_POINT)
-        return table
+    def excess_table(self, shell_m: Float[Tensor, "s"], speed_mps: float) -> Int64[Tensor, "s"]:
+        """Returns `excess` at every distance, in units of 1 / FIXED_POINT."""
+        return torch.round(self.excess(shell_m, speed_mps) * FIXED_POINT).long()
 
 
 def speeds(velocity: Velocity, batch: int) -> list[float]:

@@ -46,7 +46,7 @@ def first_met(
     distance is to where the ray enters the voxel; 0 where it starts in it. On the CPU.
     """
     # Only here: importing the compiler takes a second.
-    from .ray_kernels import march
+    from .kernels import march
 
     # In voxels, as the march wants them. Directions keep their length in metres, so that what it
     # returns are metres.
