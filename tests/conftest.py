@@ -11,9 +11,7 @@ import torch
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import OmegaConf
 
-from src.tasks.dataset import make_dataset, root_of
 from tests.sessions import ROOT
-from tests.synthetic import generated_config
 
 if "OMP_NUM_THREADS" not in os.environ:
     # The threads of two processes on two cores would wait for each other most of the time.
@@ -22,6 +20,8 @@ if "OMP_NUM_THREADS" not in os.environ:
 
 @pytest.fixture(scope="session")
 def mini_config(tmp_path_factory):
+    from tests.synthetic import generated_config  # only here: Lightning takes seconds to import
+
     return generated_config(tmp_path_factory.mktemp("generated"), workers=2)
 
 
@@ -34,6 +34,8 @@ def mini_sim(mini_config):
 @pytest.fixture(scope="session")
 def mini_dataset(mini_config):
     """The root of two generated clips of 30 frames with aux images; not to be changed."""
+    from src.tasks.dataset import make_dataset, root_of
+
     make_dataset(mini_config)
     return root_of(mini_config)
 
