@@ -99,38 +99,11 @@ def expected_pix(
 POINTS_OCC = f64([[12.0, 3.0, -2.0], [20.0, -8.0, 3.0], [35.0, 14.0, -9.0], [9.0, 0.5, 0.0]])
 
 
-def chain(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float[Tensor, "4 4"]:
-    """camera_from_occ of a camera along the body's x axis."""
-    return g.camera_from_occ(pose(roll_rad, pitch_rad, yaw_rad), BODY_FROM_CAMERA)
-
-
-def worst_error_pix(camera_from_occ: Float[Tensor, "4 4"]) -> float:
-    pix, _ = g.project(POINTS_OCC, camera_from_occ, PIX_FROM_CAMERA)
-    return float((pix - expected_pix(POINTS_OCC, *ATTITUDE_RAD[:2])).norm(dim=-1).max())
-
-
 def test_projection_under_roll_pitch_and_yaw_is_the_known_one() -> None:
-    assert worst_error_pix(chain(*ATTITUDE_RAD)) < 1e-9
-
-
-ROLL_RAD, PITCH_RAD, YAW_RAD = ATTITUDE_RAD
-OCC_FROM_BODY = g.occ_from_body(pose(*ATTITUDE_RAD))
-AS_YAW_0 = g.rigid(g.rotation_from_euler(*f64(0.0, 0.0, -YAW_RAD)), f64(0.0, 0.0, 0.0))
-WRONG_CHAINS = {
-    "roll negated": chain(-ROLL_RAD, PITCH_RAD, YAW_RAD),
-    "roll twice": chain(2 * ROLL_RAD, PITCH_RAD, YAW_RAD),
-    "roll ignored": chain(0, PITCH_RAD, YAW_RAD),
-    "pitch negated": chain(ROLL_RAD, -PITCH_RAD, YAW_RAD),
-    "pitch twice": chain(ROLL_RAD, 2 * PITCH_RAD, YAW_RAD),
-    "pitch ignored": chain(ROLL_RAD, 0, YAW_RAD),
-    "yaw ignored": chain(*ATTITUDE_RAD) @ AS_YAW_0,
-    "transposed": g.inverse(BODY_FROM_CAMERA) @ OCC_FROM_BODY,
-}
-
-
-@pytest.mark.parametrize("wrong", WRONG_CHAINS)
-def test_the_known_answer_tells_a_wrong_chain_by_many_pixels(wrong: str) -> None:
-    assert worst_error_pix(WRONG_CHAINS[wrong]) > 10
+    camera_from_occ = g.camera_from_occ(pose(*ATTITUDE_RAD), BODY_FROM_CAMERA)
+    pix, _ = g.project(POINTS_OCC, camera_from_occ, PIX_FROM_CAMERA)
+    expected = expected_pix(POINTS_OCC, *ATTITUDE_RAD[:2])
+    torch.testing.assert_close(pix, expected, rtol=0, atol=1e-9)
 
 
 def test_chain_is_the_papers_product() -> None:
