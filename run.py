@@ -17,8 +17,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from src.failures import quiet_libraries, told_in_one_line
-from src.settings import require_sound
-from src.weather_files import add_named_weathers
+from src.settings import add_named_weathers, require_sound
 
 # Hydra would print its own errors over many lines and swallow the rest.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")

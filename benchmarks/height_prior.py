@@ -13,70 +13,56 @@ import argparse
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import torch
 from jaxtyping import UInt8
 
 from benchmarks.settings import composed_with_data, run
 from benchmarks.tables import print_table
 from src.data.datamodule import SkyShieldData
+from src.models.prior import VoxelPrior
 from src.ontology import NUM_CLASSES
 from src.provenance import git_commit
 
 # Each voxel counts as if it had seen this many of the overall mixture of classes.
 PSEUDO_COUNT = 3.0
 
-
-class Frequencies:
-    """Class counts of every voxel of a grid of some height."""
-
-    def __init__(self, shape: tuple[int, int, int]) -> None:
-        self.counts = np.zeros((*shape, NUM_CLASSES))
-
-    def add(self, labels: UInt8[np.ndarray, "X Y Z"], layer: int) -> None:
-        """Counts labels whose lowest layer is the given one."""
-        part = self.counts[:, :, layer : layer + labels.shape[2]]
-        for class_id in range(NUM_CLASSES):
-            part[..., class_id] += labels == class_id
-
-    def nats(self, frames: Sequence[tuple[UInt8[np.ndarray, "X Y Z"], int]]) -> float:
-        """Returns the mean cross-entropy of labelled voxels of frames with their lowest layers."""
-        total = self.counts.sum(axis=(0, 1, 2))
-        counts = self.counts + PSEUDO_COUNT * total / total.sum()
-        log_share = np.log(counts / counts.sum(axis=-1, keepdims=True))
-
-        labelled = []
-        for labels, layer in frames:
-            part = log_share[:, :, layer : layer + labels.shape[2]]
-            index = np.minimum(labels, NUM_CLASSES - 1)[..., None].astype(int)
-            labelled.append(np.take_along_axis(part, index, axis=-1)[labels < NUM_CLASSES])
-        return -float(np.concatenate(labelled).mean())
+# Labels, and the layer at which their lowest voxels lie of a grid that moves up and down.
+Frame = tuple[UInt8[np.ndarray, "X Y Z"], int]
 
 
-def frames_of(
-    data: SkyShieldData, part: str, every: int
-) -> Iterator[tuple[UInt8[np.ndarray, "X Y Z"], float]]:
-    """Yields labels and height in metres of every n-th frame."""
-    for clip_id, frame in data.split[part][::every]:
-        clip = data.clips[clip_id]
-        yield clip.semantics(frame), float(clip.world_from_body[frame][2, 3])
+def nats(prior: VoxelPrior, frames: Sequence[Frame]) -> float:
+    """Returns the mean cross-entropy of labelled voxels of frames under the prior's counts."""
+    counts = prior.counts.movedim(0, -1).numpy()
+    total = counts.sum(axis=(0, 1, 2))
+    counts = counts + PSEUDO_COUNT * total / total.sum()
+    log_share = np.log(counts / counts.sum(axis=-1, keepdims=True))
+
+    labelled = []
+    for labels, layer in frames:
+        start = layer - prior.layers[0]
+        part = log_share[:, :, start : start + labels.shape[2]]
+        index = np.minimum(labels, NUM_CLASSES - 1)[..., None].astype(int)
+        labelled.append(np.take_along_axis(part, index, axis=-1)[labels < NUM_CLASSES])
+    return -float(np.concatenate(labelled).mean())
 
 
 def measure(data: SkyShieldData, every: int) -> Iterator[tuple[str, float]]:
-    """Yields the cross-entropy in nats without and with the height."""
-    known = {part: list(frames_of(data, part, every)) for part in ("train", "val")}
-    voxel_m, (rows, columns, layers) = data.grid.voxel_m, data.grid.shape
-    lifts = [round(height_m / voxel_m) for frames in known.values() for _, height_m in frames]
-    lowest, highest = min(lifts), max(lifts)
+    """Yields the cross-entropy in nats without and with the height, of every n-th frame."""
+    known: dict[str, list[Frame]] = {
+        part: [
+            (data.clips[clip].semantics(frame), data.layer(clip, frame))
+            for clip, frame in data.split[part][::every]
+        ]
+        for part in ("train", "val")
+    }
+    layers = [layer for frames in known.values() for _, layer in frames]
 
     for name, moves in {"without the height": 0, "with the height": 1}.items():
-        placed = {
-            part: [(labels, moves * (round(h_m / voxel_m) - lowest)) for labels, h_m in frames]
-            for part, frames in known.items()
-        }
-        frequencies = Frequencies((rows, columns, layers + moves * (highest - lowest)))
+        prior = VoxelPrior(data.grid.shape, (moves * min(layers), moves * max(layers)))
         # Only training frames are counted: the validation labels are what is to be predicted.
-        for labels, layer in placed["train"]:
-            frequencies.add(labels, layer)
-        yield name, frequencies.nats(placed["val"])
+        for labels, layer in known["train"]:
+            prior.count(torch.from_numpy(labels), moves * layer)
+        yield name, nats(prior, [(labels, moves * layer) for labels, layer in known["val"]])
 
 
 def main() -> None:

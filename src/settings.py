@@ -1,4 +1,4 @@
-"""Checks of a composed configuration, before any work starts."""
+"""A composed configuration: checked before any work starts, and weathers of one's own added."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -7,7 +7,8 @@ from pathlib import Path
 from hydra import compose
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
-from omegaconf import DictConfig, OmegaConf
+from hydra.errors import MissingConfigException
+from omegaconf import DictConfig, OmegaConf, open_dict
 
 from .bounds import require_at_least, require_choice, require_count, require_some
 from .data.dataset import history_stride, require_loading
@@ -147,3 +148,22 @@ def _require_sound_files(groups: Sequence[Override], where: Sequence[str]) -> Di
 def _default_choices() -> dict[str, str]:
     """Returns the option of every group where the command line chooses none."""
     return dict(compose("config", return_hydra_config=True).hydra.runtime.choices)
+
+
+def add_named_weathers(cfg: DictConfig, of_hydra: Sequence[str]) -> None:
+    """Adds to ``sim.weather`` what ``sim.weathers`` names and no file lists in its defaults.
+
+    ``of_hydra`` are the overrides that set Hydra itself, such as the folders with groups of one's
+    own. A name without a file is left to the generator, which knows all weathers that there are.
+    Must be called inside Hydra's application.
+    """
+    for name in cfg.sim.weathers:
+        if name in cfg.sim.weather or not str(name).isidentifier():
+            continue
+        package = f"sim.weather.{name}"
+        try:
+            added = compose("config", [f"+sim/weather@{package}={name}", *search_path(of_hydra)])
+        except MissingConfigException:
+            continue
+        with open_dict(cfg):
+            cfg.sim.weather[name] = added.sim.weather[name]

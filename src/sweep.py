@@ -13,9 +13,8 @@ from omegaconf import DictConfig
 
 from .errors import UserError
 from .failures import one_line, quiet_libraries
-from .settings import TRAINING, require_sound, search_path
+from .settings import TRAINING, add_named_weathers, require_sound, search_path
 from .terminal import say
-from .weather_files import add_named_weathers
 
 FINISHED = "finished"
 # These tasks write to the folder of the run whose checkpoint they score.

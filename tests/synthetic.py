@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from src.data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses_of
-from src.data.manifest import read_manifest, write_manifest
+from src.data.manifest import write_manifest
 from src.data.split import make_split
 from src.geometry import (
     VoxelGrid,
@@ -29,10 +29,9 @@ from src.geometry import (
 )
 from src.ontology import CLASSES, FREE, SKY, UNKNOWN
 from src.run_folder import RunFolder
-from src.settings import require_sound
+from src.settings import add_named_weathers, require_sound
 from src.tasks.dataset import root_of, spec_of
 from src.tasks.model import module_of, network_of, origin_of
-from src.weather_files import add_named_weathers
 
 CONF = Path(__file__).parent.parent / "conf"
 BOXES = (  # lower and upper corner in the world (m), class, color
@@ -46,6 +45,11 @@ MINI = (
     *("trainer.log_every_n_steps=1", "trainer.precision=32-true", "suite.resamples=20"),
 )
 """Two clips of 30 frames: training takes three steps an epoch, with the same bits everywhere."""
+GENERATED = (
+    *("scale=tiny", "scale_name=mini", "sim.towns=[suburb]", "sim.weathers=[clear,rain]"),
+    *("sim.capture_hz=2.5", "sim.lidar_hz=2.5", "sim.lidar_rays=4000", "sim.save_aux=true"),
+)
+"""Two clips of 30 frames, too, of which the generator makes all that it can make."""
 
 
 def compose_config(*overrides):
@@ -69,15 +73,9 @@ def mini_overrides(folder, *more):
     return [*MINI, f"paths.data={folder}/data", f"paths.runs={folder}/runs", *more]
 
 
-def config_of(root, folder):
-    """The configuration with which the small generated dataset was made, for another folder."""
-    words = ["scale=tiny", "scale_name=mini", f"paths.data={folder}", "sim.workers=1"]
-    for key, value in read_manifest(root)["sim"].items():
-        values = value if isinstance(value, dict) and value else {"": value}
-        # The grid is set once for data and model; weathers are the configuration's own.
-        skipped = key in ("grid", "weather")
-        words += [f"sim.{key}{'.' * bool(k)}{k}={v}" for k, v in values.items() if not skipped]
-    return compose_config(*words, "data.test_clips=[suburb/clip01]")
+def generated_config(folder, workers=1):
+    """The configuration of the small generated dataset, in a folder."""
+    return compose_config(*GENERATED, f"paths.data={folder}", f"sim.workers={workers}")
 
 
 def untrained(cfg, data):

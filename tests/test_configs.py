@@ -1,7 +1,6 @@
 """Every experiment at every scale composes and instantiates; the rungs differ in their factors."""
 
 import re
-from pathlib import Path
 
 import lightning
 import pytest
@@ -27,6 +26,7 @@ from src.ontology import NUM_CLASSES
 from src.run_folder import differences
 from src.sim.plan import plan_clips
 from src.tasks.dataset import root_of
+from src.tasks.trainer import trainer_of
 from tests.synthetic import CONF, compose_config, sound_config
 
 RUNGS = ("baseline", "attitude", "weights", "skyocc")
@@ -41,6 +41,7 @@ LIFTS = {
     **{"deformable": DeformableCrossAttention, "bilinear": BilinearLift},
     **{"lss": LiftSplat, "surface": SurfaceLift},
 }
+HELD_OUT = {"towns": {"old_town", "market"}, "weathers": {"fog", "night", "rainy_night"}}
 BACKBONES = {  # and what each needs where there is no network
     "resnet": (),
     "huggingface": (
@@ -58,37 +59,26 @@ def test_the_lists_of_this_test_are_complete():
     """Experiments of one's own may stand beside the ladder's."""
     assert {*RUNGS} <= {*names_in("experiment")}
     assert names_in("scale") == sorted(SCALES)
-    assert names_in("split") == ["towns", "weathers"]
+    assert names_in("split") == sorted(HELD_OUT)
     assert names_in("model/lift") == sorted(LIFTS)
     assert names_in("model/backbone") == sorted(BACKBONES)
 
 
 @pytest.mark.parametrize("experiment", names_in("experiment"))
-def test_an_experiment_has_the_name_of_its_file(experiment):
+def test_an_experiment_has_the_name_of_its_file_and_of_its_runs_folder(experiment):
     """Two without a name would train in one folder."""
-    assert compose_config("scale=tiny", f"+experiment={experiment}").name == experiment
+    cfg = compose_config("scale=tiny", f"+experiment={experiment}", "seed=3")
+    assert (cfg.name, cfg.paths.run) == (experiment, f"runs/tiny/{experiment}/seed3")
 
 
 @pytest.mark.parametrize("scale", ["ladder", "paper"])
-@pytest.mark.parametrize(
-    ("split", "key", "values"),
-    [
-        ("towns", "town", {"old_town", "market"}),
-        ("weathers", "weather", {"fog", "night", "rainy_night"}),
-    ],
-)
-def test_a_split_holds_out_all_of_a_town_or_weather(split, key, values, scale):
+@pytest.mark.parametrize(("split", "values"), HELD_OUT.items())
+def test_a_split_holds_out_all_of_a_town_or_weather(split, values, scale):
     cfg = compose_config("+experiment=baseline", f"scale={scale}", f"+split={split}")
     plans = plan_clips(OmegaConf.to_container(cfg.sim, resolve=True))
-    assert cfg.data.test_clips == [plan.clip_id for plan in plans if getattr(plan, key) in values]
+    held_out = [plan.clip_id for plan in plans if {plan.town, plan.weather} & values]
+    assert cfg.data.test_clips == held_out
     assert not set(cfg.data.val_clips) & set(cfg.data.test_clips)
-
-
-def test_experiments_are_added_on_the_command_line():
-    """Listed in the defaults, +experiment=x would fail."""
-    listed = OmegaConf.load(CONF / "config.yaml").defaults
-    assert not any("experiment" in entry for entry in listed)
-    assert compose_config().name == "custom"
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -106,13 +96,8 @@ def test_everything_instantiates(rung, scale, tmp_path):
     assert (loss.class_weights is not None) == weighted
     weights = {term.name: term.weight for term in loss.terms}
     assert weights == {"cross_entropy": 1.0, **({"lovasz": lovasz} if lovasz else {})}
-    scores = instantiate(cfg.metric)(VoxelGrid(**cfg.grid))
-    assert isinstance(scores, Metric)
-    callbacks = instantiate(cfg.callbacks)
-    trainer = instantiate(
-        cfg.trainer, callbacks=list(callbacks.values()), logger=instantiate(cfg.logger)
-    )
-    assert isinstance(trainer, lightning.Trainer)
+    assert isinstance(instantiate(cfg.metric)(VoxelGrid(**cfg.grid)), Metric)
+    assert isinstance(trainer_of(cfg), lightning.Trainer)
     assert callable(instantiate(cfg.task))
 
 
@@ -204,10 +189,16 @@ def test_the_metric_has_the_papers_parameters(scale):
     assert {name: metric[name] for name in parameters} == parameters
 
 
-def test_the_factors_can_be_chosen_one_by_one():
+def test_a_name_an_experiment_and_a_factor_are_chosen_on_the_command_line():
+    """An experiment that is listed in the defaults could not be added there."""
+    listed = OmegaConf.load(CONF / "config.yaml").defaults
+    assert not any("experiment" in entry for entry in listed)
+    assert compose_config().name == "custom"
     cfg = compose_config("+experiment=skyocc", "loss/lovasz=off")
     assert cfg.loss.terms.lovasz.weight == 0
     assert cfg.loss.terms.cross_entropy.class_weights is not None
+    debug = compose_config("+experiment=skyocc", "+debug=fast")
+    assert debug.paths.run == "runs/debug/small/skyocc/seed0", "real runs are left alone"
 
 
 def test_a_training_seed_changes_no_data():
@@ -216,23 +207,15 @@ def test_a_training_seed_changes_no_data():
     assert root_of(compose_config("sim.seed=1")) != root
 
 
-def test_runs_are_named_after_scale_experiment_and_seed():
-    cfg = compose_config("+experiment=weights", "scale=tiny", "seed=3")
-    assert Path(cfg.paths.run) == Path("runs/tiny/weights/seed3")
-
-
 @pytest.mark.parametrize(
-    "overrides",
-    [
-        ("data.batch_size=1",),
-        ("data.batch_size=1", "sim.image.width=64", "sim.image.height=32"),
-        ("data.batch_size=1", "sim.image.width=32", "sim.image.height=64"),
-        ("data.batch_size=2", "sim.image.width=32", "sim.image.height=32"),
-        ("task=predict", "data.batch_size=1", "sim.image.width=32", "sim.image.height=32"),
-    ],
+    ("task", "batch_size", "width", "height"),
+    [("fit", 1, 64, 32), ("fit", 1, 32, 64), ("fit", 2, 32, 32), ("predict", 1, 32, 32)],
 )
-def test_a_batch_of_one_is_sound_but_for_training_on_the_smallest_image(overrides):
-    assert sound_config(*overrides)
+def test_a_batch_of_one_is_sound_but_for_training_on_the_smallest_image(
+    task, batch_size, width, height
+):
+    image = f"sim.image.width={width}", f"sim.image.height={height}"
+    assert sound_config(f"task={task}", f"data.batch_size={batch_size}", *image)
 
 
 LOADING = {"batch_size": 0, "frames": 0, "run_frames": 0, "workers": -1, "history": "none"}
@@ -252,12 +235,12 @@ def test_a_group_is_refused_by_the_first_setting_out_of_bounds(require, group, w
             require({**settings, name: value})
 
 
-@pytest.mark.parametrize("value", [0, -1, 1.5, "two", True])
-def test_a_count_is_null_or_a_whole_number_of_things(value):
+def test_a_count_is_null_or_a_whole_number_of_things():
     require_count("threads", None)
     require_count("threads", 1)
-    with pytest.raises(UserError, match=f"^threads: {value!r}"):
-        require_count("threads", value)
+    for value in (0, -1, 1.5, "two", True):
+        with pytest.raises(UserError, match=f"^threads: {value!r}"):
+            require_count("threads", value)
 
 
 WHOLE = "# @package _global_\ndefaults: [skyocc, _self_]\nname: mine\n"
@@ -289,78 +272,66 @@ def test_an_experiment_of_ones_own_may_set_what_there_is(experiment, text):
     assert experiment(WHOLE + text).name == "mine"
 
 
-MINE = "{_target_: src.models.losses.lovasz, _partial_: true}"
+MINE = "{ _target_: src.models.losses.lovasz, _partial_: true }"
+OWN_TERM = f"loss: {{ terms: {{ mine: {MINE} }} }}\n"
+RAYS = "+suite.metrics.mine={_target_: src.metrics.RayIoU}"
 
 
 @pytest.mark.parametrize(
     "overrides",
     [
-        (f"+loss.terms.mine={MINE}",),
         (f"+loss.terms.mine={MINE}", "+loss.terms.mine.weight=1"),
         ("+loss.terms.mine._target_=src.models.losses.lovasz", "+loss.terms.mine.weight=1"),
-        ("+suite.metrics.mine={_target_: src.metrics.RayIoU}",),
-        ("+suite.metrics.mine={_target_: src.metrics.RayIoU}", "+suite.metrics.mine.rays=[9,5]"),
+        (RAYS, "+suite.metrics.mine.rays=[9,5]"),
         ("+callbacks.mine={_target_: lightning.pytorch.callbacks.Timer}",),
         ("++threads=1",),  # there already, and null
     ],
 )
 def test_a_loss_term_a_metric_and_a_callback_may_be_added_on_the_command_line(overrides):
-    assert sound_config("scale=tiny", *overrides)
-
-
-def test_a_term_of_an_experiment_of_ones_own_may_be_given_its_weight(experiment):
-    text = WHOLE + f"loss: {{ terms: {{ mine: {MINE} }} }}\n"
-    assert experiment(text, "+loss.terms.mine.weight=1").loss.terms.mine.weight == 1
-    with pytest.raises(UserError, match=r"^loss\.terms\.mine\.wight: nothing"):
-        experiment(text, "+loss.terms.mine.wight=1")
-
-
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("+loss.terms.mine=3", r"loss\.terms\.mine: nothing .* there are cross_entropy, lovasz"),
-        ("+loss.terms.mine.weight=1", r"loss\.terms\.mine: nothing .* cross_entropy, lovasz"),
-        ("+loss.terms.lovasz.wait=1", r"loss\.terms\.lovasz\.wait: nothing .* weight"),
-        ("+loss.term.mine.weight=1", r"loss\.term: nothing .*'terms'"),
-        ("+suite.metric.mine.rays=1", r"suite\.metric: nothing .*'metrics'"),
-        ("++trainer.max_epoch=3", r"trainer\.max_epoch: .*'max_epochs'"),
-    ],
-)
-def test_nothing_else_may_be_added_there(override, message):
-    with pytest.raises(UserError, match=f"^{message}"):
-        sound_config("scale=tiny", override)
+    for n in range(len(overrides)):
+        assert sound_config("scale=tiny", *overrides[: n + 1])
 
 
 @pytest.mark.parametrize("scale", SCALES)
 def test_a_scale_and_a_debug_run_set_what_there_is(experiment, scale):
-    cfg = experiment(WHOLE, f"scale={scale}", "+debug=fast", "+split=towns")
-    assert cfg.trainer.limit_test_batches == 1
+    """And a term of an experiment of one's own may be given its weight."""
+    chosen = f"scale={scale}", "+debug=fast", "+split=towns"
+    cfg = experiment(WHOLE + OWN_TERM, *chosen, "+loss.terms.mine.weight=1")
+    assert (cfg.trainer.limit_test_batches, cfg.loss.terms.mine.weight) == (1, 1)
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "override", "message"),
     [
-        ("size: { layer: 3 }\n", r"size\.layer: .*'layers'"),
-        ("optimiser: { lr: 1.0 }\n", "optimiser: .*'optimizer'"),
-        ("optimizer: { lr: fast }\n", r"optimizer\.lr: 'fast' .*number"),
-        ("trainer: { max_epoch: 4 }\n", r"trainer\.max_epoch: .*'max_epochs'"),
-        ("callbacks: { mine: 3 }\n", r"callbacks\.mine: "),
-        ("data: { frames: [1, 2] }\n", r"data\.frames: \[1, 2\] .*integer"),
+        # Nothing but classes may be added to groups of classes.
+        ("", "+loss.terms.mine=3", "loss.terms.mine: nothing .* there are cross_entropy, lovasz"),
+        ("", "+loss.terms.mine.weight=1", "loss.terms.mine: nothing .* cross_entropy, lovasz"),
+        ("", "+loss.terms.lovasz.wait=1", "loss.terms.lovasz.wait: nothing .* weight"),
+        ("", "+loss.term.mine.weight=1", "loss.term: nothing .*'terms'"),
+        ("", "+suite.metric.mine.rays=1", "suite.metric: nothing .*'metrics'"),
+        (OWN_TERM, "+loss.terms.mine.wight=1", "loss.terms.mine.wight: nothing"),
+        ("", "++trainer.max_epoch=3", "trainer.max_epoch: .*'max_epochs'"),
+        # A mistake in an experiment of one's own is named with the files that may have it.
+        ("size: { layer: 3 }", "seed=0", "FILES: size.layer: .*'layers'"),
+        ("optimiser: { lr: 1.0 }", "seed=0", "FILES: optimiser: .*'optimizer'"),
+        ("optimizer: { lr: fast }", "seed=0", "FILES: optimizer.lr: 'fast' .*number"),
+        ("trainer: { max_epoch: 4 }", "seed=0", "FILES: trainer.max_epoch: .*'max_epochs'"),
+        ("callbacks: { mine: 3 }", "seed=0", "FILES: callbacks.mine: "),
+        ("data: { frames: [1, 2] }", "seed=0", r"FILES: data.frames: \[1, 2\] .*integer"),
     ],
 )
-def test_a_mistake_in_an_experiment_of_ones_own_is_named(experiment, text, message):
-    with pytest.raises(UserError, match=f"^experiment=mine, scale=tiny: {message}"):
-        experiment(WHOLE + text, "scale=tiny")
-
-
-def test_an_experiment_that_does_not_say_where_its_keys_belong_is_named(experiment):
-    with pytest.raises(UserError, match=r"^experiment=mine: .*mine\.yaml.*@package _global_"):
-        experiment("defaults: [skyocc]\nname: mine\n")
+def test_a_key_that_nothing_reads_or_a_value_of_another_type_is_named(
+    experiment, text, override, message
+):
+    files = "experiment=mine, scale=tiny"
+    with pytest.raises(UserError, match="^" + message.replace("FILES", files)):
+        experiment(WHOLE + text, "scale=tiny", override)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("defaults: [skyocc]\n", r"^experiment=mine: .*mine\.yaml.*@package _global_"),
         (WHOLE + "size: { layers: 3\n", r"mine\.yaml, line \d: .*YAML \("),
         (WHOLE.replace("skyocc", "override /loss/lovasz: on"), "quotes, .* /loss/lovasz"),
     ],
@@ -369,8 +340,3 @@ def test_an_experiment_that_cannot_be_read_is_one_line(experiment, text, message
     with pytest.raises(Exception) as info:  # noqa: PT011
         experiment(text)
     assert re.search(message, one_line(info.value))
-
-
-def test_a_debug_run_leaves_real_runs_alone():
-    cfg = compose_config("+experiment=skyocc", "+debug=fast")
-    assert Path(cfg.paths.run) == Path("runs/debug/small/skyocc/seed0")

@@ -5,21 +5,15 @@ from pathlib import Path
 
 from src import ontology
 
-CLASSES_OF_THE_CONTRACT = [
-    *("building", "ground", "vegetation", "thin_structure", "large_vehicle", "car", "vru"),
-    *("general", "free"),
-]
 
-
-def test_ids_are_the_places_in_the_contract() -> None:
-    assert list(ontology.CLASSES) == CLASSES_OF_THE_CONTRACT
-    for class_id, name in enumerate(CLASSES_OF_THE_CONTRACT):
-        assert getattr(ontology, name.upper()) == class_id
-
-
-def test_free_is_last_and_everything_before_it_is_occupied() -> None:
-    assert ontology.FREE == ontology.NUM_CLASSES - 1 == 8
-    assert ontology.OCCUPIED == (0, 1, 2, 3, 4, 5, 6, 7)
+def test_ids_are_those_of_the_page_of_conventions() -> None:
+    page = Path(__file__).parents[1] / "docs" / "conventions.md"
+    rows = re.findall(r"^\| (\d+) \| `(\w+)` \|", page.read_text(encoding="utf-8"), re.MULTILINE)
+    names = [*ontology.CLASSES, "unknown"]
+    assert [(int(class_id), name) for class_id, name in rows] == [
+        *((getattr(ontology, name.upper()), name) for name in names)
+    ]
+    assert [int(class_id) for class_id, _ in rows] == [*range(ontology.NUM_CLASSES), 255]
 
 
 def test_unknown_and_sky_fit_a_byte_and_are_no_class() -> None:
@@ -44,11 +38,3 @@ def test_every_class_has_a_color_of_its_own() -> None:
     assert list(ontology.COLORS) == [*ontology.CLASSES, "unknown"]
     assert len(set(ontology.COLORS.values())) == len(ontology.COLORS)
     assert all(0 <= channel <= 255 for rgb in ontology.COLORS.values() for channel in rgb)
-
-
-def test_the_page_of_conventions_lists_the_same_classes() -> None:
-    page = Path(__file__).parents[1] / "docs" / "conventions.md"
-    rows = re.findall(r"^\| (\d+) \| `(\w+)` \|", page.read_text(encoding="utf-8"), re.MULTILINE)
-    expected = [(class_id, name) for class_id, name in enumerate(ontology.CLASSES)]
-    expected.append((ontology.UNKNOWN, "unknown"))
-    assert [(int(class_id), name) for class_id, name in rows] == expected

@@ -4,6 +4,7 @@ import re
 import sys
 import tempfile
 from pathlib import Path
+from unittest.mock import Mock
 
 import pandas as pd
 import pytest
@@ -87,8 +88,8 @@ class Stop(Exception):
     """Stands for whatever ends a run."""
 
 
-def stop_at(monkeypatch, epoch, batch):
-    """Ends training there, as a power cut would."""
+def at(epoch, batch):
+    """A patch that ends training there, as a power cut would."""
     step = OccupancyModule.training_step
 
     def training_step(self, data, index):
@@ -96,29 +97,27 @@ def stop_at(monkeypatch, epoch, batch):
             raise Stop
         return step(self, data, index)
 
-    monkeypatch.setattr(OccupancyModule, "training_step", training_step)
+    return OccupancyModule, "training_step", training_step
 
 
 @pytest.fixture
 def interrupt(monkeypatch):
-    """Trains until some batch of some epoch, and no further."""
+    """Trains until a patch raises `Stop`, and no further."""
 
-    def interrupted(overrides, epoch, batch):
+    def interrupted(overrides, patch):
         with monkeypatch.context() as patched:
-            stop_at(patched, epoch, batch)
+            patched.setattr(*patch)
             with pytest.raises(Stop):
                 fit(compose_config(*overrides))
 
     return interrupted
 
 
-def require_same_weights(folder, other):
+def require_same_training(folder, other):
+    """Same weights to the last bit, and every epoch logged once."""
     mine, others = (weights(path / "checkpoints/last.ckpt") for path in (folder, other))
     assert mine.keys() == others.keys()
     assert all(torch.equal(value, others[name]) for name, value in mine.items())
-
-
-def require_same_metrics(folder, other):
     tables = [pd.read_csv(path / "metrics.csv") for path in (folder, other)]
     pd.testing.assert_frame_equal(*tables)
 
@@ -138,6 +137,10 @@ def test_a_run_leaves_its_folder_complete(finished):
     }
     assert yaml.safe_load((folder / "config.yaml").read_text())["name"] == "skyocc"
     assert set(yaml.safe_load((folder / "class_weights.json").read_text())) == set(CLASSES)
+    for path in (folder / "checkpoints").iterdir():
+        assert weights(path)  # torch.load refuses a pickle of anything but tensors
+    table = pd.read_csv(folder / "metrics.csv")
+    assert table.dropna(subset=["val/kar_miou"])["epoch"].tolist() == [0, 1]
 
 
 def test_results_hold_every_score_of_the_model_and_the_anchors_on_every_part(finished):
@@ -154,12 +157,7 @@ def test_results_hold_every_score_of_the_model_and_the_anchors_on_every_part(fin
     assert table["dataset"].str.fullmatch(r"tiny-[0-9a-f]{12}").all()
     assert (table.loc[table["experiment"] == "skyocc", "parameters"] > 1000).all()
     assert set(zip(table["experiment"], table["precision"])) == {
-        *(
-            ("skyocc", "32-true"),
-            ("all_free", "none"),
-            ("voxel_prior", "none"),
-            ("height_prior", "none"),
-        ),
+        *(("skyocc", "32-true"), *((anchor, "none") for anchor in ANCHORS))
     }
     free = table[table["experiment"] == "all_free"].iloc[0]
     assert free["miou_occupied"] == 0
@@ -171,19 +169,9 @@ def test_results_hold_every_score_of_the_model_and_the_anchors_on_every_part(fin
     assert protocol["frames"] == 30 + 2  # a held-out clip, and the last second of the other
 
 
-def test_metrics_have_a_row_an_epoch_of_training_and_validation(finished):
-    table = pd.read_csv(finished[0] / "metrics.csv")
-    assert table.dropna(subset=["val/kar_miou"])["epoch"].tolist() == [0, 1]
-
-
-def test_checkpoints_hold_plain_tensors(finished):
-    for path in (finished[0] / "checkpoints").iterdir():
-        assert weights(path)  # torch.load refuses a pickle of anything else
-
-
 def test_the_same_command_again_shows_the_finished_run(finished, capsys, monkeypatch):
     folder, overrides = finished
-    stop_at(monkeypatch, 0, 0)
+    monkeypatch.setattr(*at(0, 0))
     before = (folder / "results.csv").stat().st_mtime_ns
     assert fit(compose_config(*overrides)) == "already finished, skipped"
     shown = capsys.readouterr().out
@@ -213,21 +201,23 @@ def test_it_says_what_it_trains_and_needs_no_simulator_where_the_data_exist(here
 
 
 @pytest.mark.parametrize(("epoch", "batch"), [(1, 0), (1, 2)])
-def test_a_half_done_run_goes_on_as_if_undisturbed(finished, here, interrupt, epoch, batch):
-    """Same order, same mirrors, same schedule: the same weights, and every epoch logged once."""
-    interrupt(here, epoch, batch)
+def test_a_half_done_run_goes_on_as_if_undisturbed(
+    finished, here, interrupt, monkeypatch, epoch, batch
+):
+    """Same order, same mirrors, same schedule; and it does not count the labels once more."""
+    interrupt(here, at(epoch, batch))
     folder = folder_of(here)
     assert not (folder / "results.csv").exists()
+    monkeypatch.setattr(SkyShieldData, "labels", None)
     assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
-    require_same_weights(folder, finished[0])
-    require_same_metrics(folder, finished[0])
+    require_same_training(folder, finished[0])
 
 
 @pytest.mark.parametrize("epoch", [1, 2])
 def test_the_best_one_stays_and_no_later_one_is_trained_again(here, interrupt, epoch):
     """Here the first one is called the best, as its loss is the greatest."""
     overrides = [*here, "callbacks.best.monitor=val/loss", "trainer.max_epochs=3"]
-    interrupt(overrides, epoch, 1)
+    interrupt(overrides, at(epoch, 1))
     assert fit(compose_config(*overrides)) == f"finished, went on after epoch {epoch} of 3"
     checkpoints = folder_of(here) / "checkpoints"
     assert {path.name for path in checkpoints.iterdir()} == {"best.ckpt", "last.ckpt"}
@@ -235,25 +225,21 @@ def test_the_best_one_stays_and_no_later_one_is_trained_again(here, interrupt, e
     assert epochs == [1, 3]
 
 
-def test_a_run_killed_before_its_results_repeats_no_training(finished, here, monkeypatch):
-    def killed(*_):
-        raise Stop
-
-    with monkeypatch.context() as patched:
-        patched.setattr("src.tasks.fit.evaluate", killed)
-        with pytest.raises(Stop):
-            fit(compose_config(*here))
-    stop_at(monkeypatch, 1, 0)
+def test_a_run_killed_before_its_results_repeats_no_training(
+    finished, here, interrupt, monkeypatch
+):
+    interrupt(here, ("src.tasks.fit.evaluate", Mock(side_effect=Stop)))
+    monkeypatch.setattr(*at(1, 0))
     assert fit(compose_config(*here)) == "finished, went on after epoch 2 of 2"
     folder = folder_of(here)
     again, before = (read_results(path / "results.csv") for path in (folder, finished[0]))
     columns = [name for name in again if name not in ("seconds", "git_commit")]
     pd.testing.assert_frame_equal(again[columns], before[columns])
-    require_same_metrics(folder, finished[0])
+    require_same_training(folder, finished[0])
 
 
 def test_a_run_killed_while_a_checkpoint_is_written_goes_on_from_the_one_before(
-    finished, here, monkeypatch
+    finished, here, interrupt, monkeypatch
 ):
     """The system's folder for temporary files, often another disk, has no part in it."""
     save = torch.save
@@ -265,16 +251,13 @@ def test_a_run_killed_while_a_checkpoint_is_written_goes_on_from_the_one_before(
         save(checkpoint, path)
 
     monkeypatch.setattr(tempfile, "tempdir", "nowhere")
-    with monkeypatch.context() as patched:
-        patched.setattr(torch, "save", half)
-        with pytest.raises(Stop):
-            fit(compose_config(*here))
+    interrupt(here, (torch, "save", half))
     assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
-    require_same_weights(folder_of(here), finished[0])
+    require_same_training(folder_of(here), finished[0])
 
 
 def test_last_goes_on_and_another_configuration_is_refused(here, interrupt):
-    interrupt(here, 1, 1)
+    interrupt(here, at(1, 1))
     with pytest.raises(UserError, match=r"optimizer\.lr=0\.002.* 0\.1"):
         fit(compose_config(*here, "ckpt_path=last", "optimizer.lr=0.1"))
     last = folder_of(here) / "checkpoints/last.ckpt"
@@ -287,12 +270,6 @@ def test_last_goes_on_and_another_configuration_is_refused(here, interrupt):
     fit(compose_config(*here, "ckpt_path=last"))
     table = pd.read_csv(folder_of(here) / "metrics.csv")
     assert table.dropna(subset=["val/kar_miou"])["epoch"].tolist() == [0, 1]
-
-
-def test_a_run_resumes_without_reading_the_training_labels_again(here, interrupt, monkeypatch):
-    interrupt(here, 1, 1)
-    monkeypatch.setattr(SkyShieldData, "labels", None)
-    assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
 
 
 def test_a_precision_holds_for_training_and_for_what_comes_after(here, monkeypatch):
@@ -314,12 +291,9 @@ def test_a_precision_holds_for_training_and_for_what_comes_after(here, monkeypat
     assert facts["held_out"] == {"val": [], "test": ["suburb/clip00"]}
 
 
-def test_there_is_nothing_to_resume_before_the_first_run(here):
+def test_fit_goes_on_neither_from_nothing_nor_from_another_run(finished, here):
     with pytest.raises(UserError, match=r"ckpt_path: no checkpoint .*last\.ckpt"):
         fit(compose_config(*here, "ckpt_path=last"))
-
-
-def test_fit_does_not_go_on_from_another_run(finished, here):
     with pytest.raises(UserError, match=r"ckpt_path: .*paths\.run"):
         fit(compose_config(*here, f"ckpt_path={finished[0]}/checkpoints/last.ckpt"))
 
@@ -348,16 +322,14 @@ def test_overwriting_keeps_the_old_run_aside(place, here):
 # ----------------------------------------------------------------------------- scoring a checkpoint
 
 
-def test_scoring_a_checkpoint_repeats_the_run_s_own_scores(finished):
+def test_scoring_a_checkpoint_repeats_the_run_s_own_scores_or_says_of_how_much_they_are(finished):
     folder, overrides = finished
     score(compose_config(*overrides, "task=test", "ckpt_path=best"))
     again, first = (read_results(path / "results.csv") for path in (folder / "test", folder))
     columns = ["experiment", "split", *SCORES, "dataset", "code_version"]
     pd.testing.assert_frame_equal(again[columns], first[columns])
 
-
-def test_what_is_scored_in_part_says_so(finished):
-    folder, overrides = finished
+    # What is scored in part says so.
     few = ("data.batch_size=2", "+trainer.limit_test_batches=1")
     score(compose_config(*overrides, *few, "task=test", "ckpt_path=best"))
     part = {path.stem: Counts.read(path) for path in (folder / "test/tallies").iterdir()}
@@ -379,10 +351,8 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path, monkeyp
     first = first[first["experiment"] == "skyocc"].reset_index(drop=True)
     columns = ["experiment", "scale", "seed", "split", *SCORES, "protocol", "parameters"]
     columns += ["code_version", "dataset", "precision"]
-    pd.testing.assert_frame_equal(
-        again[columns].sort_values("split", ignore_index=True),
-        first[columns].sort_values("split", ignore_index=True),
-    )
+    tables = [rows[columns].sort_values("split", ignore_index=True) for rows in (again, first)]
+    pd.testing.assert_frame_equal(*tables)
     whole, kept = (
         pd.read_csv(path / "scores.csv").query("experiment == 'skyocc'").set_index("score")
         for path in (tmp_path / "mine/scores", folder)
@@ -400,14 +370,6 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path, monkeyp
     assert rounded[of_logits]["value"].notna().sum() > 3
 
 
-def test_predictions_need_a_checkpoint_and_a_part_that_there_is(finished):
-    cfg = compose_config(*finished[1], "task=predict")
-    with pytest.raises(UserError, match=r"^ckpt_path: "):
-        predict(cfg, "test", logits=False)
-    with pytest.raises(UserError, match=r"^task\.part: 'tests'"):
-        predict(cfg, "tests", logits=False)
-
-
 @pytest.mark.parametrize(
     ("other", "said"),
     [
@@ -416,10 +378,11 @@ def test_predictions_need_a_checkpoint_and_a_part_that_there_is(finished):
         ("seed=1", "seed=0.* 1"),
         ("model/projection=level", 'projection="attitude".* "level"'),
         ("loss/lovasz='off'", "lovasz.weight=1.0.* 0.0"),
+        ("model.encoder.dim=32", r"decoder\.dim=16.* 32"),
     ],
 )
 def test_a_checkpoint_is_not_scored_as_another_rung(finished, other, said):
-    """Its weights would fit."""
+    """Its weights would fit, but for those of another size."""
     folder, overrides = finished
     kept = [key for key in overrides if key.split("=")[0] != other.split("=")[0]]
     path = folder / "checkpoints/best.ckpt"
@@ -438,14 +401,8 @@ def test_a_file_that_is_no_checkpoint_is_named(finished, tmp_path, content):
     assert "\n" not in str(info.value)
 
 
-def test_a_checkpoint_of_another_architecture_is_named(finished):
-    overrides = [*finished[1], "task=test", "ckpt_path=best", "model.encoder.dim=32"]
-    with pytest.raises(UserError, match=r"decoder\.dim=16.* 32"):
-        score(compose_config(*overrides))
-
-
 def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, interrupt):
-    interrupt(here, 1, 0)
+    interrupt(here, at(1, 0))
     last = folder_of(here) / "checkpoints/last.ckpt"
     last.write_bytes(last.read_bytes()[:1000])
     with pytest.raises(UserError, match=r"last\.ckpt is no readable checkpoint"):
@@ -458,7 +415,11 @@ def test_a_broken_last_checkpoint_is_named_and_not_replaced(here, interrupt):
 
 # What is typed, and what the line must name: the key, and the value or the way out.
 MISTAKES = {
-    "+experiment=skyoc": "'skyocc'",
+    "+experiment=skyoc": "experiment: .*'skyoc'.*'skyocc'.* baseline",
+    "experiment=skyocc": r"\+experiment=skyocc",
+    "scale=smal": "scale: .*'smal'.*'small'.*ladder, paper",
+    "sede=3": "sede: .*'seed'",
+    "nonsense": "nonsense",
     "trainer.max_epoch=3": "trainer.max_epoch: .*'max_epochs'",
     "+max_epochs=3": "max_epochs: ",
     "+trainer.max_epoch=3": "trainer.max_epoch: .*'max_epochs'",
@@ -499,6 +460,7 @@ MISTAKES = {
     "suite.ttc_edges_s=[1.0,2.0] task=score": "predictions: .*predictions=DIR",
     "task=score predictions=nowhere dataset=nowhere": "nowhere",
     "task=predict": "ckpt_path: task=predict",
+    "task=predict task.part=tests": "task.part: 'tests'",
     "task=predict task.animation=flight.mp4": r"task.animation: 'flight\.mp4'; .*\.gif",
     "task=compare": "task.runs: ",
     "task=attitude task.tilt_edges_deg=[5,15] task.noise_deg=[]": "ckpt_path: task=attitude",
@@ -559,10 +521,8 @@ def test_a_place_that_cannot_be_written_is_named(here, tmp_path, key, refusal):
 
 
 def test_a_full_disk_is_one_line_and_leaves_the_checkpoint(here, monkeypatch):
-    def save(self):
-        raise OSError(28, "No space left on device", "metrics.csv")
-
-    monkeypatch.setattr(ExperimentWriter, "save", save)
+    full = OSError(28, "No space left on device", "metrics.csv")
+    monkeypatch.setattr(ExperimentWriter, "save", Mock(side_effect=full))
     with pytest.raises(OSError, match="No space") as info:
         fit(compose_config(*here))
     assert one_line(info.value) == "metrics.csv: the disk is full; free some space and run it again"

@@ -49,17 +49,12 @@ def half_done(path, **changes):
     return folder
 
 
-def test_a_new_run_begins_at_the_beginning_and_records_its_configuration(tmp_path):
-    folder = folder_of(tmp_path / "a" / "seed0")
-    assert folder.open(afresh=False) is None
-    assert yaml.safe_load((folder.path / "config.yaml").read_text()) == folder.config
-    assert not folder.is_finished()
-
-
 def test_a_run_killed_before_its_first_checkpoint_begins_again_where_it_is(tmp_path):
     """Nothing is lost, so nothing is moved aside."""
     folder = folder_of(tmp_path / "seed0")
-    folder.open(afresh=False)
+    assert folder.open(afresh=False) is None
+    assert yaml.safe_load((folder.path / "config.yaml").read_text()) == folder.config
+    assert not folder.is_finished()
     folder.write_json("class_weights.json", {"car": 5.0})
     (folder.path / "sessions/version_0").mkdir(parents=True)
     (folder.path / ".class_weights.json.17.tmp").write_text("half of it")
@@ -79,12 +74,13 @@ def test_a_best_checkpoint_without_a_last_one_is_moved_aside(tmp_path):
     assert (tmp_path / "seed0.before1/checkpoints/best.ckpt").is_file()
 
 
-def test_a_half_done_run_goes_on_without_what_a_killed_process_was_writing(tmp_path):
-    folder = half_done(tmp_path / "seed0")
-    leftover = folder.last_checkpoint.with_name(".last.ckpt.17.tmp")
-    leftover.write_text("half of it")
-    assert folder_of(tmp_path / "seed0").open(afresh=False) == folder.last_checkpoint
-    assert not leftover.exists()
+def test_a_half_done_run_goes_on_where_it_was_moved_to_without_what_was_half_written(tmp_path):
+    half_done(tmp_path / "here")
+    (tmp_path / "here/checkpoints/.last.ckpt.17.tmp").write_text("half of it")
+    (tmp_path / "here").rename(tmp_path / "there")
+    last = tmp_path / "there/checkpoints/last.ckpt"
+    assert folder_of(tmp_path / "there").open(afresh=False) == last
+    assert [path.name for path in last.parent.iterdir()] == ["last.ckpt"]
 
 
 def test_a_second_process_of_a_run_waits_and_says_so(tmp_path, monkeypatch):
@@ -110,20 +106,14 @@ def test_where_there_are_no_locks_nobody_waits(tmp_path, no_locks):
         pass
 
 
-def test_another_configuration_moves_the_old_run_aside(tmp_path):
+def test_another_configuration_or_afresh_moves_the_old_run_aside(tmp_path):
     half_done(tmp_path / "seed0")
-    other = folder_of(tmp_path / "seed0", seed=1)
-    assert other.open(afresh=False) is None
+    other = half_done(tmp_path / "seed0", seed=1)
+    assert other.open(afresh=True) is None
     assert not other.last_checkpoint.exists()
-    # A third one leaves both in their places.
-    assert folder_of(tmp_path / "seed0", seed=2).open(afresh=False) is None
-    assert (tmp_path / "seed0.before2/config.yaml").is_file()
-    assert (tmp_path / "seed0.before1/checkpoints/last.ckpt").read_text() == "weights"
-
-
-def test_afresh_moves_the_same_run_aside_too(tmp_path):
-    assert half_done(tmp_path / "seed0").open(afresh=True) is None
-    assert (tmp_path / "seed0.before1/checkpoints/last.ckpt").is_file()
+    for aside, seed in (("seed0.before1", 0), ("seed0.before2", 1)):
+        assert yaml.safe_load((tmp_path / aside / "config.yaml").read_text())["seed"] == seed
+        assert (tmp_path / aside / "checkpoints/last.ckpt").read_text() == "weights"
 
 
 def test_finished_means_results_of_this_very_configuration(tmp_path):
@@ -142,24 +132,17 @@ def test_finished_means_results_of_this_very_configuration(tmp_path):
     assert folder_of(tmp_path / "seed0").is_finished()
 
 
-@pytest.mark.parametrize(
-    ("changes", "shapes"),
-    [
-        ({"data": {"workers": 4, "batch_size": 8}}, False),
-        ({"sim": {"workers": 2, "dry_run": True, "seed": 0}}, False),
-        ({"threads": 2}, False),
-        ({"ckpt_path": "last"}, False),
-        ({"logger": {"flush_logs_every_n_steps": 5}}, False),
-        ({"trainer": {"log_every_n_steps": 7}}, False),
-        ({"seed": 1}, True),
-        ({"model": {"dim": 32}}, True),
-        ({"data": {"workers": 1, "batch_size": 4}}, True),
-        ({"dataset": "mini-1"}, True),
-    ],
-)
-def test_what_shapes_a_result_changes_the_version_and_nothing_else(tmp_path, changes, shapes):
-    changed = folder_of(tmp_path, **changes).version != folder_of(tmp_path).version
-    assert changed == shapes
+def test_what_shapes_a_result_changes_the_version_and_nothing_else(tmp_path):
+    version = folder_of(tmp_path).version
+    elsewhere = {
+        **{"threads": 2, "ckpt_path": "last", "data": {"workers": 4, "batch_size": 8}},
+        **{"sim": {"workers": 2, "dry_run": True, "seed": 0}, "trainer": {"log_every_n_steps": 7}},
+        **{"logger": {"flush_logs_every_n_steps": 5}},
+    }
+    assert folder_of(tmp_path, **elsewhere).version == version
+    shaping = {"seed": 1, "model": {"dim": 32}, "data": {"batch_size": 4}, "dataset": "mini-1"}
+    for key, value in shaping.items():
+        assert folder_of(tmp_path, **{key: value}).version != version, key
 
 
 def test_the_code_of_a_run_is_recorded_file_by_file(tmp_path):
@@ -180,12 +163,6 @@ def test_what_is_moved_aside_is_told_with_the_file_that_differs(tmp_path, monkey
     line = capsys.readouterr().out
     assert "seed0.before1" in line
     assert "src/models/losses.py" in line
-
-
-def test_a_run_may_be_moved_to_another_place(tmp_path):
-    half_done(tmp_path / "here")
-    (tmp_path / "here").rename(tmp_path / "there")
-    assert folder_of(tmp_path / "there").open(afresh=False) is not None
 
 
 @pytest.mark.parametrize(
@@ -212,13 +189,11 @@ def test_a_checkpoint_of_another_configuration_is_refused_by_its_key(tmp_path, c
 
 
 def test_what_the_encoder_began_with_says_nothing_of_a_checkpoints_network(tmp_path):
-    began, other = (
-        config(tmp_path, model={"projection": "attitude", "backbone": {"weights": weights}})
-        for weights in ("encoder.pth", None)
-    )
-    require_same_config(tmp_path / "last.ckpt", began, other, KEYS["identity"])
+    path = tmp_path / "last.ckpt"
+    began, other = ({"model": {"backbone": {"weights": w}}} for w in ("encoder.pth", None))
+    require_same_config(path, began, other, KEYS["identity"])
     with pytest.raises(UserError, match=r'weights="encoder\.pth".* null'):
-        require_same_config(tmp_path / "last.ckpt", shaping(began), shaping(other))
+        require_same_config(path, began, other)
 
 
 @pytest.mark.parametrize("content", [None, "", "- a list", "{", "name: x"])

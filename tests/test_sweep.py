@@ -59,21 +59,17 @@ def test_a_failing_job_does_not_stop_the_others(sweep, done):
     assert errors[-1].startswith("error: 2 of 4 jobs failed, for the reasons above; the same")
 
 
-def test_a_task_says_how_it_went(sweep):
-    _, lines, _ = sweep(stub("resume"), "seed=0,1")
-    assert lines[0] == "seed=0: finished, went on after epoch 1 of 2"
-
-
-def test_a_job_sees_its_own_words_and_nothing_of_the_one_before(sweep, done, tmp_path):
-    status, _, errors = sweep(stub("be_one_of_many"), "seed=0,1")
+def test_a_job_sees_its_own_words_and_nothing_of_the_one_before(sweep, tmp_path):
+    status, lines, errors = sweep(stub("be_one_of_many"), "seed=0,1")
     assert (status, errors) == (0, [])
+    assert lines[0] == "seed=0: finished, went on after epoch 1 of 2", "what the task says of it"
     for seed in (0, 1):
         typed = (tmp_path / f"runs/custom{seed}").read_text()
         assert typed == f"{stub('be_one_of_many')} seed={seed} paths.runs={tmp_path}/runs"
     assert "LOCAL_RANK" not in os.environ
 
 
-def test_a_job_is_told_where_experiments_of_ones_own_lie(sweep, done, tmp_path):
+def test_a_job_is_told_where_experiments_of_ones_own_lie(sweep, tmp_path):
     (tmp_path / "conf/experiment").mkdir(parents=True)
     text = "# @package _global_\ndefaults: [skyocc, _self_]\nname: mine\n"
     (tmp_path / "conf/experiment/mine.yaml").write_text(text)
@@ -108,13 +104,8 @@ def test_jobs_are_named_by_what_tells_them_apart():
         (["+experiment=skyocc,baselin"], "'baseline'"),
         (["seed=0,1,-1"], "seed: -1 "),
         (["seed=0,1", "trainer.max_epoch=3"], "trainer.max_epoch: "),
-        (["seed=0,1", "+epochs=3"], "epochs: "),
-        (["trainer.max_epochs=3,lots"], "trainer.max_epochs: 'lots'"),
         (["sim.image.width=96,100"], "sim.image.width: 100 "),
-        (["size.blocks=2,-1"], "size.blocks: -1 "),
-        (["data.batch_size=4,0"], "data.batch_size: 0 "),
         (["task=pretrain", "task.epochs=1,0"], "task.epochs: 0 "),
-        (["trainer.precision=auto,fp16"], "trainer.precision: 'fp16'"),
         (["seed=0,1", "hydra/launcher=gnome"], "pip install -e '.[launchers]' or '.[ray]'"),
     ],
 )

@@ -13,28 +13,19 @@ from jaxtyping import UInt8
 from omegaconf import DictConfig
 from torch import Tensor
 
-from ..atomic_folder import replacing_folder
 from ..audit.true_sight import By, TrueSight
 from ..data.batch import Batch
 from ..data.measured_attitude import MeasuredAttitude
-from ..metrics.by_clip import ByClip
-from ..metrics.protocol import Protocol
-from ..metrics.tables import TableMetric
-from ..results.counts import Counts
-from ..results.files import write_table
-from ..results.render import Cell, Table, print_table
-from ..results.table import run_table
-from ..run_folder import TALLIES
 from ..terminal import say, tracked
+from .counting import SCORE, Counter, print_scores, scores_of, write_counted
 from .evaluate import Anchor, anchors_of
 from .model import origin_of
 from .scoring import clips_of, protocol_of
 from .session import Session
 
-TABLE, FIGURE = "bounds.csv", "bounds.png"
-SCORE = "kar_miou"
 # The scores that are printed, and their names.
 PRINTED = {"miou_occupied": "mIoU occupied", SCORE: "KAR-mIoU"}
+TITLE = "Scores (%) of what sees nothing, and of what sees the pixels' true depth and class"
 
 Predict = Callable[[Batch], UInt8[Tensor, "b X Y Z"]]
 
@@ -76,26 +67,25 @@ def bounds(
     Raises `UserError` for data without depth images, and as `TrueSight` and `MeasuredAttitude` do.
     """
     session = Session(cfg)
+    data, samples = session.data, session.data.split["test"]
     sights = list(dict.fromkeys(_sights(depth_error, attitude_deg, cfg.data.frames)))
-    counters = _counters(session, sights, seed)
-    samples = session.data.split["test"]
-    for batch in tracked(session.data.in_order("test"), "scoring"):
-        for counter in counters:
-            counter.add(batch)
+    predictions, metric = _predictions(session, sights, seed), instantiate(cfg.metric)
+    counters = {name: Counter(name, metric(data.grid), clips_of(samples)) for name in predictions}
+    for batch in tracked(data.in_order("test"), "scoring"):
+        for name, predict in predictions.items():
+            counters[name].add(batch, predict(batch))
 
-    protocol = protocol_of(cfg, session.data, len(samples))
-    counts = [counter.counts(protocol) for counter in counters]
-    table = _described(counts, sights)
-    # As a whole, so that no counts of an earlier call's bounds stay.
-    with replacing_folder(Path(out)) as folder:
-        for each in counts:
-            each.write(folder / TALLIES / f"{each.name}.npz")
-        # Scoring needs no drawing code; it is loaded for the figure alone.
-        from ..report.bounds import draw_bounds
+    protocol = protocol_of(cfg, data, len(samples))
+    counts = [counter.counts(protocol) for counter in counters.values()]
+    # What a floor's row says of a sight is empty.
+    facts = pd.DataFrame([{"bound": sight.name, **asdict(sight)} for sight in sights])
+    table = scores_of(counts, "bound").merge(facts, on="bound", how="left")
 
-        draw_bounds(table[table["score"] == SCORE], folder / FIGURE)
-        write_table(table, folder / TABLE)
-    print_table(_printed(table))
+    # Scoring needs no drawing code; it is loaded for the figure alone.
+    from ..report.bounds import draw_bounds
+
+    write_counted(Path(out), "bounds", counts, table, draw_bounds)
+    print_scores(table, "bound", TITLE, PRINTED)
     say(out)
 
 
@@ -111,25 +101,8 @@ def _sights(
         yield Sight(attitude_deg=noise_deg)
 
 
-class Counter:
-    """Counts the test split under one prediction."""
-
-    def __init__(self, name: str, predict: Predict, metric: TableMetric, clips: list[str]) -> None:
-        self.name, self.predict = name, predict
-        self.metric, self.frames = ByClip(metric, clips), dict.fromkeys(clips, 0)
-
-    def add(self, batch: Batch) -> None:
-        labels = self.predict(batch)
-        self.metric.update(batch["clip"], labels, batch["semantics"], batch["velocity_mps"])
-        for clip in batch["clip"]:
-            self.frames[clip] += 1
-
-    def counts(self, protocol: Protocol) -> Counts:
-        tables = {"occupancy": self.metric.tables()}
-        return Counts(self.name, protocol, self.metric.clips, list(self.frames.values()), tables)
-
-
-def _counters(session: Session, sights: Sequence[Sight], seed: int) -> list[Counter]:
+def _predictions(session: Session, sights: Sequence[Sight], seed: int) -> dict[str, Predict]:
+    """Returns the prediction of every floor and every ceiling, by its name."""
     cfg, data = session.cfg, session.data
     clips = {clip: data.clips[clip] for clip in clips_of(data.split["test"])}
     step = data.dataset("test").step
@@ -145,31 +118,4 @@ def _counters(session: Session, sights: Sequence[Sight], seed: int) -> list[Coun
     # What is wrong with the settings is refused before the labels are read.
     ceilings = {sight.name: seen(sight) for sight in sights}
     floors = anchors_of(origin_of(cfg, data, session.folder))
-    predictions = {name: blind(anchor) for name, anchor in floors.items()} | ceilings
-    metric = instantiate(cfg.metric)
-    return [
-        Counter(name, predict, metric(data.grid), list(clips))
-        for name, predict in predictions.items()
-    ]
-
-
-def _described(counts: Sequence[Counts], sights: Sequence[Sight]) -> pd.DataFrame:
-    """Returns a row for each bound, part of the split and score, with its interval over clips.
-
-    What a floor's row says of a sight is empty.
-    """
-    scores = run_table({0: counts}, {"test": lambda clip: True})
-    scores = scores.drop(columns=["seed", "condition", "part", "protocol"])
-    scores = scores.rename(columns={"experiment": "bound"})
-    facts = pd.DataFrame([{"bound": sight.name, **asdict(sight)} for sight in sights])
-    return scores.merge(facts, on="bound", how="left")
-
-
-def _printed(table: pd.DataFrame) -> Table:
-    """Returns the main scores of every bound in percent, with their intervals over clips."""
-    rows = []
-    for name, of_bound in table.groupby("bound", sort=False):
-        scores = of_bound.set_index("score")[["value", "low", "high"]]
-        rows.append((str(name), [Cell(*(100 * scores.loc[score])) for score in PRINTED]))
-    title = "Scores (%) of what sees nothing, and of what sees the pixels' true depth and class"
-    return Table("bounds", title, "", list(PRINTED.values()), rows, "bound")
+    return {name: blind(anchor) for name, anchor in floors.items()} | ceilings

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pandas as pd
 from omegaconf import DictConfig
-from rich.console import Console
-from rich.markup import escape
 
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
@@ -20,9 +18,10 @@ from ..results.archive import unpacked
 from ..results.bootstrap import difference_of, interval_of
 from ..results.counts import Counts
 from ..results.files import write_table
-from ..results.render import WIDTH, Cell, Table, print_table
+from ..results.render import Cell, Table, print_table
 from ..results.table import Resamples
 from ..run_folder import ANCHORS, TALLIES
+from ..terminal import say
 
 # Of all scores, which differences.csv has, these are printed.
 PRINTED = ("miou", "miou_occupied", "kar_miou", "collision_miss_rate", "geometric_iou", "ray_iou")
@@ -44,11 +43,11 @@ def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = (
         chosen = _clips_like(list(map(str, clips)), next(iter(scored.values())))
         scored = {name: counts.of_clips(chosen.__contains__) for name, counts in scored.items()}
 
-    folder, console, table = Path(out), Console(width=WIDTH), _differences(scored)
+    folder, table = Path(out), _differences(scored)
     write_table(table, folder / "differences.csv")
-    print_table(_printed(table, len(next(iter(scored.values())).rows())), console)
-    console.print(_sensitivity(scored, folder), soft_wrap=True, highlight=False)
-    console.print(str(folder), highlight=False, soft_wrap=True)
+    print_table(_printed(table, len(next(iter(scored.values())).rows())))
+    say(_sensitivity(scored, folder))
+    say(folder)
 
 
 def _sensitivity(scored: Mapping[str, Counts], folder: Path) -> str:
@@ -58,7 +57,7 @@ def _sensitivity(scored: Mapping[str, Counts], folder: Path) -> str:
     if without:
         for earlier in (table, figure):
             earlier.unlink(missing_ok=True)
-        return f"no ranking under other parameters: {escape(without[0])} has no counts for them"
+        return f"no ranking under other parameters: {without[0]} has no counts for them"
 
     ranked = sensitivity_table(scored)
     write_table(ranked, table)

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from torch import Tensor
 
-from ..atomic_folder import replacing_folder
+from ..atomic import replacing_folder
 from ..bounds import require_at_least
 from ..errors import UserError
 from ..geometry import front_mount, pinhole, rigid, rotation_from_euler

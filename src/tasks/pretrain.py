@@ -5,7 +5,6 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-import lightning
 import torch
 from hydra.utils import get_class, instantiate
 from omegaconf import DictConfig, OmegaConf
@@ -95,23 +94,13 @@ def _train(
     epochs: int,
     limit: int | float,
 ) -> None:
-    """Trains the module in its folder, from the last checkpoint there if there is one."""
+    """Trains the module in its folder, from the last checkpoint there if there is one: as
+    configured, but on one device and in fp32."""
     checkpoint = folder.open(afresh=cfg.overwrite)
     if checkpoint:
         # A broken one is refused here, in one line.
         load_weights(module, read_content(checkpoint)["state_dict"], checkpoint)
 
-    trainer = _trainer_of(cfg, folder, epochs, limit)
-    try:
-        trainer.fit(module, *loaders, ckpt_path=checkpoint, weights_only=True)
-    finally:
-        folder.merge_metrics()
-
-
-def _trainer_of(
-    cfg: DictConfig, folder: RunFolder, epochs: int, limit: int | float
-) -> lightning.Trainer:
-    """Builds the trainer as configured, but for one device, in fp32, in a folder of its own."""
     own = cfg.copy()
     OmegaConf.set_struct(own, False)
     own.paths.run = str(folder.path)
@@ -119,7 +108,11 @@ def _trainer_of(
     own.callbacks.last.dirpath = str(folder.last_checkpoint.parent)
     # A scale may shorten the epochs of its trainings; a pretraining has a limit of its own.
     own.trainer.update(devices=1, precision=FP32, max_epochs=epochs, limit_train_batches=limit)
-    return trainer_of(own, PretrainingLines())
+    trainer = trainer_of(own, PretrainingLines())
+    try:
+        trainer.fit(module, *loaders, ckpt_path=checkpoint, weights_only=True)
+    finally:
+        folder.merge_metrics()
 
 
 def _loader(cfg: DictConfig, data: SkyShieldData, part: str, batch_size: int) -> DataLoader:

@@ -4,11 +4,11 @@ import sys
 import time
 from collections.abc import Callable
 
-import lightning
 import torch
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from jaxtyping import Float
+from lightning import LightningModule, Trainer
 from lightning.fabric.utilities import move_data_to_device
 from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.utilities import rank_zero_only
@@ -23,7 +23,7 @@ AUTO, FP32, BF16, FP16 = "auto", "32-true", "bf16-mixed", "16-mixed"
 Predictor = Callable[[Batch], Float[Tensor, "b 9 x y z"]]
 
 
-def trainer_of(cfg: DictConfig, lines: Callback | None = None) -> lightning.Trainer:
+def trainer_of(cfg: DictConfig, lines: Callback | None = None) -> Trainer:
     """Builds the trainer with the configured callbacks and logger, in the precision that
     `precision_of` says.
 
@@ -103,7 +103,7 @@ def is_first_process() -> bool:
     return getattr(rank_zero_only, "rank", 0) == 0
 
 
-def predictor(network: SkyOcc, trainer: lightning.Trainer) -> Predictor:
+def predictor(network: SkyOcc, trainer: Trainer) -> Predictor:
     """Returns the function from a loader's batch to its logits in float32, which are computed on
     the trainer's device and in its precision."""
     # Under the trainer's own context, so that a prediction has the bits of its scores.
@@ -125,24 +125,18 @@ class EpochLines(Callback):
 
     score, score_name = "val/kar_miou", "KAR-mIoU"
 
-    def on_train_start(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
+    def on_train_start(self, trainer: Trainer, module: LightningModule) -> None:
         self._start_s, self._first_epoch = time.perf_counter(), trainer.current_epoch
 
-    def on_train_epoch_start(
-        self, trainer: lightning.Trainer, module: lightning.LightningModule
-    ) -> None:
+    def on_train_epoch_start(self, trainer: Trainer, module: LightningModule) -> None:
         self._losses, self._batches = 0.0, 0
 
-    def on_train_batch_end(
-        self, trainer: lightning.Trainer, module: lightning.LightningModule, *batch: object
-    ) -> None:
+    def on_train_batch_end(self, trainer: Trainer, module: LightningModule, *batch: object) -> None:
         # Summed on the device: to read it here would wait for the device.
         self._losses = self._losses + trainer.callback_metrics["train/loss"]
         self._batches += 1
 
-    def on_validation_end(
-        self, trainer: lightning.Trainer, module: lightning.LightningModule
-    ) -> None:
+    def on_validation_end(self, trainer: Trainer, module: LightningModule) -> None:
         if not trainer.is_global_zero:
             return
         done = trainer.current_epoch + 1

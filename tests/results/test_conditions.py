@@ -13,7 +13,8 @@ from src.metrics.protocol import SUPERVISED, Protocol
 from src.results.conditions import Condition, conditions_of, read_conditions
 from src.results.counts import Counts
 from src.results.runs import read_run
-from src.tasks.attitude import ConditionCount
+from src.tasks.attitude import narrowed
+from src.tasks.counting import Counter
 from tests.results.presented import write_attitude
 from tests.results.scored import CLIPS, FRAMES, GRID, counts, protocol, write_run
 
@@ -81,12 +82,12 @@ def test_values_that_make_no_sense_are_refused(values, key):
 
 def test_the_counts_of_the_bins_add_up_to_those_of_all_frames():
     conditions = list(conditions_of([5, 10], [], [], False))
-    counters = [ConditionCount(each, OccupancyScores(GRID), CLIPS[:2]) for each in conditions]
+    counters = {each: Counter(each.name, OccupancyScores(GRID), CLIPS[:2]) for each in conditions}
     batch = batch_of([0, 6, 4, 20], [0, 0, 4, 0], [*CLIPS[:1] * 2, *CLIPS[1:2] * 2])
-    for counter in counters:
-        counter.add(batch, batch["semantics"].roll(1, dims=1))
+    for condition, counter in counters.items():
+        counter.add(batch, batch["semantics"].roll(1, dims=1), condition.holds(batch))
     of_all = Protocol.of("data", "test", 4, GRID, SUPERVISED, {}, {})
-    whole, *bins = (counter.counts(of_all) for counter in counters)
+    whole, *bins = narrowed(counters, of_all)
     assert whole.frames == [2, 2]
     assert [each.frames for each in bins] == [[1, 0], [1, 1], [0, 1]]
     assert (bins[1].protocol.part, bins[1].protocol.frames) == ("test, tilt_5_10deg", 2)

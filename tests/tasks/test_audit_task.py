@@ -10,13 +10,13 @@ from src.data.manifest import MANIFEST, digest_of
 from src.errors import UserError
 from src.tasks.audit import audit
 from src.tasks.dataset import root_of
-from tests.synthetic import config_of
+from tests.synthetic import generated_config
 
 
 @pytest.fixture
 def config(mini_dataset, tmp_path):
     """The configuration of a copy of the small dataset."""
-    config = config_of(mini_dataset, tmp_path / "data")
+    config = generated_config(tmp_path / "data")
     shutil.copytree(mini_dataset, root_of(config))
     return config
 

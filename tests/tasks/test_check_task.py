@@ -16,7 +16,7 @@ from src.report.check_sheet import overlaid
 from src.report.labels_in_image import COLOR_SHARE, EDGE_SHARE
 from src.tasks.check import check
 from src.tasks.dataset import make_dataset, root_of
-from tests.synthetic import BOXES, GROUND_RGB, SKY_RGB, config_of, write_clip
+from tests.synthetic import BOXES, GROUND_RGB, SKY_RGB, generated_config, write_clip
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -30,7 +30,7 @@ def short_flight():
 @pytest.fixture(scope="module")
 def original(mini_dataset, tmp_path_factory):
     """The small dataset, finished with its card; not to be changed."""
-    config = config_of(mini_dataset, tmp_path_factory.mktemp("data"))
+    config = generated_config(tmp_path_factory.mktemp("data"))
     root = root_of(config)
     shutil.copytree(mini_dataset, root)
     make_dataset(config)
@@ -39,9 +39,9 @@ def original(mini_dataset, tmp_path_factory):
 
 
 @pytest.fixture
-def config(original, tmp_path):
+def config(tmp_path):
     """The configuration that it was made with, for another folder."""
-    return config_of(original, tmp_path)
+    return generated_config(tmp_path)
 
 
 @pytest.fixture

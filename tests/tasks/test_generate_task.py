@@ -74,18 +74,13 @@ def test_a_shard_with_other_settings_is_refused_before_it_makes_anything(config)
         make_dataset(config(*shard(1, 3)))
 
 
-def test_without_shards_what_shards_left_is_completed(config):
-    make_dataset(config(*shard(1, 3)))
-    whole = config()
-    assert make_dataset(whole) == (3, [])
-    assert not record_of(root_of(whole).parent, "tiny").exists()
-
-
-def test_training_does_not_begin_on_a_part_of_the_data(config):
-    part = config(*shard(0, 2))
+def test_what_shards_left_is_no_data_to_train_on_and_is_completed_without_shards(config):
+    part, whole = config(*shard(1, 3)), config()
     make_dataset(part)
     with pytest.raises(UserError, match=r"sim\.shards: .*task=generate"):
         ready_dataset(part)
+    assert make_dataset(whole) == (3, [])
+    assert not record_of(root_of(whole).parent, "tiny").exists()
 
 
 def test_the_plan_is_printed_without_making_anything(config, capsys):

@@ -96,12 +96,13 @@ def test_it_goes_on_where_it_was_interrupted(weights, cfg, tmp_path, monkeypatch
     assert again.read_bytes() == weights.read_bytes()
 
 
-def test_a_broken_checkpoint_is_one_line(cfg, tmp_path):
-    pretrained(cfg, tmp_path, epochs=1)
+def test_an_epoch_may_be_shortened_and_a_broken_checkpoint_is_one_line(cfg, tmp_path, steps):
+    pretrained(cfg, tmp_path, limit_train_batches=1)
+    assert steps == [0, 1]
     (checkpoint,) = tmp_path.rglob("last.ckpt")
     checkpoint.write_bytes(checkpoint.read_bytes()[:1000])
     with pytest.raises(UserError, match=r"last\.ckpt"):
-        pretrained(cfg, tmp_path, epochs=1)
+        pretrained(cfg, tmp_path, limit_train_batches=1)
 
 
 def test_the_file_does_not_depend_on_the_process_that_writes_it(cfg, tmp_path, monkeypatch):
@@ -118,6 +119,12 @@ def test_an_encoder_that_has_learnt_a_clip_is_not_tested_on_it(weights, cfg, tmp
     require_unseen(str(weights), data_with(cfg))
     with pytest.raises(UserError, match=r"\.pth .*downtown/clip00"):
         require_unseen(str(weights), others)
+    # Nor does a run begin that would be.
+    other = cfg.copy()
+    other.model.backbone.weights, other.data.test_clips = str(weights), ["downtown/clip00"]
+    with pytest.raises(UserError, match="downtown/clip00"):
+        fit(other)
+    assert not Path(cfg.paths.run).exists()
     state, origin = read_encoder(weights)
     # Flights of another dataset are others, whatever their names.
     elsewhere = {"state_dict": state, ORIGIN: {**origin, "dataset": "tiny-0123"}}
@@ -139,25 +146,17 @@ def test_a_file_that_does_not_say_what_it_has_seen_or_cannot_be_read_is_named(
             require_unseen(str(path), data_with(cfg))
 
 
-def test_a_run_that_holds_out_other_clips_is_refused_before_it_begins(weights, cfg):
-    other = cfg.copy()
-    other.model.backbone.weights, other.data.test_clips = str(weights), ["downtown/clip00"]
-    with pytest.raises(UserError, match="downtown/clip00"):
-        fit(other)
-    assert not Path(cfg.paths.run).exists()
-
-
-def test_without_a_dataset_nothing_is_made(cfg, tmp_path):
+def test_without_a_dataset_or_for_another_backbone_nothing_is_made(cfg, tmp_path):
+    chosen = ["model/backbone=huggingface", "model.backbone.pretrained=false"]
+    other = compose_config("scale=tiny", *chosen)
+    other.paths = cfg.paths
+    with pytest.raises(UserError, match=r"^model/backbone: .* resnet"):
+        pretrained(other, tmp_path)
     other = cfg.copy()
     other.paths.data = str(tmp_path / "data")
     with pytest.raises(UserError, match=r"manifest\.json: not found"):
         pretrained(other, tmp_path)
     assert not list(tmp_path.iterdir())
-
-
-def test_an_epoch_may_be_shortened(cfg, tmp_path, steps):
-    pretrained(cfg, tmp_path, limit_train_batches=1)
-    assert steps == [0, 1]
 
 
 def test_another_schedule_leaves_the_file_where_it_is(weights, cfg):
@@ -178,14 +177,6 @@ def test_no_frame_of_the_test_split_is_read(cfg, tmp_path, monkeypatch):
     pretrained(cfg, tmp_path)
     split = data_with(cfg).split
     assert set(read) == {*split["train"], *split["val"]}
-
-
-def test_another_backbone_is_refused(cfg, tmp_path):
-    chosen = ["model/backbone=huggingface", "model.backbone.pretrained=false"]
-    other = compose_config("scale=tiny", *chosen)
-    other.paths = cfg.paths
-    with pytest.raises(UserError, match=r"^model/backbone: .* resnet"):
-        pretrained(other, tmp_path)
 
 
 def test_a_report_does_not_take_it_for_a_run():

@@ -1,6 +1,5 @@
 """task=score and task=compare as their user meets them."""
 
-import dataclasses
 import json
 import shutil
 
@@ -84,28 +83,26 @@ def test_what_is_lost_is_seen_by_every_table_and_every_class_has_a_row(dataset, 
 def test_another_part_and_the_visible_voxels_have_their_own_protocol(dataset, tmp_path):
     predictions = write_predictions(dataset, tmp_path / "val", part="val")
     folder = scored(dataset, predictions, "layout.mask=visible", part="val")
-    rows = read_results(folder / "results.csv")
-    assert list(rows["split"]) == ["val"]
-    assert '"mask":"visible voxels"' in rows["protocol"][0]
-    assert '"part":"val"' in rows["protocol"][0]
+    (row,) = read_results(folder / "results.csv").to_dict("records")
+    assert row["split"] == "val"
+    assert '"mask":"visible voxels"' in row["protocol"]
+    assert '"part":"val"' in row["protocol"]
 
 
-def drop_a_frame(folder):
-    path = next(folder.rglob("occupancy.npz"))
+def drop_a_frame(path):
     with np.load(path) as archive:
         arrays = {name: archive[name] for name in archive.files[1:]}
     np.savez_compressed(path, **arrays)
 
 
-def cut_a_file(folder):
-    path = next(folder.rglob("occupancy.npz"))
+def cut(path):
     path.write_bytes(path.read_bytes()[:-50])
 
 
-@pytest.mark.parametrize(("damage", "word"), [(drop_a_frame, "missing"), (cut_a_file, "corrupt")])
+@pytest.mark.parametrize(("damage", "word"), [(drop_a_frame, "missing"), (cut, "corrupt")])
 def test_a_damaged_folder_is_scored_only_when_told_so(dataset, tmp_path, damage, word):
     predictions = write_predictions(dataset, tmp_path / "mine")
-    damage(predictions)
+    damage(next(predictions.rglob("occupancy.npz")))
     with pytest.raises(UserError, match=f"1 {word}: .*task.allow_missing=true") as error:
         scored(dataset, predictions)
     assert str(error.value).startswith(str(predictions))
@@ -155,10 +152,11 @@ def test_what_predictions_say_wrongly_is_named_before_any_is_read(dataset, tmp_p
         scored(dataset, predictions)
 
 
-def test_predictions_of_another_split_are_scored_by_it(dataset, tmp_path):
+def test_predictions_of_another_split_are_scored_by_it_where_they_say_so(dataset, tmp_path):
     facts = {"name": "mine", "held_out": {"val": [], "test": ["downtown/clip00"]}}
     assert SkyShieldTruth(dataset).unseen == {"suburb/clip00"}
-    folder = scored(dataset, write_predictions(dataset, tmp_path / "mine", facts=facts))
+    predictions = write_predictions(dataset, tmp_path / "mine", facts=facts)
+    folder = scored(dataset, predictions)
     rows = read_results(folder / "results.csv")
     assert list(rows["split"]) == ["test", "test_unseen_clips", "test_seen_clips"]
     assert (rows["miou"] == 1).all()
@@ -169,27 +167,23 @@ def test_predictions_of_another_split_are_scored_by_it(dataset, tmp_path):
     table = pd.read_csv(folder / "scores.csv").drop_duplicates("part").set_index("part")
     assert table.loc["test_unseen_clips", "frames"] == whole
 
-
-def test_frames_of_an_unnamed_other_split_are_not_offered_to_be_scored(dataset, tmp_path):
-    facts = {"held_out": {"val": [], "test": ["downtown/clip00"]}}
-    predictions = write_predictions(dataset, tmp_path / "mine", facts=facts)
+    # Where they do not say it, they are not offered to be scored in part.
     (predictions / FACTS).write_text("{}")
     with pytest.raises(UserError, match=r"missing: .* extra: .* of another split, whose") as caught:
         scored(dataset, predictions)
     assert "allow_missing" not in str(caught.value)
 
 
-@pytest.mark.parametrize("of_all", [True, False])
-def test_calibration_is_of_all_frames_or_not_given(dataset, tmp_path, capsys, of_all):
+def test_calibration_is_of_all_frames_or_not_given(dataset, tmp_path, capsys):
     source = SkyShieldTruth(dataset, "test")
     predictions = write_predictions(dataset, tmp_path / "mine")
-    for clip in dict(source.samples) if of_all else list(dict(source.samples))[:1]:
+    for clip, of_all in zip(dict(source.samples), (False, True), strict=True):
         frames = [frame for each, frame in source.samples if each == clip]
         scores = {f"logits_{n:06d}": np.zeros((9, *source.grid.shape), np.float16) for n in frames}
         np.savez_compressed(predictions / clip / "logits.npz", **scores)
-    table = pd.read_csv(scored(dataset, predictions) / "scores.csv")
-    assert ("ece" in set(table["score"])) == of_all
-    assert ("frames, so no calibration" in capsys.readouterr().out) != of_all
+        table = pd.read_csv(scored(dataset, predictions) / "scores.csv")
+        assert ("ece" in set(table["score"])) == of_all
+        assert ("frames, so no calibration" in capsys.readouterr().out) != of_all
 
 
 def test_occ3d_folders_are_scored_in_our_classes(dataset, tmp_path):
@@ -265,16 +259,14 @@ def test_two_runs_are_compared_by_the_same_draws(dataset, runs, compared, tmp_pa
     assert row[["difference_low", "difference_high"]].tolist() == pytest.approx(bounds.tolist())
 
 
-def test_the_better_run_ranks_first_whatever_the_parameters(runs, compared, tmp_path):
-    compared(runs)
+def test_the_better_run_ranks_first_whatever_the_parameters(runs, compared, tmp_path, capsys):
+    whole = compared(runs)
     ranks = pd.read_csv(tmp_path / "out/sensitivity.csv")
     assert len(ranks) == 81
     assert (ranks["rank perfect"] == 1).all()
     assert (tmp_path / "out/sensitivity.png").stat().st_size > 10_000
 
-
-def test_published_counts_are_compared_without_a_ranking(runs, compared, tmp_path, capsys):
-    whole = compared(runs)
+    # Published counts lack what a ranking needs.
     counts = Counts.read(file_of(runs[1]))
     del counts.tables["sensitivity"]
     counts.write(file_of(runs[1]))
@@ -286,43 +278,44 @@ def test_published_counts_are_compared_without_a_ranking(runs, compared, tmp_pat
     assert left == ["differences.csv"], "nothing of another time"
 
 
-def test_other_protocols_are_not_compared(dataset, runs, compared, tmp_path):
-    other = write_predictions(dataset, tmp_path / "other")
-    folder = scored(dataset, other, "metric.horizon_s=4.0")
-    with pytest.raises(UserError, match=r"^other: was scored with metric.horizon_s=4.0, and blind"):
-        compared([runs[0], folder])
-    assert not (tmp_path / "out").exists()
-
-
 def with_other_frames(counts):
-    first, second = counts.frames
-    return dataclasses.replace(counts, frames=[first - 1, second + 1])
+    counts.frames[:] = counts.frames[0] - 1, counts.frames[1] + 1
 
 
 def with_other_labels(counts):
     table = counts.tables["occupancy"]["count"]
     table[0] = table[0].roll(1, 0)
-    return counts
 
 
 @pytest.mark.parametrize(
-    ("change", "what"), [(with_other_frames, "clips or frames"), (with_other_labels, "labels")]
+    ("change", "said"),
+    [
+        (with_other_frames, "on other clips or frames than blind; score both alike"),
+        (with_other_labels, "on other labels than blind; score both alike"),
+        (None, "with metric.horizon_s=4.0, and blind"),
+    ],
 )
-def test_other_frames_or_labels_are_not_compared(runs, compared, tmp_path, change, what):
-    change(Counts.read(file_of(runs[1]))).write(file_of(runs[1]))
-    with pytest.raises(UserError, match=f"^perfect: was scored on other {what} than blind; score"):
+def test_other_frames_labels_or_protocols_are_not_compared(
+    dataset, runs, compared, tmp_path, change, said
+):
+    if change:
+        change(counts := Counts.read(file_of(runs[1])))
+        counts.write(file_of(runs[1]))
+    else:
+        scored(dataset, tmp_path / "perfect", "metric.horizon_s=4.0")
+    with pytest.raises(UserError, match=f"^perfect: was scored {said}"):
         compared(runs)
     assert not (tmp_path / "out").exists()
 
 
-def test_files_of_one_name_in_one_folder_are_all_compared(runs, compared, tmp_path):
+def test_runs_of_one_name_are_told_apart_by_their_files_and_folders(
+    dataset, runs, compared, tmp_path
+):
     files = [shutil.copy(file_of(runs[0]), tmp_path / f"{name}.npz") for name in "ab"]
     three = [*files, runs[0]]
     assert list(compared(three)["run"].unique()) == [f"blind {place}" for place in three]
     assert list(compared(files)["run"].unique()) == ["blind a.npz", "blind b.npz"]
 
-
-def test_runs_of_one_name_are_told_apart_by_their_folders(dataset, compared, tmp_path):
     runs = []
     for seed in (0, 1):
         facts = {"name": "skyocc", "seed": seed}
@@ -361,19 +354,15 @@ def test_what_rounding_alone_tells_apart_shares_a_rank(dataset, compared, tmp_pa
     assert (ranks == 1).all(axis=None)
 
 
-def test_clips_that_nothing_is_like_are_refused(runs, compared, tmp_path):
-    with pytest.raises(UserError, match=r"^task.clips: no scored clip is like 'town/x'; there are"):
-        compared(runs, ["*", "town/x"])
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_comparison_needs_two_runs_that_are_there(runs, compared, tmp_path):
+def test_a_comparison_needs_two_runs_and_clips_that_are_there(runs, compared, tmp_path):
     blind = runs[0]
-    for places, message in (
-        ([blind], "^task.runs: name two or more"),
-        ([blind, file_of(blind)], "^task.runs: .*blind.npz is named twice"),
-        ([*runs, tmp_path / "nowhere"], "^task.runs: .*nowhere is neither"),
-        ([*runs, tmp_path], "holds 0 scored runs"),
+    for places, clips, message in (
+        ([blind], [], "^task.runs: name two or more"),
+        ([blind, file_of(blind)], [], "^task.runs: .*blind.npz is named twice"),
+        ([*runs, tmp_path / "nowhere"], [], "^task.runs: .*nowhere is neither"),
+        ([*runs, tmp_path], [], "holds 0 scored runs"),
+        (runs, ["*", "town/x"], "^task.clips: no scored clip is like 'town/x'; there are"),
     ):
         with pytest.raises(UserError, match=message):
-            compared(places)
+            compared(places, clips)
+        assert not (tmp_path / "out").exists()

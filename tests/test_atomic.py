@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from src.atomic_folder import replacing_folder
+from src.atomic import replacing_folder
 from src.errors import UserError
 
 
