@@ -196,6 +196,15 @@ def test_a_checkpoint_with_other_facts_than_its_format_has_names_them(changed, c
         changed(lambda content: change(content["skyshield"]))
 
 
+@pytest.mark.parametrize("share", [0, 0.5])
+def test_a_checkpoint_cut_short_is_one_line_with_a_reason(checkpoint, tmp_path, share):
+    content = Path(checkpoint).read_bytes()
+    (tmp_path / "cut.ckpt").write_bytes(content[: int(share * len(content))])
+    with pytest.raises(UserError, match=r"cut\.ckpt is no readable checkpoint \(\w.*\)") as info:
+        Checkpoint.read(tmp_path / "cut.ckpt")
+    assert "\n" not in str(info.value)
+
+
 @pytest.mark.parametrize("target", ["src.models.gone.Gone", "src.models.backbone.Gone"])
 def test_a_class_that_is_gone_is_named(changed, target):
     read = changed(lambda content: backbone_of(content).update(_target_=target))
