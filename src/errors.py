@@ -13,8 +13,11 @@ class UserError(ValueError):
 
 
 def reason_of(error: Exception) -> str:
-    """Returns the first sentence of what another library says, on one line and not too long."""
-    return " ".join(str(error).split()).partition(". ")[0][:200]
+    """Returns the first sentence of what another library says, on one line and not too long.
+
+    That of an error which says nothing is its kind.
+    """
+    return " ".join((str(error) or type(error).__name__).split()).partition(". ")[0][:200]
 
 
 def closest(name: str, known: Iterable[str]) -> str:

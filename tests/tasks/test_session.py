@@ -197,3 +197,12 @@ def test_a_checkpoint_of_another_format_or_architecture_is_one_line(changed, cha
     with pytest.raises(UserError, match=rf"^ckpt_path: .*some\.ckpt .*{said}") as info:
         changed(change).network()
     assert "\n" not in str(info.value)
+
+
+@pytest.mark.parametrize("share", [0, 0.5])
+def test_a_checkpoint_cut_short_is_one_line_with_a_reason(checkpoint, tmp_path, share):
+    content = Path(checkpoint).read_bytes()
+    (tmp_path / "cut.ckpt").write_bytes(content[: int(share * len(content))])
+    with pytest.raises(UserError, match=r"cut\.ckpt is no readable checkpoint \(\w.*\)") as info:
+        Checkpoint.read(tmp_path / "cut.ckpt")
+    assert "\n" not in str(info.value)
