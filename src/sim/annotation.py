@@ -15,11 +15,11 @@ from torch.nn.functional import max_pool2d
 
 from .. import geometry
 from ..geometry import VoxelGrid
-from ..ontology import FREE, RAREST_FIRST, UNKNOWN
+from ..ontology import FREE, UNKNOWN
 from .fusion import ActorMap, StaticMap
 from .scene import ScanHits, SceneActor, count_by_actor
 from .sensors import Scan
-from .voxel_kernels import Lattice, centers_of, count_votes
+from .voxel_kernels import Lattice, centers_of, count_votes, elect, see_centers
 
 # An actor is placed where it is now if the camera or the LiDARs see at least this of it now.
 MIN_VISIBLE_PIXELS = 4
@@ -121,21 +121,11 @@ def frustum(
 ) -> tuple[Bool[np.ndarray, "X Y Z"], Bool[np.ndarray, "X Y Z"]]:
     """Returns the voxels whose center is in the image, and those that the camera sees to be free.
 
-    A voxel is seen to be free if it is nearer than the rendered depth by half its diagonal. The
-    formulas are those of `geometry.project` and `geometry.in_image`.
+    A voxel is seen to be free if it is nearer than the rendered depth by half its diagonal.
     """
-    x, y, z = centers_of(grid)
     pix_from_occ = (view.pix_from_camera @ view.camera_from_occ[:3]).numpy()
-    u, v, depth_m = (of_x * x + of_y * y + one + of_z * z for of_x, of_y, of_z, one in pix_from_occ)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = u / depth_m, v / depth_m
-    height, width = view.depth_m.shape
-    inside = (depth_m > geometry.MIN_DEPTH_M) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
-
-    surface_m = view.depth_m[v[inside].astype(int), u[inside].astype(int)].astype(np.float64)
-    seen_free = np.zeros(grid.shape, dtype=bool)
-    seen_free[inside] = depth_m[inside] < surface_m - grid.voxel_m * 3**0.5 / 2
-    return inside, seen_free
+    clearance_m = grid.voxel_m * 3**0.5 / 2
+    return see_centers(grid.shape, Lattice.of(grid), pix_from_occ, view.depth_m, clearance_m)
 
 
 def space_of(
@@ -174,20 +164,6 @@ def vote_camera(view: FrontView, grid: VoxelGrid) -> Int[np.ndarray, "X Y Z 8"]:
     votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
     count_votes(votes, Lattice.of(grid), np.eye(4), points_m, view.class_id[row, column])
     return votes
-
-
-def elect(
-    votes: Int[np.ndarray, "X Y Z 8"], free: Bool[np.ndarray, "X Y Z"]
-) -> UInt8[np.ndarray, "X Y Z"]:
-    """Elects the class with most votes in every voxel; without votes it is free or unknown.
-
-    A tie goes to the rarer class, and occupied beats free.
-    """
-    semantics = np.where(free, np.uint8(FREE), np.uint8(UNKNOWN))
-    voted = votes.any(axis=-1)
-    rarest_first = np.array(RAREST_FIRST, dtype=np.uint8)
-    semantics[voted] = rarest_first[votes[voted][:, rarest_first].argmax(axis=1)]
-    return semantics
 
 
 def is_supported(actor: SceneActor, view: FrontView, lidar_returns: Mapping[int, int]) -> bool:

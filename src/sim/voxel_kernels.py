@@ -1,4 +1,4 @@
-"""The loops of the annotation that numpy cannot run: over the cells of rays, and over points.
+"""The loops of the annotation that numpy runs slowly or not at all: over rays, points and voxels.
 
 A `Lattice` places an array of voxels in space, or of the smaller cells of a map.
 """
@@ -6,11 +6,14 @@ A `Lattice` places an array of voxels in space, or of the smaller cells of a map
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
-from ..geometry import VoxelGrid
+from ..geometry import MIN_DEPTH_M, VoxelGrid
 from ..jit import njit
+from ..ontology import FREE, RAREST_FIRST, UNKNOWN
 from ..voxels import advance, enter, is_inside
+
+_ORDER = np.array(RAREST_FIRST, dtype=np.uint8)
 
 Points = Float[np.ndarray, "n 3"]
 
@@ -88,3 +91,66 @@ def count_votes(
         x, y, z = cell
         if 0 <= x < votes.shape[0] and 0 <= y < votes.shape[1] and 0 <= z < votes.shape[2]:
             votes[int(x), int(y), int(z), class_id[i]] += 1
+
+
+@njit
+def see_centers(
+    shape: tuple[int, int, int],
+    voxels: Lattice,
+    pix_from_occ: Float[np.ndarray, "3 4"],
+    depth_m: Float[np.ndarray, "h w"],
+    clearance_m: float,
+) -> tuple[Bool[np.ndarray, "X Y Z"], Bool[np.ndarray, "X Y Z"]]:
+    """Returns the voxels whose center lies in the image, and those that lie before its depth.
+
+    They lie before it by more than a clearance. The formulas are `project`'s and `in_image`'s.
+    """
+    height, width = depth_m.shape
+    of_x, of_y, of_z, offset = pix_from_occ.T
+    inside, before = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
+
+    for i in range(shape[0]):
+        x = voxels.lower_m[0] + (i + 0.5) * voxels.side_m
+        for j in range(shape[1]):
+            y = voxels.lower_m[1] + (j + 0.5) * voxels.side_m
+            # Scalars, not arrays of three: the loop is then several times as fast.
+            column_u = of_x[0] * x + of_y[0] * y + offset[0]
+            column_v = of_x[1] * x + of_y[1] * y + offset[1]
+            column_depth = of_x[2] * x + of_y[2] * y + offset[2]
+
+            for k in range(shape[2]):
+                z = voxels.lower_m[2] + (k + 0.5) * voxels.side_m
+                depth = column_depth + of_z[2] * z
+                if depth <= MIN_DEPTH_M:
+                    continue
+                u = (column_u + of_z[0] * z) / depth
+                v = (column_v + of_z[1] * z) / depth
+                if 0 <= u < width and 0 <= v < height:
+                    inside[i, j, k] = True
+                    before[i, j, k] = depth < depth_m[int(v), int(u)] - clearance_m
+
+    return inside, before
+
+
+@njit
+def elect(
+    votes: Int[np.ndarray, "X Y Z 8"], free: Bool[np.ndarray, "X Y Z"]
+) -> UInt8[np.ndarray, "X Y Z"]:
+    """Elects the class with most votes in every voxel; without votes it is free or unknown.
+
+    A tie goes to the rarer class, and occupied beats free.
+    """
+    semantics = np.empty(free.shape, dtype=np.uint8)
+    pairs = votes.view(np.int64)
+    for i in range(semantics.shape[0]):
+        for j in range(semantics.shape[1]):
+            for k in range(semantics.shape[2]):
+                most, winner = 0, FREE if free[i, j, k] else UNKNOWN
+                # Most voxels have no vote at all.
+                two = pairs[i, j, k]
+                if two[0] | two[1] | two[2] | two[3]:
+                    for class_id in _ORDER:
+                        if votes[i, j, k, class_id] > most:
+                            most, winner = votes[i, j, k, class_id], class_id
+                semantics[i, j, k] = winner
+    return semantics
