@@ -143,13 +143,3 @@ def depth_error(
     see something nearer than `FAR_M`."""
     error = (sight.depth_m().log() - depth_m.clamp(NEAR_M, FAR_M).log()).abs()
     return error, (depth_m < FAR_M).to(error)
-
-
-def places_along_rays(
-    sight: Sight, pixel: Int[Tensor, "r"], depth_m: Float[Tensor, "r"], reach_m: float
-) -> tuple[Float[Tensor, "r"], Float[Tensor, "r"], Float[Tensor, "r"]]:
-    """Returns the probabilities that a point is on the surface, up to a reach; in front of it; and
-    behind it."""
-    behind = sight.nearer(pixel, depth_m - reach_m)
-    not_in_front = sight.nearer(pixel, depth_m + reach_m)
-    return not_in_front - behind, 1 - not_in_front, behind

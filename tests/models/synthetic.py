@@ -25,16 +25,19 @@ from src.models import (
     SkyOcc,
     SurfaceLift,
 )
+from src.models.evidence import VoxelEvidence
 from src.models.ground import GroundVolume
 from src.models.losses import OccupancyLoss, cross_entropy, lovasz
 from src.models.references import References, padded_index
-from src.models.sight import SightHead
-from src.ontology import UNKNOWN
+from src.models.sight import Sight, SightHead, place_of
+from src.ontology import NUM_CLASSES, UNKNOWN
 
 GRID = VoxelGrid(shape=(10, 10, 6))
 # A volume of the same pillars, on the ground.
 VOLUME = VoxelGrid((0, -25, -5), (50, 25, 15), (10, 10, 4))
 IMAGE_SIZE = (96, 64)
+# Numbers of the image that the surface lift tells a voxel.
+CONTEXT = 4
 LIFTS = ("deformable", "bilinear", "lss", "surface")
 
 
@@ -44,7 +47,7 @@ def build_lift(name, grid=GRID, num_heads=2):
         "deformable": functools.partial(DeformableCrossAttention, num_heads=num_heads),
         "bilinear": BilinearLift,
         "lss": functools.partial(LiftSplat, grid=grid),
-        "surface": functools.partial(SurfaceLift, grid=grid),
+        "surface": functools.partial(SurfaceLift, context=CONTEXT),
     }[name]
 
 
@@ -63,9 +66,14 @@ def build_network(
     ground = None if volume is None else GroundVolume(volume, grid)
     volume = volume or grid
     sizes = {"dim": dim, "num_layers": num_layers, "num_heights": 4, "num_heads": 2}
-    encoder = PillarEncoder(volume, build_lift(lift, volume), **sizes, **(encoder or {}))
-    decoder = PillarDecoder(volume, dim, num_blocks=1)
-    network = {"sight": SightHead(dim, bins=12) if lift == "surface" else None, **network}
+    context = None
+    if lift == "surface":
+        context, sizes["num_heights"] = CONTEXT, None
+        evidence = VoxelEvidence(dim, volume, context)
+        network = {"sight": SightHead(dim, bins=12), "evidence": evidence, **network}
+
+    encoder = PillarEncoder(volume, build_lift(lift, volume), **{**sizes, **(encoder or {})})
+    decoder = PillarDecoder(volume, dim, num_blocks=1, context=context)
     return SkyOcc(backbone, encoder, decoder, ground=ground, **network)
 
 
@@ -139,3 +147,13 @@ def build_batch(batch_size=2, frames=4, grid=GRID, image_size=IMAGE_SIZE, seed=0
         "pixel_class": torch.randint(0, 9, pixels, generator=generator, dtype=torch.uint8),
         "pixel_depth_m": 80 * torch.rand(pixels, generator=generator),
     }
+
+
+def sure_sight(depth_m, shape, class_id=0):
+    """Frames of the shape (frames, bins, height, width) whose pixels all see a class, in the bin of
+    a depth."""
+    frames, bins, *pixels = shape
+    seen_bin = int(place_of(torch.tensor(depth_m), bins))
+    depth = torch.where(torch.arange(bins + 1) == seen_bin, 1e4, -1e4)
+    classes = torch.where(torch.arange(NUM_CLASSES) == class_id, 1e4, -1e4)
+    return Sight(*(x[None, :, None, None].repeat(frames, 1, *pixels) for x in (classes, depth)))

@@ -10,18 +10,17 @@ from src.models.references import PillarReferences
 from src.models.sight import (
     FAR_M,
     NEAR_M,
-    Sight,
     SightHead,
     depth_error,
     place_of,
-    places_along_rays,
     rays,
 )
-from tests.models.synthetic import GRID, IMAGE_SIZE, build_network
+from tests.models.synthetic import GRID, IMAGE_SIZE, build_network, sure_sight
 
 WIDTH, HEIGHT = (side // 4 for side in IMAGE_SIZE)
 HEIGHTS_M = torch.tensor([6.0, 15.0])
 BINS = 12
+SHAPE = (2, BINS, HEIGHT, WIDTH)
 
 
 def references_of(projection="attitude"):
@@ -30,13 +29,6 @@ def references_of(projection="attitude"):
     mount = front_mount((0.1, 0.0, -0.05)).float().expand(2, 4, 4)
     cameras = pinhole(*IMAGE_SIZE, math.radians(90)).float().expand(2, 3, 3)
     return PillarReferences(GRID, 4, projection)(tilts, mount, cameras, IMAGE_SIZE, HEIGHTS_M)
-
-
-def sure_sight(depth_m):
-    """Two frames whose pixels all see something in the bin of a depth."""
-    depth = torch.full((2, BINS + 1, HEIGHT, WIDTH), -1e4)
-    depth[:, int(place_of(torch.tensor(depth_m), BINS))] = 1e4
-    return Sight(torch.zeros(2, 9, HEIGHT, WIDTH), depth)
 
 
 def test_the_ground_is_where_the_pixels_rays_meet_it():
@@ -66,27 +58,12 @@ def test_a_level_rung_is_told_the_rays_of_level_flight():
 
 
 def test_the_probability_rises_from_edge_to_edge_of_the_seen_bin():
-    sight, pixel = sure_sight(10.0), torch.tensor([5, 5, 5, HEIGHT * WIDTH + 3])
+    sight, pixel = sure_sight(10.0, SHAPE), torch.tensor([5, 5, 5, HEIGHT * WIDTH + 3])
     seen = int(place_of(torch.tensor(10.0), BINS))
     edges_m = NEAR_M * (FAR_M / NEAR_M) ** (torch.tensor([seen, seen + 0.5, seen + 1, 0]) / BINS)
     nearer = sight.nearer(pixel, edges_m)
     torch.testing.assert_close(nearer, torch.tensor([0.0, 0.5, 1.0, 0.0]), atol=1e-5, rtol=0)
     assert sight.nearer(pixel[:1], torch.tensor([1e3])) == 1
-
-
-def test_a_point_is_on_the_surface_in_front_of_it_or_behind():
-    torch.manual_seed(0)
-    sight = Sight(torch.zeros(2, 9, HEIGHT, WIDTH), torch.randn(2, BINS + 1, HEIGHT, WIDTH))
-    pixel = torch.arange(0, 2 * HEIGHT * WIDTH, 7)
-    depth_m = torch.linspace(0.5, 90, len(pixel))
-    places = torch.stack(places_along_rays(sight, pixel, depth_m, 1.0))
-    torch.testing.assert_close(places.sum(0), torch.ones(len(pixel)))
-    assert places.min() >= -1e-6
-    halfway_m = torch.full_like(depth_m, 5.0)
-    surface, free, hidden = places_along_rays(sure_sight(10.0), pixel, halfway_m, 1.0)
-    assert free.min() > 0.99
-    assert surface.max() < 0.01
-    assert hidden.max() < 0.01
 
 
 def test_the_losses_fall_towards_the_truth():
@@ -95,16 +72,19 @@ def test_the_losses_fall_towards_the_truth():
         "pixel_class": torch.full((2, HEIGHT, WIDTH), 3, dtype=torch.uint8),
         "pixel_depth_m": torch.full((2, HEIGHT, WIDTH), 10.0),
     }
-    right, wrong = head.losses(sure_sight(10.0), batch), head.losses(sure_sight(30.0), batch)
+    right, wrong = (
+        head.losses(sure_sight(10.0, SHAPE), batch),
+        head.losses(sure_sight(30.0, SHAPE), batch),
+    )
     assert right["pixel_depth"] < 1e-6 < wrong["pixel_depth"]
     beyond = {**batch, "pixel_depth_m": torch.full((2, HEIGHT, WIDTH), math.inf)}
-    assert head.losses(sure_sight(10.0), beyond)["pixel_depth"].isfinite()
+    assert head.losses(sure_sight(10.0, SHAPE), beyond)["pixel_depth"].isfinite()
 
 
 def test_the_error_is_that_of_the_logarithm_where_something_is_near():
     depth_m = torch.full((2, HEIGHT, WIDTH), 10.0)
     depth_m[:, 0] = math.inf
-    sight = sure_sight(20.0)
+    sight = sure_sight(20.0, SHAPE)
     error, counts = depth_error(sight, depth_m)
     assert counts.sum() == 2 * (HEIGHT - 1) * WIDTH
     expected = (sight.depth_m()[0, 0, 0] / 10).log()
@@ -126,6 +106,10 @@ def test_a_head_that_knows_nothing_begins_with_the_ground():
 def test_a_lift_that_reads_what_pixels_see_needs_them_said():
     with pytest.raises(UserError, match="model/sight=on"):
         build_network(lift="surface", sight=None)
+    with pytest.raises(UserError, match=r"model/sight=on"):
+        build_network(lift="surface", evidence=None)
+    with pytest.raises(UserError, match=r"model\.encoder\.num_heights: 3.*6 voxels; give null"):
+        build_network(lift="surface", encoder={"num_heights": 3})
     with pytest.raises(UserError, match=r"model/sight: .*16.*model\.encoder\.lift\.stride=4"):
         build_network(lift="lss", sight=SightHead(16))
 
