@@ -20,7 +20,6 @@ from .models.network import require_size
 
 GROUPS = Path(__file__).parent.parent / "conf"
 TRAINING = "src.tasks.fit.fit"
-PRETRAINING = "src.tasks.pretrain.pretrain"
 # Geometry is computed in fp32, so the network has no pure half or double precision.
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 
@@ -56,10 +55,6 @@ def require_sound(
     history_stride(cfg.data.history_step_s, cfg.sim.capture_hz)
     _require_grids(cfg)
     _require_image(cfg)
-    if cfg.task._target_ == PRETRAINING:
-        from .tasks.pretrain import require_pretraining  # only here: it imports Lightning
-
-        require_pretraining(cfg.task, [override.key_or_group for override in parsed])
 
 
 def _require_training(cfg: DictConfig) -> None:

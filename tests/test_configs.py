@@ -107,18 +107,19 @@ def test_every_lift_and_backbone_instantiates(lift, backbone):
     if backbone == "huggingface":
         pytest.importorskip("transformers")
     chosen = [f"model/lift={lift}", f"model/backbone={backbone}", *BACKBONES[backbone]]
-    chosen += ["model/sight=on"] * (lift == "surface")
+    # It reads no features as fine as those that say what pixels see.
+    chosen += ["model/sight=off"] * (lift == "lss")
     cfg = sound_config("scale=tiny", *chosen)
     network = instantiate(cfg.model)
     layers = [*network.encoder.frame_layers, network.encoder.last_layer]
-    assert [type(layer.lift) for layer in layers] == [LIFTS[lift]] * cfg.size.layers
+    assert [type(layer.lift) for layer in layers] == [LIFTS[lift]] * cfg.model.encoder.num_layers
     assert network.backbone.channels == (8, 16, 32, 64)
     assert getattr(layers[0].lift, "grid", network.encoder.grid) == network.encoder.grid
 
 
 @pytest.mark.parametrize("scale", SCALES)
-def test_with_the_setting_of_sight_pillars_have_a_reference_a_voxel(scale):
-    cfg = sound_config("+experiment=skyocc", f"scale={scale}", "+setting=sight")
+def test_pillars_of_the_shared_setting_have_a_reference_a_voxel(scale):
+    cfg = sound_config("+experiment=skyocc", f"scale={scale}")
     assert (cfg.data.frames, cfg.data.pixels, cfg.sim.save_aux) == (1, True, True)
     encoder = instantiate(cfg.model.encoder)
     assert encoder.references.points.shape[1] == encoder.grid.shape[2]
@@ -127,8 +128,18 @@ def test_with_the_setting_of_sight_pillars_have_a_reference_a_voxel(scale):
 
 
 @pytest.mark.parametrize("scale", SCALES)
+def test_the_setting_of_the_paper_takes_back_what_the_rungs_share(scale):
+    cfg = sound_config("+experiment=skyocc", f"scale={scale}", "+setting=paper")
+    assert (cfg.data.frames, cfg.data.pixels, cfg.sim.save_aux) == (4, False, False)
+    with torch.device("meta"):
+        network = instantiate(cfg.model)
+    assert network.ground is network.sight is None
+    assert type(network.encoder.last_layer.lift) is LIFTS["deformable"]
+
+
+@pytest.mark.parametrize("scale", SCALES)
 def test_a_volume_on_the_ground_has_the_pillars_and_voxels_of_the_grid(scale):
-    overrides = ("+experiment=skyocc", f"scale={scale}", "model/volume=ground")
+    overrides = ("+experiment=skyocc", f"scale={scale}")
     cfg = sound_config(*overrides)
     with pytest.raises(UserError, match=r"^model\.ground\.grid\.shape: .*grid\.shape"):
         sound_config(*overrides, "model.ground.grid.shape=[5,5,5]")

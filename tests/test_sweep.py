@@ -105,7 +105,6 @@ def test_jobs_are_named_by_what_tells_them_apart():
         (["seed=0,1,-1"], "seed: -1 "),
         (["seed=0,1", "trainer.max_epoch=3"], "trainer.max_epoch: "),
         (["sim.image.width=96,100"], "sim.image.width: 100 "),
-        (["task=pretrain", "task.epochs=1,0"], "task.epochs: 0 "),
         (["seed=0,1", "hydra/launcher=gnome"], "pip install -e '.[launchers]' or '.[ray]'"),
     ],
 )

@@ -5,7 +5,7 @@ at which of the references of a pillar the surface is.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import torch
@@ -13,6 +13,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
+from ..errors import UserError
 from ..geometry import inverse, pixel_centers
 from ..ontology import NUM_CLASSES
 from .backbone import STRIDES
@@ -63,14 +64,28 @@ class SightHead(nn.Module):
     the pillars stand on that: both as the rung's own projection has them. One output says how
     likely it is the ground that the pixel sees, which adds to the logits around that depth.
 
-    ``dim`` is the width of the features, ``weight`` the factor of the head's two losses.
+    ``dim`` is the width of the features, ``weight`` the factor of the head's two losses, and
+    ``class_weights`` [9] what a pixel of each class weighs in the first one. Raises `UserError` for
+    another number of them, or one that is not above 0.
     """
 
     stride = STRIDES[0]
 
-    def __init__(self, dim: int, bins: int = 48, weight: float = 1.0) -> None:
+    def __init__(
+        self,
+        dim: int,
+        bins: int = 48,
+        weight: float = 1.0,
+        class_weights: Sequence[float] = (1.0,) * NUM_CLASSES,
+    ) -> None:
         super().__init__()
+        if len(class_weights) != NUM_CLASSES or not min(class_weights) > 0:
+            raise UserError(
+                f"model.sight.class_weights: {list(class_weights)} are not {NUM_CLASSES} numbers "
+                "above 0; give one for each class"
+            )
         self.bins, self.weight = bins, weight
+        self.register_buffer("class_weights", torch.tensor([*class_weights]), persistent=False)
         self.ray = nn.Conv2d(4, dim, 1)
         self.layers = nn.Sequential(
             nn.Conv2d(dim, dim, 3, padding=1),
@@ -99,11 +114,10 @@ class SightHead(nn.Module):
         depth_m = batch["pixel_depth_m"]
         place = place_of(depth_m, self.bins).floor().long().clamp(max=self.bins - 1)
         place = torch.where(depth_m < FAR_M, place, self.bins)
-        return {
-            "pixel_class": self.weight
-            * F.cross_entropy(sight.classes, batch["pixel_class"].long()),
-            "pixel_depth": 0.5 * self.weight * F.cross_entropy(sight.depth, place),
-        }
+        classes = batch["pixel_class"].long()
+        of_class = F.cross_entropy(sight.classes, classes, self.class_weights)
+        of_depth = F.cross_entropy(sight.depth, place)
+        return {"pixel_class": self.weight * of_class, "pixel_depth": 0.5 * self.weight * of_depth}
 
 
 def place_of(depth_m: Float[Tensor, "*n"], bins: int) -> Float[Tensor, "*n"]:

@@ -1,7 +1,8 @@
-"""Published image-encoder weights: found, verified by their SHA-256, and loaded strictly."""
+"""What an image encoder begins with: found, verified by its SHA-256, and loaded strictly."""
 
 import hashlib
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from pickle import UnpicklingError
 from urllib.error import URLError
@@ -17,8 +18,10 @@ PUBLISHED = {
     50: "https://download.pytorch.org/models/resnet50-0676ba61.pth",
 }
 CLASSIFIER = "fc."
-# Under this key a file of task=pretrain, or a checkpoint, says where it comes from.
+# Under this key a checkpoint says where it comes from.
 ORIGIN = "skyshield"
+# How the names of an image encoder begin in a checkpoint.
+ENCODER = "network.backbone."
 # What PyTorch raises for a file that is cut, damaged, or something else.
 UNREADABLE = (AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError, UnpicklingError)
 
@@ -29,9 +32,10 @@ def load_weights(
     """Loads a state dict with torchvision's names into a backbone; ``None`` leaves it as it is.
 
     ``weights`` is a path, a URL (kept in torch's hub folder), or ``"imagenet"`` for the published
-    file of that depth. The file must match ``sha256``, or the hash in its name
-    (``<name>-<hash>.pth``); the classifier is dropped and every other name and shape must match.
-    Raises `UserError` for a missing file, no network, another hash or another architecture.
+    file of that depth. Of a checkpoint its image encoder is taken. The file must match ``sha256``,
+    or the hash in its name (``<name>-<hash>.pth`` or ``.ckpt``); the classifier is dropped and
+    every other name and shape must match. Raises `UserError` for a missing file, no network,
+    another hash or another architecture.
     """
     if weights is None:
         return
@@ -54,18 +58,45 @@ def load_weights(
 
 
 def read_encoder(path: Path) -> tuple[dict[str, Tensor], dict]:
-    """Returns the state dict of an encoder's file, and where a file of task=pretrain comes from.
+    """Returns the state dict of an image encoder, and where it comes from if a checkpoint holds it.
 
     Raises `UserError` for a file that holds no weights.
     """
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
-        return content.get("state_dict", content), content.get(ORIGIN, {})
+        state, origin = content.get("state_dict", content), content.get(ORIGIN, {})
+        if origin:
+            named = {name.removeprefix(ENCODER): name for name in state if name.startswith(ENCODER)}
+            state = {own: state[name] for own, name in named.items()}
+        return state, origin
     except UNREADABLE as error:
         raise UserError(
             f"model.backbone.weights: {path} is no readable file of weights ({reason_of(error)}); "
             "give another one"
         ) from error
+
+
+def require_unseen(weights: str | None, dataset: str, test_clips: Iterable[str]) -> None:
+    """Raises `UserError` where an encoder begins with a checkpoint that was trained on one of the
+    ``test_clips``, whose labels it has learnt.
+
+    Nothing is known of a published file. Clips of another dataset are other flights, whatever
+    their names.
+    """
+    if not Path(weights or "").is_file():
+        return
+    _, origin = read_encoder(Path(weights))
+    if not origin or origin["dataset"] != dataset:
+        return
+
+    # A file of the former task=pretrain has no configuration, and is refused by its clips.
+    held_out = origin.get("config", {}).get("data", {})
+    known = {*held_out.get("val_clips", []), *held_out.get("test_clips", [])}
+    if seen := [clip for clip in test_clips if clip not in known]:
+        raise UserError(
+            f"model.backbone.weights: {weights} was trained on {seen[0]}, which this run holds out "
+            f"for its test ({len(seen)} such clips); begin with a run of the same split"
+        )
 
 
 def _download(url: str) -> Path:
@@ -83,8 +114,8 @@ def _download(url: str) -> Path:
 
 
 def _verify(path: Path, sha256: str | None) -> None:
-    # torchvision's convention: a file's name ends in the first digits of its hash.
-    in_name = re.search(r"-([0-9a-f]{8,64})\.pth$", path.name)
+    # torchvision's convention, and task=slim's: a name ends in the first digits of the hash.
+    in_name = re.search(r"-([0-9a-f]{8,64})\.(pth|ckpt)$", path.name)
     expected = sha256 or (in_name and in_name[1])
     actual = hashlib.sha256(path.read_bytes()).hexdigest()
 

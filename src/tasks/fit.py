@@ -7,6 +7,7 @@ from omegaconf import DictConfig
 from ..errors import UserError
 from ..models.checkpoint import Checkpoint, load_weights
 from ..models.module import OccupancyModule
+from ..models.weights import require_unseen
 from ..ontology import CLASSES
 from ..provenance import different_file
 from ..results.files import print_results, read_results
@@ -14,7 +15,6 @@ from ..run_folder import require_same_config, shaping
 from ..terminal import say
 from .evaluate import evaluate
 from .model import module_of, network_of, origin_of, require_buildable
-from .pretrain import require_unseen
 from .session import Session
 from .trainer import is_first_process
 
@@ -35,7 +35,7 @@ def fit(cfg: DictConfig) -> str:
     _ = session.trainer  # for its refusal of a device or a precision
     named = None if cfg.ckpt_path is None else _checkpoint_to_resume(session)
     require_buildable(cfg)
-    require_unseen(cfg.model.backbone.get("weights"), session.data)
+    require_unseen(cfg.model.backbone.get("weights"), session.data.root.name, cfg.data.test_clips)
     session.data.require_pixels()
 
     # The other processes of a run would wait for the lock of the first one.

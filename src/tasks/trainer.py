@@ -123,8 +123,6 @@ class EpochLines(Callback):
     The loss of the training is the mean over the epoch's batches.
     """
 
-    score, score_name = "val/kar_miou", "KAR-mIoU"
-
     def on_train_start(self, trainer: Trainer, module: LightningModule) -> None:
         self._start_s, self._first_epoch = time.perf_counter(), trainer.current_epoch
 
@@ -147,12 +145,6 @@ class EpochLines(Callback):
         print(
             f"epoch {done}/{trainer.max_epochs}: "
             f"train loss {self._losses / self._batches:.3f}, val loss {scores['val/loss']:.3f}, "
-            f"val {self.score_name} {100 * scores[self.score]:.1f} %, {left_s / 60:.1f} min left",
+            f"val KAR-mIoU {100 * scores['val/kar_miou']:.1f} %, {left_s / 60:.1f} min left",
             flush=True,
         )
-
-
-class PretrainingLines(EpochLines):
-    """Prints one line per epoch while the image encoder is pretrained."""
-
-    score, score_name = "val/miou", "pixel mIoU"

@@ -10,6 +10,7 @@ from src.models.references import PillarReferences
 from src.models.sight import (
     FAR_M,
     NEAR_M,
+    Sight,
     SightHead,
     depth_error,
     place_of,
@@ -79,6 +80,19 @@ def test_the_losses_fall_towards_the_truth():
     assert right["pixel_depth"] < 1e-6 < wrong["pixel_depth"]
     beyond = {**batch, "pixel_depth_m": torch.full((2, HEIGHT, WIDTH), math.inf)}
     assert head.losses(sure_sight(10.0, SHAPE), beyond)["pixel_depth"].isfinite()
+
+
+def test_a_pixel_weighs_as_its_class_says():
+    weights = [1.0, 2.0, *[1.0] * 7]
+    sight = Sight(torch.randn(1, 9, 1, 2), torch.zeros(1, BINS + 1, 1, 2))
+    of_pixel = -sight.classes.log_softmax(1)[0, [0, 1], 0, [0, 1]]
+    labels = {"pixel_class": torch.tensor([[[0, 1]]]), "pixel_depth_m": torch.full((1, 1, 2), 5.0)}
+    found = SightHead(4, BINS, class_weights=weights).losses(sight, labels)["pixel_class"]
+    torch.testing.assert_close(found, (of_pixel[0] + 2 * of_pixel[1]) / 3)
+
+    for wrong in ([1.0] * 8, [0.0] * 9):
+        with pytest.raises(UserError, match=r"model\.sight\.class_weights"):
+            SightHead(4, class_weights=wrong)
 
 
 def test_the_error_is_that_of_the_logarithm_where_something_is_near():

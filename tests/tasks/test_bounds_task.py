@@ -13,7 +13,7 @@ from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 @pytest.fixture
 def cfg(tmp_path):
-    cfg = compose_config(*mini_overrides(tmp_path, "task=bounds"))
+    cfg = compose_config(*mini_overrides(tmp_path, "task=bounds", "data.frames=4"))
     write_dataset(cfg)
     return cfg
 

@@ -1,4 +1,4 @@
-"""+setting=sight: a training whose pixels are a second task."""
+"""What the rungs share: a training whose pixels are a second task."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from tests.synthetic import compose_config, mini_overrides, write_dataset
 @pytest.fixture
 def config(tmp_path):
     def composed(*overrides):
-        here = mini_overrides(tmp_path, "+experiment=skyocc", "+setting=sight")
+        here = mini_overrides(tmp_path, "+experiment=skyocc")
         return compose_config(*here, "trainer.max_epochs=2", *overrides)
 
     write_dataset(composed())
