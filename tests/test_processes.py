@@ -25,7 +25,9 @@ def test_two_processes_have_the_gradients_of_one_that_accumulates(folder, order)
     """Two batches of two processes are the same two batches of one process."""
     step = ("+trainer.max_steps=1", "+trainer.limit_val_batches=0", "data.batch_size=4")
     overrides = mini_overrides(folder, "+experiment=skyocc", *step, f"data.order={order}")
-    if order == "shuffled":
+    if order == "streams":
+        overrides += ["data.frames=2", "model.encoder.num_layers=2"]
+    else:
         # A history would be computed with the statistics that the first of the two batches left.
         overrides.append("data.frames=1")
         alone = folder / "alone.pt"

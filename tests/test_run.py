@@ -437,6 +437,7 @@ MISTAKES = {
     "suite.level=95": "suite.level: 95",
     "+trainer.limit_test_batches=0": "trainer.limit_test_batches: 0",
     "size.heads=3": "size.heads: 3 .*size.dim, 64",
+    "data.order=streams": "data.order: .*data.frames=1",
     "data.order=stream": "data.order: 'stream'.*shuffled, streams",
     "model.history=foo": "model.history: 'foo'.*queue, recursive",
     "trainer.precision=fp16": "trainer.precision: 'fp16'.*auto, 32-true",

@@ -115,6 +115,10 @@ def require_loading(data: Mapping) -> None:
     require_at_least(0, "data", data, "workers")
     require_choice("data.order", data.get("order"), ORDERS)
     require_choice("data.history", data.get("history"), HISTORY)
+    if data["order"] == "streams" and data["frames"] == 1:
+        raise UserError(
+            "data.order: streams keep a past, and data.frames=1 has none; give 2 or more"
+        )
 
 
 def history_stride(history_step_s: float, capture_hz: float) -> int:

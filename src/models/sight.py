@@ -85,7 +85,9 @@ class SightHead(nn.Module):
                 "above 0; give one for each class"
             )
         self.bins, self.weight = bins, weight
-        self.register_buffer("class_weights", torch.tensor([*class_weights]), persistent=False)
+        self.register_buffer(
+            "class_weights", torch.tensor([*class_weights], dtype=torch.float), persistent=False
+        )
         self.ray = nn.Conv2d(4, dim, 1)
         self.layers = nn.Sequential(
             nn.Conv2d(dim, dim, 3, padding=1),

@@ -83,7 +83,7 @@ def test_the_losses_fall_towards_the_truth():
 
 
 def test_a_pixel_weighs_as_its_class_says():
-    weights = [1.0, 2.0, *[1.0] * 7]
+    weights = [1, 2, *[1] * 7]
     sight = Sight(torch.randn(1, 9, 1, 2), torch.zeros(1, BINS + 1, 1, 2))
     of_pixel = -sight.classes.log_softmax(1)[0, [0, 1], 0, [0, 1]]
     labels = {"pixel_class": torch.tensor([[[0, 1]]]), "pixel_depth_m": torch.full((1, 1, 2), 5.0)}

@@ -12,6 +12,7 @@ def trained(tmp_path_factory):
     words = mini_overrides(
         tmp_path_factory.mktemp("trained"),
         *("+experiment=skyocc", "trainer.accelerator=cpu", "trainer.max_epochs=1"),
+        *("data.frames=2", "model.encoder.num_layers=2"),  # so that there is a history
     )
     write_dataset(compose_config(*words))
     fit(compose_config(*words))
