@@ -24,7 +24,8 @@ from benchmarks.settings import composed_with_data, device, device_name, run
 from benchmarks.tables import print_table
 from benchmarks.timing import timed
 from src.models.memory import PillarMemory
-from src.models.network import Frame, SkyOcc
+from src.models.network import SkyOcc
+from src.models.sight import Sight
 from src.ontology import NUM_CLASSES
 from src.provenance import git_commit
 from src.tasks.trainer import BF16, precision_of
@@ -53,34 +54,30 @@ class Step:
 
     def __call__(self, batch: Mapping[str, Tensor], seconds: Seconds) -> None:
         with self.precision():
-            logits = self.logits(batch, seconds)
-        with timed(seconds, "loss"):
+            logits, sight = self.forward(batch, seconds)
+        with timed(seconds, "losses"):
             total = self.loss(logits, batch["semantics"])["total"]
+            if sight is not None:
+                total = total + sum(self.network.sight.losses(sight, batch).values())
         with timed(seconds, "backward"):
             total.backward()
         with timed(seconds, "optimizer"):
             self.optimizer.step()
             self.optimizer.zero_grad()
 
-    def logits(self, batch: Mapping[str, Tensor], seconds: Seconds) -> Tensor:
-        network, encoder = self.network, self.network.encoder
+    def forward(self, batch: Mapping[str, Tensor], seconds: Seconds) -> tuple[Tensor, Sight | None]:
+        network = self.network
         with timed(seconds, "past frames"):
             past = network.history_of if self.memory is None else self.memory.history
             history = past(batch)
-        with timed(seconds, "image encoder and pyramid"):
-            image = batch["image"][:, -1]
-            features = network.features(image)
-        with timed(seconds, "pillars of the frame"):
-            height, width = image.shape[-2:]
-            camera = (batch["body_from_camera"], batch["pix_from_camera"][:, -1])
-            references = encoder.references(batch["occ_from_body"][:, -1], *camera, (width, height))
-            frame = Frame(features, references, encoder.frame(features, references))
+        with timed(seconds, "the frame by itself"):
+            frame = network.encode(batch, -1)
         with timed(seconds, "history and last layer"):
             fused = network.fuse(frame, history)
         if self.memory is not None:
             self.memory.keep(network.carried(frame, fused))
         with timed(seconds, "decoder"):
-            return network.decode(fused, batch)
+            return network.decode(fused, batch, frame.evidence), frame.sight
 
 
 def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]:
