@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,9 @@ def start(sim, root):
     """The generator as a process of its own."""
     command = [sys.executable, "-c", DRIVER, json.dumps(sim), str(root)]
     streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-    return subprocess.Popen(command, cwd=ROOT, **streams)
+    # Where the tests are a background job, its shell has made them deaf to Ctrl-C.
+    hears = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    return subprocess.Popen(command, cwd=ROOT, preexec_fn=hears, **streams)
 
 
 # The patience is for a machine that does much else at the same time.
