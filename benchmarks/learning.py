@@ -1,11 +1,11 @@
 """What each change by itself does to the learning, on validation alone.
 
-    python -m benchmarks.learning [--jobs N] [--out FOLDER] [OVERRIDE...]
+    python -m benchmarks.learning [--jobs N] [--out FOLDER] [--plan FILE] [OVERRIDE...]
 
-Trains the changes of ``learning.yaml`` with each of its seeds, ``--jobs`` at a time, as ``run.py``
-would; the overrides are added to all of them. A row is added to ``FOLDER/trials.csv`` as soon as a
-training has ended, and what has a row there is not trained again, so it can be interrupted. Prints
-the table of means. The runs lie in ``runs/learning``.
+Trains the changes of the plan, by default ``learning.yaml``, with each of its seeds, ``--jobs`` at
+a time, as ``run.py`` would; the overrides are added to all of them. A row is added to
+``FOLDER/trials.csv`` as soon as a training has ended, and what has a row there is not trained
+again, so it can be interrupted. Prints the table of means. The runs lie in ``runs/learning``.
 """
 
 import argparse
@@ -59,7 +59,7 @@ class Trials:
 
 def train(trials: Trials, change: str, seed: int, overrides: list[str]) -> None:
     """Trains one change with one seed, and adds its best epoch by validation."""
-    name = re.sub(r"\W+", "_", change)
+    name = re.sub(r"\W+", "_", change, flags=re.ASCII)
     words = [*overrides, f"name={name}", f"seed={seed}", f"paths.runs={RUNS}"]
     start_s = time.perf_counter()
     done = subprocess.run(
@@ -67,7 +67,7 @@ def train(trials: Trials, change: str, seed: int, overrides: list[str]) -> None:
     )
     if done.returncode:
         reason = done.stderr.strip().splitlines()[-1:] or ["no reason was given"]
-        raise UserError(f"{change}, seed {seed}: {reason[0]}")
+        raise UserError(f"{change}, seed {seed}: {reason[0].removeprefix('error: ')}")
 
     (log,) = (SOURCE.parent / RUNS).glob(f"*/{name}/seed{seed}/metrics.csv")
     epochs = pd.read_csv(log).dropna(subset=["val/kar_miou"])
@@ -96,23 +96,29 @@ def main() -> None:
     parser.add_argument("overrides", nargs="*")
     parser.add_argument("--jobs", type=int, default=2, help="trainings at a time, a thread each")
     parser.add_argument("--out", type=Path, default=SOURCE.parent / "docs/results/learning")
+    parser.add_argument("--plan", type=Path, default=Path(__file__).with_suffix(".yaml"))
     options = parser.parse_args()
 
-    plan = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text())
+    plan = yaml.safe_load(options.plan.read_text())
     trials = Trials(options.out)
     shared = [*plan["overrides"], *options.overrides]
-    with ThreadPoolExecutor(options.jobs) as pool:
-        # All changes with the first seed come first: an interrupted study compares something.
-        jobs = [
-            pool.submit(train, trials, change, seed, [*shared, *overrides])
-            for seed, (change, overrides) in product(plan["seeds"], plan["changes"].items())
-            if not trials.has(change, seed)
-        ]
+    pool = ThreadPoolExecutor(options.jobs)
+    # All changes with the first seed come first: an interrupted study compares something.
+    jobs = [
+        pool.submit(train, trials, change, seed, [*shared, *overrides])
+        for seed, (change, overrides) in product(plan["seeds"], plan["changes"].items())
+        if not trials.has(change, seed)
+    ]
+    try:
         for job in jobs:
             job.result()
+    finally:
+        # After a mistake or Ctrl-C what has not begun does not begin.
+        pool.shutdown(cancel_futures=True)
 
     table = table_of(trials.table)
-    print_table("changes", ("change", *table), table.reset_index().astype(str).values)
+    rows = table.reset_index().map(lambda cell: "" if pd.isna(cell) else str(cell)).values
+    print_table("means over the seeds, on validation", ("change", *table), rows)
 
 
 if __name__ == "__main__":
