@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from lightning import LightningModule, Trainer
 from torch import Tensor, nn
-from torch.optim import AdamW, Optimizer
+from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 from torchmetrics import MeanMetric, Metric
 
@@ -34,7 +34,7 @@ class OccupancyModule(LightningModule):
         network: nn.Module,
         loss: nn.Module,
         make_scores: Callable[[], Metric],
-        optimizer: Mapping[str, float],
+        optimizer: Mapping[str, Any],
         test_suite: nn.Module,
         memory: PillarMemory | None = None,
         origin: Origin | None = None,
@@ -102,14 +102,14 @@ class OccupancyModule(LightningModule):
         self.test_suite.update(self(batch), truth_of(batch))
 
     def configure_optimizers(self) -> dict:
-        """Returns AdamW with a short linear warm-up, then the cosine to zero (App. A.5)."""
+        """Returns the optimizer with a short linear warm-up, then the cosine to zero (App. A.5)."""
         config = self.optimizer_config
 
         # Norms and biases are vectors: pulling them to zero would only shrink what they scale.
         decayed = [p for p in self.network.parameters() if p.ndim > 1]
         others = [p for p in self.network.parameters() if p.ndim <= 1]
         spared = {"params": others, "weight_decay": 0.0}
-        optimizer = AdamW(
+        optimizer = config["rule"](
             [{"params": decayed}, spared], lr=config["lr"], weight_decay=config["weight_decay"]
         )
         return scheduled(optimizer, self.trainer, config["warmup"])

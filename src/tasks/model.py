@@ -62,7 +62,7 @@ def module_of(
         network,
         instantiate(cfg.loss, class_counts=origin.class_counts),
         lambda: scores(data.grid),
-        cfg.optimizer,
+        instantiate(cfg.optimizer),
         suite_of(cfg, data),
         PillarMemory(network.past_frames) if cfg.data.order == "streams" else None,
         origin,

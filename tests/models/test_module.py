@@ -16,7 +16,7 @@ from src.models.checkpoint import load_weights, read_content
 from src.models.module import OccupancyModule, rate_share
 from src.models.network import Step
 
-OPTIMIZER = {"lr": 0.1, "weight_decay": 0.01, "warmup": 0.25}
+OPTIMIZER = {"rule": torch.optim.AdamW, "lr": 0.1, "weight_decay": 0.01, "warmup": 0.25}
 
 
 class Shift(nn.Module):

@@ -25,7 +25,7 @@ SIM = {
 def build_module(loss, order="shuffled", **network):
     network = build_network(**network)
     memory = PillarMemory(network.past_frames) if order == "streams" else None
-    optimizer = {"lr": 1e-3, "weight_decay": 0.01}
+    optimizer = {"rule": AdamW, "lr": 1e-3, "weight_decay": 0.01}
     return OccupancyModule(
         network, loss, lambda: OccupancyScores(GRID), optimizer, torch.nn.Identity(), memory
     )

@@ -1,0 +1,67 @@
+"""Muon: orthogonal steps, what stays with AdamW, and a state that can be read again."""
+
+import io
+
+import pytest
+import torch
+
+from src.models.muon import STEP_RMS, Muon, orthogonal
+
+
+@pytest.mark.parametrize("shape", [(4, 9), (9, 4), (5, 5)])
+def test_it_is_the_polar_factor(shape):
+    matrix = torch.randn(shape, generator=torch.Generator().manual_seed(0))
+    u, _, v = torch.linalg.svd(matrix, full_matrices=False)
+    torch.testing.assert_close(orthogonal(matrix), u @ v, atol=1e-3, rtol=0)
+    torch.testing.assert_close(orthogonal(1e-6 * matrix), u @ v, atol=1e-3, rtol=0)
+
+
+def test_directions_without_a_gradient_stay():
+    """A row of zeros, as of a class that is not in the batch, is not made of noise."""
+    matrix = torch.tensor([[3.0, 4.0], [0.0, 0.0]])
+    torch.testing.assert_close(orthogonal(matrix), torch.tensor([[0.6, 0.8], [0.0, 0.0]]))
+    assert not orthogonal(torch.zeros(2, 3)).any()
+
+
+def step(optimizer, parameters):
+    (parameters[0] @ torch.tensor([1.0, 2.0, 3.0]) + 2 * parameters[1]).square().sum().backward()
+    optimizer.step()
+    optimizer.zero_grad()
+
+
+def parameters():
+    return [torch.nn.Parameter(torch.ones(2, 3)), torch.nn.Parameter(torch.ones(2))]
+
+
+def test_a_matrix_takes_steps_of_one_size_and_a_vector_stays_with_adamw():
+    matrix, vector = pair = parameters()
+    alone = torch.nn.Parameter(torch.ones(2))
+    optimizer = Muon(pair, lr=0.1, weight_decay=0.0)
+    adamw = torch.optim.AdamW([alone], lr=0.1, weight_decay=0.0)
+
+    (6 + 2 * alone).square().sum().backward()
+    adamw.step()
+    step(optimizer, pair)
+    torch.testing.assert_close(vector, alone)
+
+    # Both rows have the same gradient, so the step has one direction, whatever its length.
+    moved = matrix.detach() - 1
+    assert moved.norm().item() == pytest.approx(0.1 * STEP_RMS * 3**0.5, rel=1e-4)
+
+
+def test_it_goes_on_from_its_state_as_if_never_stopped():
+    whole, halted = parameters(), parameters()
+    optimizer, first = Muon(whole, lr=0.1), Muon(halted, lr=0.1)
+    for _ in range(2):
+        step(optimizer, whole)
+        step(first, halted)
+
+    file = io.BytesIO()
+    torch.save(first.state_dict(), file)
+    file.seek(0)
+    second = Muon(halted, lr=0.1)
+    second.load_state_dict(torch.load(file, weights_only=True))
+    step(optimizer, whole)
+    step(second, halted)
+    for a, b in zip(whole, halted):
+        assert torch.equal(a, b)
