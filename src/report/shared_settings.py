@@ -23,7 +23,8 @@ KEYS = {
     "shared": {
         "{} epochs": "trainer.max_epochs",
         LIMIT: "trainer.limit_train_batches",
-        "AdamW at {}": "optimizer.lr",
+        "optimizer {}": "optimizer.rule._target_",
+        "learning rate {}": "optimizer.lr",
         "weight decay {}": "optimizer.weight_decay",
         "warm-up over {} of the steps and a cosine to zero": "optimizer.warmup",
         "batches of {}": "data.batch_size",

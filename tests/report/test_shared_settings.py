@@ -53,9 +53,9 @@ def test_a_clean_ladder_shares_all_but_its_factors_and_the_seed(run):
     said = statement(runs)
     assert said.startswith(
         "All 8 runs of the ladder share every setting but: model.encoder.projection, "
-        "loss.class_weights, loss.lovasz_weight, seed. Shared: 8 epochs, AdamW at 0.002, weight "
-        "decay 0.01, warm-up over 0.05 of the steps and a cosine to zero, batches of 8, devices: "
-        "1, accumulated batches: 1, shuffled data order, mirror true, 4 frames a prediction, "
+        "loss.class_weights, loss.lovasz_weight, seed. Shared: 8 epochs, learning rate 0.002, "
+        "weight decay 0.01, warm-up over 0.05 of the steps and a cosine to zero, batches of 8, "
+        "devices: 1, accumulated batches: 1, shuffled data order, mirror true, 4 frames a prediction, "
         "precision 32-true."
     )
     assert "Runs of one seed see the same frames in the same order, mirrored alike." in said
@@ -173,7 +173,7 @@ def test_another_precision_is_told_though_the_configuration_is_the_same(run):
 
 def test_one_run_shares_with_none(run):
     said = statement([run("skyocc")])
-    assert said.startswith("There is one run of the ladder, with 8 epochs, AdamW at 0.002, weight")
+    assert said.startswith("There is one run of the ladder, with 8 epochs, learning rate 0.002")
     assert "of its own" not in said
 
 
