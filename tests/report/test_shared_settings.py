@@ -55,8 +55,8 @@ def test_a_clean_ladder_shares_all_but_its_factors_and_the_seed(run):
         "All 8 runs of the ladder share every setting but: model.encoder.projection, "
         "loss.class_weights, loss.lovasz_weight, seed. Shared: 8 epochs, learning rate 0.002, "
         "weight decay 0.01, warm-up over 0.05 of the steps and a cosine to zero, batches of 8, "
-        "devices: 1, accumulated batches: 1, shuffled data order, mirror true, 4 frames a prediction, "
-        "precision 32-true."
+        "devices: 1, accumulated batches: 1, shuffled data order, mirror true, 4 frames "
+        "a prediction, precision 32-true."
     )
     assert "Runs of one seed see the same frames in the same order, mirrored alike." in said
     assert "No rung has a setting of its own beside its factors." in said
