@@ -70,8 +70,8 @@ def module_of(
 
 
 def require_buildable(cfg: DictConfig) -> None:
-    """Builds the configured network, its loss and its scores once and drops them, so that what is
-    wrong with them is refused before any data are generated or read."""
+    """Builds the configured network, its loss, its scores and what makes its optimizer once and
+    drops them, so that what is wrong with them is refused before any data are generated or read."""
     if cfg.model.sight is not None and not cfg.data.pixels:
         raise UserError(
             "data.pixels: model/sight=on learns from what pixels see; give data.pixels=true, or "
@@ -81,5 +81,6 @@ def require_buildable(cfg: DictConfig) -> None:
     with torch.random.fork_rng(devices=[]):
         instantiate(cfg.model)
         instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES)
+        instantiate(cfg.optimizer)
     grid = VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True))
     ScoreSuite(grid, [], score_settings(cfg)[1])

@@ -106,7 +106,8 @@ def config_of(experiment, seed, **changes):
         "name": experiment,
         "seed": seed,
         "paths": {"run": f"runs/tiny/{experiment}/seed{seed}"},
-        "optimizer": {"lr": 0.002, "weight_decay": 0.01, "warmup": 0.05},
+        "optimizer": {"lr": 0.002, "weight_decay": 0.01, "warmup": 0.05}
+        | {"rule": {"_target_": "torch.optim.AdamW"}},
         "data": {"test_clips": UNSEEN, "frames": 4, "order": "shuffled", "mirror": True}
         | {"batch_size": 8, "workers": seed},
         "model": {"encoder": {"projection": factors[0]}},
