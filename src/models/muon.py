@@ -9,8 +9,8 @@ from torch import Tensor
 from torch.optim import AdamW
 
 MOMENTUM = 0.95
-# Root mean square of a step, in learning rates: near that of AdamW, so one rate serves both.
-STEP_RMS = 0.2
+# Root mean square of a step, in learning rates: twice that of AdamW, so one rate serves both.
+STEP_RMS = 0.4
 # Shares of the sum of squared singular values; what is smaller is noise, and is not blown up.
 FLOOR = 1e-7
 
