@@ -23,8 +23,9 @@ FLOORS = {"height_prior": "no image,\ntold the height", "voxel_prior": "no image
 def draw_bounds(table: pd.DataFrame, path: Path) -> None:
     """Writes a PNG of KAR-mIoU by the error of the depth, for one frame, with intervals over clips.
 
-    ``table`` has a row a bound: the fields of its sight, which are empty for a floor, and
-    ``value``, ``low`` and ``high`` in [0, 1]. Raises `UserError` for a path that cannot be written.
+    ``table`` has a row a bound: the fields of its sight, which are empty for a floor and for a
+    trained run, whose ``depth_error`` alone is there, and ``value``, ``low`` and ``high`` in
+    [0, 1]. Raises `UserError` for a path that cannot be written.
     """
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
     axes = figure.subplots()
@@ -35,6 +36,7 @@ def draw_bounds(table: pd.DataFrame, path: Path) -> None:
         place = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": 8}
         axes.text(1.01, value, f"{label}: {value:.1f}", color=MUTED, **place)
     _draw_lines(axes, table[(table["images"] == 1) & (table["attitude_deg"] == 0)])
+    _draw_runs(axes, table[table["images"].isna() & table["depth_error"].notna()])
     axes.set_xlabel("error of the depth, mean of |log| (%)", color=INK)
     axes.set_ylabel("KAR-mIoU (%)", color=INK)
     axes.set_ylim(bottom=0)
@@ -49,18 +51,21 @@ def _draw_lines(axes: Axes, sights: pd.DataFrame) -> None:
         # Without an error of the depth there is nothing to draw by image or pixel.
         own = pd.concat([exact, sights[(sights["by"] == by) & (sights["depth_error"] > 0)]])
         own = own[own["level"] == level].sort_values("depth_error")
-        x, value = 100 * own["depth_error"], 100 * own["value"]
-        bars = [value - 100 * own["low"], 100 * own["high"] - value]
-        axes.errorbar(
-            x,
-            value,
-            bars,
-            color=color,
-            linestyle=style,
-            label=label,
-            capsize=2,
-            linewidth=1.6,
-            elinewidth=0.8,
-            marker="o",
-            markersize=3,
-        )
+        _draw(axes, own, color=color, linestyle=style, label=label, marker="o", markersize=3)
+
+
+def _draw_runs(axes: Axes, runs: pd.DataFrame) -> None:
+    """Draws trained models, each with its name beside it."""
+    if runs.empty:
+        return
+    _draw(axes, runs, color=INK, linestyle="", label="trained", marker="D", markersize=5)
+    for _, run in runs.iterrows():
+        place = (100 * run["depth_error"], 100 * run["value"])
+        beside = {"xytext": (6, 4), "textcoords": "offset points", "fontsize": 8}
+        axes.annotate(run["bound"], place, color=INK, **beside)
+
+
+def _draw(axes: Axes, rows: pd.DataFrame, **style: object) -> None:
+    x, value = 100 * rows["depth_error"], 100 * rows["value"]
+    bars = [value - 100 * rows["low"], 100 * rows["high"] - value]
+    axes.errorbar(x, value, bars, capsize=2, linewidth=1.6, elinewidth=0.8, **style)

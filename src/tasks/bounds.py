@@ -1,7 +1,7 @@
 """task=bounds: floor and ceiling of a dataset's scores, without any training."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import get_args
@@ -16,6 +16,10 @@ from torch import Tensor
 from ..audit.true_sight import By, TrueSight
 from ..data.batch import Batch
 from ..data.measured_attitude import MeasuredAttitude
+from ..errors import UserError
+from ..metrics.protocol import require_same_protocol
+from ..results.scored import read_scored
+from ..run_folder import METRICS
 from ..terminal import say, tracked
 from .counting import SCORE, Counter, print_scores, scores_of, write_counted
 from .evaluate import Anchor, anchors_of
@@ -56,18 +60,27 @@ def bounds(
     attitude_deg: Sequence[float],
     seed: int,
     out: str,
+    runs: Sequence[str] = (),
 ) -> None:
     """Writes ``bounds.csv``, the counts of each bound and ``bounds.png`` to ``out``.
 
     The floors are the anchors that stand beside every run. The ceilings are those of `TrueSight`:
     of the current frame and of the queue of ``data.frames``, with each ``depth_error``, smooth and
     by pixel, told the true attitude and that of level flight, and with each ``attitude_deg`` of
-    noise on roll and pitch. All are scored on the test split.
+    noise on roll and pitch. All are scored on the test split. Trained ``runs``, scored on the same
+    frames, stand beside them, in the figure at the error of the depth that they have on validation.
 
-    Raises `UserError` for data without depth images, and as `TrueSight` and `MeasuredAttitude` do.
+    Raises `UserError` for data without depth images, for runs of another dataset or without an
+    error of the depth, and as `TrueSight` and `MeasuredAttitude` do.
     """
     session = Session(cfg)
     data, samples = session.data, session.data.split["test"]
+    protocol = protocol_of(cfg, data, len(samples))
+    trained = read_scored(list(map(str, runs)))
+    of_runs = {name: each.protocol for name, each in trained.items()}
+    require_same_protocol({data.root.name: protocol} | of_runs)
+    reached = [_depth_error(Path(str(run))) for run in runs]
+
     sights = list(dict.fromkeys(_sights(depth_error, attitude_deg, cfg.data.frames)))
     predictions, metric = _predictions(session, sights, seed), instantiate(cfg.metric)
     counters = {name: Counter(name, metric(data.grid), clips_of(samples)) for name in predictions}
@@ -75,11 +88,16 @@ def bounds(
         for name, predict in predictions.items():
             counters[name].add(batch, predict(batch))
 
-    protocol = protocol_of(cfg, data, len(samples))
     counts = [counter.counts(protocol) for counter in counters.values()]
-    # What a floor's row says of a sight is empty.
-    facts = pd.DataFrame([{"bound": sight.name, **asdict(sight)} for sight in sights])
-    table = scores_of(counts, "bound").merge(facts, on="bound", how="left")
+    beside = [
+        replace(each, name=name, tables={"occupancy": each.tables["occupancy"]})
+        for name, each in trained.items()
+    ]
+    # What a floor's row says of a sight is empty, and a run's but for its depth.
+    rows = [{"bound": sight.name, **asdict(sight)} for sight in sights]
+    rows += [{"bound": name, "depth_error": error} for name, error in zip(trained, reached)]
+    facts = pd.DataFrame(rows)
+    table = scores_of([*counts, *beside], "bound").merge(facts, on="bound", how="left")
 
     # Scoring needs no drawing code; it is loaded for the figure alone.
     from ..report.bounds import draw_bounds
@@ -99,6 +117,17 @@ def _sights(
             yield Sight(depth_error=error, by=by, level=level)
     for noise_deg in attitude_deg:
         yield Sight(attitude_deg=noise_deg)
+
+
+def _depth_error(run: Path) -> float:
+    """Returns the error of the depth of the pixels that a run's best epoch had on validation."""
+    log = pd.read_csv(run / METRICS) if (run / METRICS).is_file() else pd.DataFrame()
+    if "val/depth_error" not in log:
+        raise UserError(
+            f"task.runs: {run} has no error of the depth; name folders of runs trained with "
+            "model/sight=on"
+        )
+    return float(log.loc[log["val/kar_miou"].idxmax(), "val/depth_error"])
 
 
 def _predictions(session: Session, sights: Sequence[Sight], seed: int) -> dict[str, Predict]:

@@ -10,17 +10,15 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from ..errors import UserError
-from ..metrics.protocol import require_same_protocol
 from ..metrics.suite import import_metrics
 from ..report.captions import counted
 from ..report.sensitivity import draw_sensitivity, sensitivity_table
-from ..results.archive import unpacked
 from ..results.bootstrap import difference_of, interval_of
 from ..results.counts import Counts
 from ..results.files import write_table
 from ..results.render import Cell, Table, print_table
+from ..results.scored import read_scored, require_comparable
 from ..results.table import Resamples
-from ..run_folder import ANCHORS, TALLIES
 from ..terminal import say
 
 # Of all scores, which differences.csv has, these are printed.
@@ -37,8 +35,10 @@ def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = (
     other protocols, clips or labels, and for a pattern that no scored clip is like.
     """
     import_metrics(cfg.suite)
-    scored = _read(list(map(str, runs)))
-    _require_comparable(scored)
+    if len(runs) < 2:
+        raise UserError("task.runs: name two or more, as task.runs=[A,B]")
+    scored = read_scored(list(map(str, runs)))
+    require_comparable(scored)
     if clips:
         chosen = _clips_like(list(map(str, clips)), next(iter(scored.values())))
         scored = {name: counts.of_clips(chosen.__contains__) for name, counts in scored.items()}
@@ -66,41 +66,6 @@ def _sensitivity(scored: Mapping[str, Counts], folder: Path) -> str:
     return f"{len(ranked)} settings of KAR-mIoU rank the runs in {counted(orders, 'order')}"
 
 
-def _require_comparable(scored: Mapping[str, Counts]) -> None:
-    """Raises `UserError` for runs of other protocols, clips, frames or labels than the first's."""
-    require_same_protocol({name: counts.protocol for name, counts in scored.items()})
-    (first, reference), *others = scored.items()
-    for name, counts in others:
-        if other := counts.scored_on_other(reference):
-            raise UserError(f"{name}: was scored on {other} than {first}; score both alike")
-
-
-def _read(runs: Sequence[str]) -> dict[str, Counts]:
-    """Reads the counts of run folders, score folders, archives or files, by a name of each."""
-    if len(runs) < 2:
-        raise UserError("task.runs: name two or more, as task.runs=[A,B]")
-    with unpacked([Path(run) for run in runs]) as (places, _):
-        files = [_file_of(place) for place in places]
-        resolved = [file.resolve() for file in files]
-        for n, run in enumerate(runs):
-            if resolved[n] in resolved[:n]:
-                raise UserError(f"task.runs: {run} is named twice")
-
-        scored = [Counts.read(file) for file in files]
-        return dict(zip(_names(scored, files, runs), scored))
-
-
-def _file_of(path: Path) -> Path:
-    """Returns the one file of counts of a run or score folder beside the anchors', or the file."""
-    if not path.exists():
-        raise UserError(f"task.runs: {path} is neither a folder nor a file")
-    files = [path] if path.is_file() else sorted((path / TALLIES).glob("*.npz"))
-    own = [file for file in files if len(files) == 1 or file.stem not in ANCHORS]
-    if len(own) != 1:
-        raise UserError(f"{path}: holds {len(own)} scored runs; name one of its files of counts")
-    return own[0]
-
-
 def _clips_like(patterns: Sequence[str], counts: Counts) -> set[str]:
     """Returns the scored clips that are like one of the patterns."""
     scored = [counts.clips[row] for row in counts.rows()]
@@ -114,26 +79,6 @@ def _clips_like(patterns: Sequence[str], counts: Counts) -> set[str]:
             )
         chosen |= like
     return chosen
-
-
-def _names(scored: Sequence[Counts], files: Sequence[Path], given: Sequence[str]) -> list[str]:
-    """Returns names of runs. Those of one name are told apart by what differs in their files'
-    paths, such as the seed, or by what was given where the paths do not align."""
-    names = []
-    for counts, file, words in zip(scored, files, given):
-        # Seeds of one experiment have one name, and so have two scorings of one run.
-        alike = [each for other, each in zip(scored, files) if other.name == counts.name]
-        own = f" {_own_parts(file, alike) or words}" if len(alike) > 1 else ""
-        names.append(counts.name + own)
-    return names
-
-
-def _own_parts(path: Path, alike: Sequence[Path]) -> str:
-    """Returns the parts of a path in which paths differ; nothing for paths of several depths."""
-    if len({len(each.parts) for each in alike}) > 1:
-        return ""
-    columns = zip(*(each.parts for each in alike))
-    return "/".join(part for part, column in zip(path.parts, columns) if len(set(column)) > 1)
 
 
 def _differences(scored: Mapping[str, Counts]) -> pd.DataFrame:

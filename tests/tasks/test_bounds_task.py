@@ -1,11 +1,15 @@
 """task=bounds: floor and ceiling of a dataset."""
 
+import shutil
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 from PIL import Image
 
 from src.data.clip import AUX
 from src.errors import UserError
+from src.results.counts import Counts
 from src.tasks.bounds import Sight, bounds
 from src.tasks.dataset import root_of
 from tests.synthetic import compose_config, mini_overrides, write_dataset
@@ -51,6 +55,53 @@ def test_it_writes_the_same_again_and_leaves_nothing_of_an_earlier_call(cfg, tmp
     again = measured(cfg, tmp_path / "out", depth_error=[])
     assert "depth_10%" not in again.index
     pd.testing.assert_frame_equal(first.loc[again.index], again)
+
+
+def trained(place, counts, log):
+    (place / "tallies").mkdir(parents=True)
+    shutil.copy(counts, place / "tallies")
+    (place / "metrics.csv").write_text(log)
+    return str(place)
+
+
+LOG = "val/kar_miou,val/depth_error\n0.1,0.4\n0.3,0.2\n0.2,0.1\n"
+
+
+def test_a_trained_run_stands_beside_them_by_the_depth_of_its_best_epoch(cfg, tmp_path, capsys):
+    alone = measured(cfg, tmp_path / "alone")
+    with Image.open(tmp_path / "alone/bounds.png") as image:
+        without = image.tobytes()
+    run = trained(tmp_path / "run", tmp_path / "alone/tallies/depth_10%.npz", LOG)
+
+    # Its counts have the name of a bound, so another one tells it apart.
+    counts = Counts.read(tmp_path / "run/tallies/depth_10%.npz")
+    replace(counts, name="mine").write(tmp_path / "run/tallies/depth_10%.npz")
+    table = measured(cfg, tmp_path / "out", runs=[run])
+    assert table.loc["mine", "depth_error"] == 0.2
+    same = ["value", "low", "high"]
+    assert (table.loc["mine", same] == alone.loc["depth_10%", same]).all()
+    assert "mine" in capsys.readouterr().out
+    assert not (tmp_path / "out/tallies/mine.npz").exists()
+    with Image.open(tmp_path / "out/bounds.png") as image:
+        assert image.tobytes() != without
+
+
+def test_a_run_that_cannot_stand_beside_them_is_refused_before_anything_is_scored(cfg, tmp_path):
+    measured(cfg, tmp_path / "alone")
+    counts = tmp_path / "alone/tallies/sight.npz"
+    run = trained(tmp_path / "no_depth", counts, "val/kar_miou\n0.1\n")
+    with pytest.raises(UserError, match=r"no_depth has no error of the depth; .*model/sight=on"):
+        measured(cfg, tmp_path / "out", runs=[run])
+    with pytest.raises(UserError, match="nowhere is neither a folder"):
+        measured(cfg, tmp_path / "out", runs=["nowhere"])
+
+    run = trained(tmp_path / "other", counts, LOG)
+    mine = Counts.read(counts)
+    of_other = replace(mine, protocol=replace(mine.protocol, dataset="other-1"))
+    of_other.write(tmp_path / "other/tallies/sight.npz")
+    with pytest.raises(UserError, match=r"dataset=other-1.*score both alike"):
+        measured(cfg, tmp_path / "out", runs=[run])
+    assert not (tmp_path / "out").exists()
 
 
 def test_data_without_depth_are_refused_before_anything_is_written(cfg, tmp_path):
