@@ -42,7 +42,7 @@ class Step:
     def __init__(self, cfg: DictConfig, device: torch.device) -> None:
         self.network: SkyOcc = instantiate(cfg.model).to(device)
         self.loss = instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES).to(device)
-        self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=1e-4)
+        self.optimizer = instantiate(cfg.optimizer.rule)(self.network.parameters(), lr=1e-4)
         self.memory, self.device = None, device
         # With streams, past frames come from the memory of earlier steps.
         if cfg.data.order == "streams":

@@ -62,10 +62,8 @@ def orthogonal(matrix: Float[Tensor, "m n"]) -> Float[Tensor, "m n"]:
     if matrix.shape[0] > matrix.shape[1]:
         return orthogonal(matrix.T).T
 
-    norm = matrix.norm()
-    if not norm > 0:
-        return matrix
-    unit = matrix / norm
+    # To ask whether it is all zeros would make the host wait for a GPU.
+    unit = matrix / matrix.norm().clamp(min=torch.finfo(matrix.dtype).tiny)
     squares, vectors = torch.linalg.eigh(unit @ unit.T)
     whitening = (vectors * squares.clamp(min=FLOOR).rsqrt()) @ vectors.T
     return whitening @ unit
