@@ -44,6 +44,7 @@ def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
     jaccard = MulticlassJaccardIndex(NUM_CLASSES, ignore_index=UNKNOWN)
     plain, compiled = (metrics.OccupancyScores(grid, backend=name) for name in ("torch", "numba"))
     breakdown, safety = metrics.KARBreakdown(grid), metrics.SafetyScores(grid)
+    primitives = metrics.PrimitiveMiss(grid)
     calibration = metrics.Calibration(grid)
     ray_iou, sensitivity = metrics.RayIoU(grid), metrics.KARSensitivity(grid)
     subject = f"{'x'.join(map(str, grid.shape))} voxels, {clip} frame {frame} of {source.name}"
@@ -56,6 +57,7 @@ def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
         "OccupancyScores, logits": lambda: compiled.update(logits, target, velocity),
         "KARBreakdown": lambda: breakdown.update(preds, target, velocity, visible=visible),
         "SafetyScores": lambda: safety.update(preds, target, velocity),
+        "PrimitiveMiss, logits": lambda: primitives.update(preds, target, velocity, logits=logits),
         f"RayIoU, {RAYS[0]}x{RAYS[1]} rays": lambda: ray_iou.update(preds, target, *rays),
         "Calibration, logits": lambda: calibration.update(logits, target, velocity),
         "KARSensitivity, 81 settings": lambda: sensitivity.update(preds, target, velocity),

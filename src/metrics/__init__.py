@@ -5,6 +5,7 @@ from .breakdown import KARBreakdown
 from .by_clip import ByClip
 from .calibration import Calibration
 from .occupancy import KARMeanIoU, OccupancyScores
+from .primitive_miss import PrimitiveMiss
 from .ray_iou import CameraRayIoU, RayIoU
 from .safety import SafetyScores
 from .sensitivity import KARSensitivity

@@ -18,6 +18,7 @@ from src.metrics import (
     KARMeanIoU,
     KARSensitivity,
     OccupancyScores,
+    PrimitiveMiss,
     RayIoU,
     SafetyScores,
 )
@@ -26,12 +27,13 @@ from tests.metrics.inputs import assert_same, coins, random_logits, updated
 
 OPTIONS = {
     SafetyScores: {"tube_radius_m": 4.0},
+    PrimitiveMiss: {"radius_m": 4.0},
     KARSensitivity: {"values": {"horizon_s": (1.5, 5.0), "penalty_scale": (0.0, 2.0, 7.0)}},
 }
 CONFUSIONS = (KARMeanIoU, OccupancyScores, KARBreakdown, SafetyScores)
-OF_VELOCITY = (*CONFUSIONS, KARSensitivity, Calibration)
+OF_VELOCITY = (*CONFUSIONS, KARSensitivity, Calibration, PrimitiveMiss)
 OF_LABELS = (*CONFUSIONS, KARSensitivity, RayIoU)
-EVERY = (*OF_LABELS, Calibration)
+EVERY = (*OF_LABELS, Calibration, PrimitiveMiss)
 EXAMPLES = [path for path in Path("src/metrics").rglob("*.py") if ">>>" in path.read_text()]
 
 
@@ -247,7 +249,7 @@ BAD_BATCHES = {
         "marks of bytes": ("visible:", lambda p, t, v: (p, t, v, None, t)),
         "marks of another shape": ("visible:", lambda p, t, v: (p, t, v, None, t[:1] > 0)),
     },
-    (SafetyScores,): {
+    (SafetyScores, PrimitiveMiss): {
         "speeds": ("velocity:.*not speeds", lambda p, t, v: (p, t, v.norm(dim=-1))),
     },
     (Calibration,): {
@@ -319,6 +321,12 @@ BAD_ARGUMENTS = {
         {"thin_tolerance": -1},
     ],
     (Calibration,): [{"bins": 0}],
+    (PrimitiveMiss,): [
+        *({name: value} for name in ("seconds", "radius_m") for value in (0.0, math.inf)),
+        *({name: []} for name in ("turns_deg_per_s", "climbs_deg")),
+        *({"turns_deg_per_s": [math.nan]}, {"min_speed_mps": -1.0}),
+        *({"phantoms": share} for share in (0.0, 1.0)),
+    ],
     (RayIoU,): [
         {"thresholds_m": thresholds_m}
         for thresholds_m in [(), (0.0,), (1.0, -2.0), (math.nan, 1.0)]

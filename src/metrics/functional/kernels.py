@@ -1,10 +1,13 @@
 """What is compiled for the CPU: the pass over a frame's voxels, and the march of camera rays."""
 
+import math
+
 import numpy as np
 
 from ...jit import njit
 from ...voxels import advance, enter, is_inside
 from .codes import CODES, UNCOUNTED
+from .primitives import CLEAR
 
 
 @njit(nogil=True)
@@ -49,3 +52,59 @@ def march(codes, origin, directions, free_index, classes, distances):
                 if distances[1, n] == np.inf and true != free_index:
                     classes[1, n], distances[1, n] = true, ray.distance
             ray = advance(ray)
+
+
+@njit(nogil=True, error_model="numpy")
+def sweep(codes, logits, paths, ball, radius, free_index, met, known, said, log_odds):
+    """Fills ``met``, ``known``, ``said`` and ``log_odds`` with what every path sweeps (`swept`).
+
+    ``paths`` and ``radius`` are in voxels, and the center of voxel 0 is at 0. ``ball`` are the
+    offsets, from the voxel that a point is in, of all voxels that may be near it. ``logits`` are
+    None where there are only labels.
+    """
+    # Neighbouring points and paths sweep the same voxels: their odds are computed once.
+    odds = np.full((0, 0, 0) if logits is None else codes.shape, -np.inf, np.float32)
+    for n in range(len(paths)):
+        for point in paths[n]:
+            x, y, z = round(point[0]), round(point[1]), round(point[2])
+            nearest = np.inf
+            for offset in ball:
+                i, j, k = x + offset[0], y + offset[1], z + offset[2]
+                if not _holds(codes.shape, i, j, k) or codes[i, j, k] == UNCOUNTED:
+                    continue
+                distance2 = (i - point[0]) ** 2 + (j - point[1]) ** 2 + (k - point[2]) ** 2
+                if distance2 > radius**2:
+                    continue
+
+                predicted, true = codes[i, j, k] & 15, codes[i, j, k] >> 4
+                known[n] = 1
+                said[n] |= predicted != free_index
+                if true != free_index and distance2 < nearest:
+                    nearest, first = distance2, true
+                if logits is not None:
+                    if odds[i, j, k] == -np.inf:
+                        odds[i, j, k] = _log_odds(logits[:, i, j, k], free_index)
+                    # NaN stays: it is refused afterwards.
+                    if not odds[i, j, k] <= log_odds[n]:
+                        log_odds[n] = odds[i, j, k]
+            if nearest < np.inf and met[n] == CLEAR:
+                met[n] = first
+
+
+@njit
+def _holds(shape, i, j, k):
+    return 0 <= i < shape[0] and 0 <= j < shape[1] and 0 <= k < shape[2]
+
+
+@njit(nogil=True, error_model="numpy")
+def _log_odds(scores, free_index):
+    """Returns the logarithm of the odds that a voxel is anything but free."""
+    highest = np.float32(-np.inf)
+    for c in range(len(scores)):
+        if c != free_index:
+            highest = max(highest, scores[c])
+    total = np.float32(0)
+    for c in range(len(scores)):
+        if c != free_index:
+            total += math.exp(scores[c] - highest)
+    return highest + math.log(total) - scores[free_index]
