@@ -1,6 +1,7 @@
 """Every experiment at every scale composes and instantiates; the rungs differ in their factors."""
 
 import re
+from collections import Counter
 
 import lightning
 import pytest
@@ -59,7 +60,7 @@ def test_the_lists_of_this_test_are_complete():
     """Experiments of one's own may stand beside the ladder's."""
     assert {*RUNGS} <= {*names_in("experiment")}
     assert names_in("scale") == sorted(SCALES)
-    assert names_in("split") == sorted(HELD_OUT)
+    assert names_in("split") == sorted([*HELD_OUT, "flights"])
     assert names_in("model/lift") == sorted(LIFTS)
     assert names_in("model/backbone") == sorted(BACKBONES)
 
@@ -78,6 +79,16 @@ def test_a_split_holds_out_all_of_a_town_or_weather(split, values, scale):
     plans = plan_clips(OmegaConf.to_container(cfg.sim, resolve=True))
     held_out = [plan.clip_id for plan in plans if {plan.town, plan.weather} & values]
     assert cfg.data.test_clips == held_out
+    assert not set(cfg.data.val_clips) & set(cfg.data.test_clips)
+
+
+@pytest.mark.parametrize("scale", ["ladder", "paper"])
+def test_held_out_flights_are_three_of_every_town_in_every_weather(scale):
+    cfg = compose_config("+experiment=baseline", f"scale={scale}", "+split=flights")
+    plans = plan_clips(OmegaConf.to_container(cfg.sim, resolve=True))
+    held_out = [plan for plan in plans if plan.clip_id in cfg.data.test_clips]
+    assert Counter(plan.town for plan in held_out) == dict.fromkeys(cfg.sim.towns, 3)
+    assert {plan.weather for plan in held_out} == {*cfg.sim.weathers}
     assert not set(cfg.data.val_clips) & set(cfg.data.test_clips)
 
 

@@ -455,6 +455,7 @@ MISTAKES = {
     "data.history_step_s=0.3": "data.history_step_s: 0.3 s",
     "sim.towns=[atlantis]": "sim.towns: .*'atlantis'.*downtown",
     "data.test_clips=[park/clip99]": "'park/clip99'",
+    "+split=flights": r"data.test_clips: no clip 'suburb/clip03'.*\(24 clips\)",
     "suite.ttc_edges_s=[]": r"suite.ttc_edges_s: \[\] .*numbers",
     "suite.ttc_edges_s=[1.0,2.0] task=score": "predictions: .*predictions=DIR",
     "task=score predictions=nowhere dataset=nowhere": "nowhere",
