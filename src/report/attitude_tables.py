@@ -114,7 +114,7 @@ def _table(
     rows += [(f"{ladder.row_name(key['experiment'])}, over {over}", key) for key in changes]
 
     frames = {each: attitude.resamples[each].frames for each in conditions}
-    heads = [_fault(c) if which == "faults" else _tilt(c, frames[c]) for c in conditions]
+    heads = [_fault(c) if which == "faults" else tilt_in_words(c, frames[c]) for c in conditions]
     columns = [{"condition": c.presented, "part": c.part, "score": SCORE} for c in conditions]
     return Table(
         f"attitude_{which}",
@@ -140,7 +140,8 @@ def _drawn(attitude: AttitudeScores, conditions: Sequence[Condition], names: Seq
     return f"{text} {lost_classes(*columns)}{listed_seeds(seeds, differences=True)}"
 
 
-def _tilt(condition: Condition, frames: int) -> str:
+def tilt_in_words(condition: Condition, frames: int) -> str:
+    """Returns the tilt of a condition's frames, and how many there are."""
     low, high = condition.tilt_low_deg, condition.tilt_high_deg
     bounds = f"{low:g}–{high:g}°" if high < float("inf") else f"from {low:g}°" if low else "all"
     return f"{bounds} ({frames} frames)"

@@ -162,10 +162,11 @@ def beyond_table(parts: Sequence[Part]) -> Table:
 
     text = (
         f"{PERCENT} mIoU of the occupied classes alone; IoU of occupied against free; RayIoU of "
-        "what the camera's rays meet first; of what truly is occupied, the share predicted free: "
-        "in the tube that the UAV's body sweeps, and in the bubble within the horizon. The two "
-        "rates are the better the lower, and lowest for what calls everything occupied: read them "
-        "with the IoU."
+        "what the camera's rays meet first; of the paths that the UAV could fly next and that are "
+        "blocked, the share called clear where 1 % of the clear ones are called blocked, and the "
+        "area under that curve; of what truly is occupied, the share predicted free: in the tube "
+        "that the UAV's body sweeps, and in the bubble within the horizon. These two rates are "
+        "lowest for what calls everything occupied: read them with the IoU."
     )
     frames, clips = parts[0].resamples.blocked
     if frames:

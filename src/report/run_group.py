@@ -34,6 +34,8 @@ BEYOND = {
     "miou_occupied": ("mIoU occupied", "high"),
     "geometric_iou": ("Geometric IoU", "high"),
     "ray_iou": ("RayIoU", "high"),
+    "primitive_miss": ("Primitive miss", "low"),
+    "primitive_auc": ("Primitive AUC", "high"),
     "collision_miss_rate": ("Collision-miss rate", "low"),
     "false_free_rate": ("False-free rate", "low"),
 }
@@ -41,7 +43,7 @@ BEYOND = {
 # Metrics whose many scores have tables of their own, and no place in a report.
 APART = ("breakdown", "calibration", "sensitivity")
 # Metrics of which a report shows the scores above; it shows every score of any other metric.
-KNOWN = ("occupancy", "safety", "rays")
+KNOWN = ("occupancy", "safety", "rays", "primitives")
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,10 @@ from ..errors import UserError
 from ..run_folder import CODE, CONFIG, METRICS, RESULTS, TALLIES
 from .conditions import ATTITUDE, TABLE
 from .counts import Counts
+from .free_bias import FREE_BIAS
 from .runs import ScoredRun
 
-FILES = (CONFIG, CODE, METRICS, RESULTS, f"{ATTITUDE}/{TABLE}")
+FILES = (CONFIG, CODE, METRICS, RESULTS, f"{ATTITUDE}/{TABLE}", f"{FREE_BIAS}/{FREE_BIAS}.csv")
 ENDING = ".zip"
 
 # Gives a text in which unpacked files have the name of their archive.
@@ -47,7 +48,8 @@ def publish_runs(
                 folder = place / run.experiment / f"seed{run.seed}"
                 anchors = run.anchors.values() if run is runs[0] else ()
                 counts = {f"{TALLIES}/{each.name}.npz": each for each in (run.counts, *anchors)}
-                for file in sorted((run.path / ATTITUDE / TALLIES).glob("*.npz")):
+                beside = (run.path / name / TALLIES for name in (ATTITUDE, FREE_BIAS))
+                for file in sorted(file for place in beside for file in place.glob("*.npz")):
                     counts[file.relative_to(run.path).as_posix()] = Counts.read(file)
 
                 for name in FILES:

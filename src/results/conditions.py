@@ -20,8 +20,6 @@ from .runs import ScoredRun
 
 # The folder of task=attitude in a run's folder, and its table.
 ATTITUDE, TABLE = "attitude", "attitude.csv"
-# That of task=free_bias, and the name of its table.
-FREE_BIAS = "free_bias"
 
 # The condition of frames that are presented with their true attitude, and with that of a UAV that
 # flies level.

@@ -156,6 +156,19 @@ class Resamples:
             return torch.zeros(1, dtype=torch.float64) if pairs else None
         return self._mean([a[score] - b[score] for a, b in pairs if score in a and score in b])
 
+    def combined(self, weights: Mapping[str, float], score: str) -> Float[Tensor, "1+r"] | None:
+        """Returns a weighted sum of experiments, over the seeds that all of them have; ``None``
+        where there is none. What they share in a resample cancels where the weights add up to 0.
+        """
+        of_all = [self.samples.get(experiment, {}) for experiment in weights]
+        seeds = [seed for seed in of_all[0] if all(score in of.get(seed, {}) for of in of_all)]
+        return self._mean(
+            [
+                sum(weight * of[seed][score] for weight, of in zip(weights.values(), of_all))
+                for seed in seeds
+            ]
+        )
+
     def table(self, references: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
         """Returns the rows of every seed, of the means, and of the differences from references."""
         rows = []

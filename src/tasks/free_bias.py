@@ -18,8 +18,8 @@ from ..atomic import replacing_folder
 from ..data.truth import truth_of
 from ..errors import UserError
 from ..ontology import FREE
-from ..results.conditions import FREE_BIAS
 from ..results.files import write_table
+from ..results.free_bias import FREE_BIAS
 from ..run_folder import TALLIES
 from ..terminal import say, tracked
 from .counting import SCORE

@@ -43,11 +43,13 @@ def report(
     rungs: Sequence[str] = (),
     seeds: Sequence[int] = (),
     publish: bool = False,
+    cube: Sequence[str] = (),
 ) -> None:
     """Writes the tables, figures and pages of `_write` to ``out``, and prints the main tables.
 
     Without ``runs`` it takes all of the scale, and without ``rungs`` the ladder is the paper's;
-    runs of ``seeds`` that are not there are named as missing. With ``publish`` it leaves
+    runs of ``seeds`` that are not there are named as missing. The experiments of a ``cube`` have
+    tables of what each factor adds. With ``publish`` it leaves
     ``runs.zip``, too, from which the report is made again. Of so many ``scenes`` it shows what the
     lowest and the highest rung predict, where the dataset and their checkpoints are there. Raises
     `UserError` where no run is finished, a run cannot be read, or runs may not be put beside each
@@ -62,11 +64,11 @@ def report(
 
     with unpacked(places) as (folders, named):
         finished, unfinished = _read(folders, folder, named)
-        _require_experiments(rungs, {run.experiment for run in (*finished, *unfinished)})
+        _require_experiments((*rungs, *cube), {run.experiment for run in (*finished, *unfinished)})
         groups = groups_of(finished, mixed, ladder)
         with Console().status("resampling"):
             attitude = AttitudeScores.of(read_conditions(groups[0].runs), ladder)
-            made = ladder_report(groups, unfinished, parts_of, attitude, list(seeds))
+            made = ladder_report(groups, unfinished, parts_of, attitude, list(seeds), list(cube))
         curves = learning_curves(made.named_runs)
         shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes, ladder)
         made = replace(made, missing=(*made.missing, *map(named, shown.missing)))
@@ -110,7 +112,8 @@ def _require_experiments(rungs: Sequence[str], trained: Collection[str]) -> None
     for name in rungs:
         if name not in known:
             raise UserError(
-                f"task.rungs: no run and no experiment is called {name!r}{closest(name, known)} "
+                f"task.rungs/task.cube: no run and no experiment is called {name!r}"
+                f"{closest(name, known)} "
                 f"there are {', '.join(sorted(known))}"
             )
 
