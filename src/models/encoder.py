@@ -3,7 +3,8 @@
 from collections.abc import Callable
 
 import torch
-from torch import nn
+from jaxtyping import Float
+from torch import Tensor, nn
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
@@ -100,10 +101,17 @@ class PillarEncoder(nn.Module):
         self.norm = nn.LayerNorm(dim)
 
     def frame(
-        self, features: Features, references: References, evidence: Evidence | None = None
+        self,
+        features: Features,
+        references: References,
+        evidence: Evidence | None = None,
+        told: Float[Tensor, "b 1 dim"] | None = None,
     ) -> Pillars:
-        """Pillars of a frame from its image alone; ``references`` are from ``self.references``."""
+        """Pillars of a frame from its image alone; ``references`` are from ``self.references``, and
+        ``told`` is added to every query."""
         pillars = (self.query + self.row + self.column).flatten(0, 1)[None]
+        if told is not None:
+            pillars = pillars + told
         for layer in self.frame_layers:
             pillars = layer(pillars, features, references, evidence)
         return self.frame_norm(pillars).expand(len(references.valid), -1, -1)

@@ -5,6 +5,7 @@ from contextlib import nullcontext
 from typing import Literal, NamedTuple, get_args
 
 import torch
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from ..bounds import require_at_least, require_choice
@@ -55,15 +56,17 @@ class SkyOcc(nn.Module):
 
     ``backbone`` is a `ResNet`, or any module with its call and ``channels``. ``metadata`` names the
     measurements (`Metadata`) that are added to the pillars after the lifting: before it, deformable
-    offsets could learn the tilt. With ``ground`` the encoder's and the decoder's grid stands on the
-    ground plane, else it is the occ frame's. ``sight`` says what the pixels see, which is a task of
-    its own in training; ``evidence`` brings it to the references, for a lifting that reads it and
-    for the decoder. With ``history_grad`` gradients also flow into
-    the past frames. With ``checkpointing`` training keeps less in memory and computes blocks and
-    layers twice.
+    offsets could learn the tilt. With ``metadata_first``, for a network without history, they are
+    added to the queries, as in BEVFormer. With ``ground`` the encoder's and the decoder's grid
+    stands on the ground plane, else it is the occ frame's. ``sight`` says what the pixels see,
+    which is a task of its own in training; ``evidence`` brings it to the references, for a lifting
+    that reads it and for the decoder. With ``history_grad`` gradients also flow into the past
+    frames. With ``checkpointing`` training keeps less in memory and computes blocks and layers
+    twice.
 
-    Raises `UserError` for another ``history``, for other ``metadata``, and for a lifting that does
-    not go with the ``sight``: it reads no level as fine, or what is not there.
+    Raises `UserError` for another ``history``, for other ``metadata``, for ``metadata_first`` with
+    a history, and for a lifting that does not go with the ``sight``: it reads no level as fine, or
+    what is not there.
     """
 
     def __init__(
@@ -73,6 +76,7 @@ class SkyOcc(nn.Module):
         decoder: PillarDecoder,
         history: HistoryKind = "queue",
         metadata: Sequence[str] = ("attitude", "velocity"),
+        metadata_first: bool = False,
         ground: GroundVolume | None = None,
         sight: SightHead | None = None,
         evidence: VoxelEvidence | None = None,
@@ -89,6 +93,10 @@ class SkyOcc(nn.Module):
         if hasattr(backbone, "freeze_unread"):
             backbone.freeze_unread(self.neck.finest)
         self.metadata = Metadata(dim, metadata) if metadata != [] else None
+        self.metadata_first = metadata_first
+        # Only those of the current frame are measured, and a past one is lifted with its own.
+        if metadata_first and encoder.num_frames > 1:
+            raise UserError("model.metadata_first: true is without history; give data.frames=1")
         self.ground, self.sight, self.evidence = ground, sight, evidence
         _require_fitting(sight, evidence, encoder, decoder)
         self.history, self.history_grad = history, history_grad
@@ -173,7 +181,8 @@ class SkyOcc(nn.Module):
             sight = self.sight(features[0], references, self.ground is not None)
         if self.evidence is not None:
             evidence = self.evidence(sight, features[0], references)
-        pillars = self.encoder.frame(features, references, evidence)
+        told = self._told(batch) if self.metadata_first else None
+        pillars = self.encoder.frame(features, references, evidence, told)
         return Frame(features, references, pillars, sight, evidence)
 
     def features(self, image: Image) -> Features:
@@ -196,10 +205,13 @@ class SkyOcc(nn.Module):
     ) -> Logits:
         """Returns the logits of the current frame, from its pillars, the evidence of its pixels and
         measurements of the UAV."""
-        if self.metadata is not None:
-            pillars = pillars + self.metadata(batch)[:, None]
+        if not self.metadata_first and (told := self._told(batch)) is not None:
+            pillars = pillars + told
         logits = self.decoder(pillars, evidence)
         return logits if self.ground is None else self.ground(logits, batch["height_m"])
+
+    def _told(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 1 dim"] | None:
+        return None if self.metadata is None else self.metadata(batch)[:, None]
 
     def _encode_past(
         self, batch: Mapping[str, Tensor], at: int, rows: Tensor, before: Sequence[Tensor]

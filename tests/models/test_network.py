@@ -242,6 +242,22 @@ def test_metadata_enter_after_the_lifting_and_can_be_left_out(batch):
     assert without(other).equal(without(batch))
 
 
+@pytest.mark.parametrize("first", [False, True])
+def test_metadata_may_enter_before_the_lifting(first):
+    batch = build_batch(frames=1)
+    other = clone(batch)
+    other["velocity_mps"] += 1.0
+    encoder = {"num_frames": 1, "num_layers": 2}
+    network = build_network(encoder=encoder, metadata_first=first).eval()
+    pillars = [network.encode(each, -1).pillars for each in (batch, other)]
+    assert pillars[0].allclose(pillars[1]) is not first
+    assert not network(other).allclose(network(batch))
+    require_finite_step(network.train(), batch)
+
+    with pytest.raises(UserError, match=r"^model\.metadata_first: .*data\.frames=1"):
+        build_network(metadata_first=True)
+
+
 @pytest.mark.parametrize("name", ["attitude", "velocity", "height"])
 def test_each_of_the_metadata_is_told_by_its_name_alone(batch, name):
     keys = {"attitude": "attitude_rad", "velocity": "velocity_mps", "height": "height_m"}
