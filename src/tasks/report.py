@@ -13,8 +13,10 @@ from ..errors import UserError, closest
 from ..metrics.suite import import_metrics
 from ..report.attitude import draw_report_attitude
 from ..report.attitude_tables import AttitudeScores
+from ..report.cube_figure import CUBE, draw_cube
 from ..report.ladder import ladder_named
 from ..report.ladder_report import LadderReport, ladder_report
+from ..report.lr_search import search_table
 from ..report.report_page import learning_curves, write_report_page
 from ..report.report_text import report_text
 from ..report.run_group import APART, groups_of
@@ -44,16 +46,17 @@ def report(
     seeds: Sequence[int] = (),
     publish: bool = False,
     cube: Sequence[str] = (),
+    search: Sequence[str] = (),
 ) -> None:
     """Writes the tables, figures and pages of `_write` to ``out``, and prints the main tables.
 
     Without ``runs`` it takes all of the scale, and without ``rungs`` the ladder is the paper's;
     runs of ``seeds`` that are not there are named as missing. The experiments of a ``cube`` have
-    tables of what each factor adds. With ``publish`` it leaves
-    ``runs.zip``, too, from which the report is made again. Of so many ``scenes`` it shows what the
-    lowest and the highest rung predict, where the dataset and their checkpoints are there. Raises
-    `UserError` where no run is finished, a run cannot be read, or runs may not be put beside each
-    other and ``mixed`` does not allow it.
+    tables of what each factor adds, and the runs of a ``search`` one of their learning rates. With
+    ``publish`` it leaves ``runs.zip``, too, from which the report is made again. Of so many
+    ``scenes`` it shows what the lowest and the highest rung predict, where the dataset and their
+    checkpoints are there. Raises `UserError` where no run is finished, a run cannot be read, or
+    runs may not be put beside each other and ``mixed`` does not allow it.
     """
     import_metrics(cfg.suite)
     folder, ladder = Path(out), ladder_named(list(rungs))
@@ -69,11 +72,15 @@ def report(
         with Console().status("resampling"):
             attitude = AttitudeScores.of(read_conditions(groups[0].runs), ladder)
             made = ladder_report(groups, unfinished, parts_of, attitude, list(seeds), list(cube))
+        if search:
+            searched = search_table([Path(str(place)) for place in search], list(cube), folder)
+            made = replace(made, tables=(*made.tables, searched))
         curves = learning_curves(made.named_runs)
         shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes, ladder)
         made = replace(made, missing=(*made.missing, *map(named, shown.missing)))
 
         figures = shown.figures | draw_report_attitude(attitude, folder / FIGURES)
+        figures |= draw_cube(made.table, folder / FIGURES)
         heading = f"Report of {made.runs[0].counts.protocol.dataset}"
         _write(made, heading, figures, folder)
         write_report_page(made, heading, curves, figures, shown.scenes, folder / PAGE)
@@ -121,7 +128,7 @@ def _require_experiments(rungs: Sequence[str], trained: Collection[str]) -> None
 def _write(made: LadderReport, heading: str, figures: Mapping[Path, str], folder: Path) -> None:
     """Writes ``report.md``, the long table and the tables of the report; the figures are there."""
     # A figure of an earlier report would be taken for a part of this one.
-    for name in {COMPARISON, TILT, "attitude.png"} - {path.name for path in figures}:
+    for name in {COMPARISON, TILT, "attitude.png", CUBE} - {path.name for path in figures}:
         (folder / FIGURES / name).unlink(missing_ok=True)
 
     write_table(made.scores, folder / SCORES)

@@ -5,12 +5,14 @@ from itertools import product
 
 import pandas as pd
 import pytest
+import yaml
+from PIL import Image
 
 from src.errors import UserError
 from src.report.cube import FACTORS, effects
 from tests.results.presented import write_attitude
 from tests.results.scored import FACTORS as SETTINGS
-from tests.results.scored import WEIGHTS, write_ladder, write_run
+from tests.results.scored import WEIGHTS, config_of, write_ladder, write_run
 from tests.tasks.test_report_task import reported, table
 
 OTHERS = {
@@ -141,3 +143,41 @@ def test_what_is_no_cube_is_refused(runs):
     write_run(runs, "wide", 0, data__batch_size=2)
     with pytest.raises(UserError, match=r"differ in data\.batch_size: .*wide 2; leave"):
         reported(runs, cube=["baseline", "wide"])
+
+
+def test_the_picture_is_of_the_tables_that_there_are(runs, tmp_path):
+    out = reported(runs, out=tmp_path / "out", cube=NAMES)
+    with Image.open(out / "figures/cube.png") as image:
+        assert image.width > 1000
+    assert "cube.png" in (out / "report.md").read_text()
+    reported(runs, out=out)
+    assert not (out / "figures/cube.png").exists()
+
+
+def write_search(folder, name, lr, *scores):
+    """A short run of a search, as far as its table reads it."""
+    place = folder / f"{lr}/tiny/{name}/seed0"
+    place.mkdir(parents=True)
+    (place / "config.yaml").write_text(yaml.safe_dump(config_of(name, 0, optimizer__lr=lr)))
+    log = "".join(f"{score}\n" for score in scores)
+    (place / "metrics.csv").write_text("val/kar_miou\n" + log)
+    return place
+
+
+def test_the_search_shows_the_best_epoch_of_each_rate(runs, tmp_path):
+    write_search(tmp_path / "search", "skyocc", 0.001, 0.1, 0.3, 0.2)
+    write_search(tmp_path / "search", "skyocc", 0.002, 0.4)
+    write_search(tmp_path / "search", "baseline", 0.002, 0.05)
+    out = reported(runs, out=tmp_path / "out", cube=NAMES, search=[tmp_path / "search"])
+    shown = table(out, "lr_search")
+    assert list(shown.columns) == ["baseline", "skyocc"]
+    assert shown["skyocc"].to_list() == [30, 40]
+    assert shown["baseline"].isna().to_list() == [True, False]
+    assert "8 epochs of 1 of the frames, seed 0" in (out / "report.md").read_text()
+
+    twin = write_search(tmp_path / "again", "skyocc", 0.002, 0.4)
+    with pytest.raises(UserError, match=r"second run of skyocc with optimizer\.lr=0\.002"):
+        reported(runs, search=[tmp_path / "search", tmp_path / "again"])
+    (twin / "metrics.csv").unlink()
+    with pytest.raises(UserError, match=r"again/0\.002/.* has no metrics\.csv"):
+        reported(runs, search=[tmp_path / "again"])
