@@ -77,8 +77,9 @@ def bounds(
     data, samples = session.data, session.data.split["test"]
     protocol = protocol_of(cfg, data, len(samples))
     trained = read_scored(list(map(str, runs)))
-    of_runs = {name: each.protocol for name, each in trained.items()}
-    require_same_protocol({data.root.name: protocol} | of_runs)
+    protocols = {data.root.name: protocol} | {name: of.protocol for name, of in trained.items()}
+    # Of the suite only the occupancy is read here, whose settings the protocol has apart.
+    require_same_protocol({name: replace(each, suite={}) for name, each in protocols.items()})
     reached = [_depth_error(Path(str(run))) for run in runs]
 
     sights = list(dict.fromkeys(_sights(depth_error, attitude_deg, cfg.data.frames)))
