@@ -18,7 +18,10 @@ from .counts import Counts
 from .free_bias import FREE_BIAS
 from .runs import ScoredRun
 
-FILES = (CONFIG, CODE, METRICS, RESULTS, f"{ATTITUDE}/{TABLE}", f"{FREE_BIAS}/{FREE_BIAS}.csv")
+FILES = (
+    *(CONFIG, CODE, METRICS, RESULTS, "class_weights.json"),
+    *(f"{ATTITUDE}/{TABLE}", f"{FREE_BIAS}/{FREE_BIAS}.csv"),
+)
 ENDING = ".zip"
 
 # Gives a text in which unpacked files have the name of their archive.
@@ -35,7 +38,7 @@ def publish_runs(
     groups: Sequence[Sequence[ScoredRun]], path: Path, without: Collection[str]
 ) -> None:
     """Writes ``<experiment>/seed<k>`` of every run into an archive: its configuration, code digest,
-    curves and results, and its counts by clip but those of the metrics ``without``.
+    curves, class weights and results, and its counts by clip but those of the metrics ``without``.
 
     The anchors are the same beside every run of a group, so they are written once. Further groups
     of a mixed report have folders of their own, ``group2`` and so on. Raises `UserError` for a file
@@ -48,8 +51,8 @@ def publish_runs(
                 folder = place / run.experiment / f"seed{run.seed}"
                 anchors = run.anchors.values() if run is runs[0] else ()
                 counts = {f"{TALLIES}/{each.name}.npz": each for each in (run.counts, *anchors)}
-                beside = (run.path / name / TALLIES for name in (ATTITUDE, FREE_BIAS))
-                for file in sorted(file for place in beside for file in place.glob("*.npz")):
+                further = [run.path / name / TALLIES for name in (ATTITUDE, FREE_BIAS)]
+                for file in sorted(file for tallies in further for file in tallies.glob("*.npz")):
                     counts[file.relative_to(run.path).as_posix()] = Counts.read(file)
 
                 for name in FILES:
