@@ -95,11 +95,7 @@ class PrimitiveMiss(VoxelMetric):
         of the log-odds], and ``clear`` [bin], where there are logits; and all of them as ``said``
         [truly blocked, called blocked]."""
         codes = self.codes(preds, target, mask)
-        if velocity.shape != (len(target), 3):
-            raise UserError(
-                f"velocity: shape {list(velocity.shape)} is not [{len(target)}, 3]; primitives "
-                "need velocities in the occ frame, not speeds"
-            )
+        F.require_directions(velocity, len(target), "a primitive")
         if preds.is_floating_point():
             logits = preds
         speeds_mps = F.speeds(velocity, batch=len(target))

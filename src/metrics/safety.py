@@ -93,11 +93,7 @@ class SafetyScores(PenalizedConfusion):
         occupied, predicted occupied]; ``frames`` by what their tube came to; ``thin`` voxels: all,
         hit, hit nearby. Raises `UserError` also for speeds: the tube needs the direction.
         """
-        if velocity.shape != (len(target), 3):
-            raise UserError(
-                f"velocity: shape {list(velocity.shape)} is not [{len(target)}, 3]; the tube needs "
-                "velocities in the occ frame, not speeds"
-            )
+        F.require_directions(velocity, len(target), "the tube")
         codes = self.codes(preds, target, mask)
         speeds_mps = F.speeds(velocity, batch=len(target))
         tables = self.stacked([{"tube": self._tube(*frame)} for frame in zip(codes, velocity)])

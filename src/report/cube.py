@@ -36,10 +36,12 @@ Vertex = tuple[bool, bool, bool]
 def vertices_of(runs: Sequence[ScoredRun], names: Sequence[str]) -> dict[Vertex, str]:
     """Returns the experiments of the cube that have a run, by the factors that they have.
 
-    Raises `UserError` where two of them have the same factors, seeds of one have other factors, or
-    they differ in a setting beside the factors, the seed and the learning rate.
+    Raises `UserError` where none of them has a run, two have the same factors, seeds of one have
+    other factors, or they differ in a setting beside the factors, the seed and the learning rate.
     """
     mine = [run for run in runs if run.experiment in names]
+    if names and not mine:
+        raise UserError(f"task.cube: no finished run is of {', '.join(names)}")
     for key, by_experiment in differing(mine).items():
         if key not in (*FACTOR_KEYS, SEED, TUNED):
             values = "; ".join(f"{name} {' or '.join(of)}" for name, of in by_experiment.items())
@@ -90,16 +92,15 @@ def _comparison(chosen: Sequence[int], held: Mapping[int, bool]) -> dict[Vertex,
 
 def cube_tables(
     runs: Sequence[ScoredRun],
-    names: Sequence[str],
+    vertices: Mapping[Vertex, str],
     parts: Mapping[str, Resamples],
     attitude: AttitudeScores,
 ) -> list[Table]:
     """Returns the effects on every part of the test split; at the weight of free that validation
     prefers, where all models were scored with that; and that of the attitude by tilt, where all
-    were scored so. Raises `UserError` as `vertices_of` does, and where no model is there."""
-    vertices = vertices_of(runs, names)
+    were scored so. Without ``vertices`` there is none."""
     if not vertices:
-        raise UserError(f"task.cube: no finished run is of {', '.join(names)}")
+        return []
 
     tables = []
     for part, resamples in parts.items():

@@ -10,7 +10,7 @@ from ..results.render import Table
 from ..results.runs import ScoredRun, UnfinishedRun
 from ..results.table import Parts, joined
 from .attitude_tables import AttitudeScores, attitude_tables
-from .cube import cube_tables
+from .cube import cube_tables, vertices_of
 from .paper_tables import paper_tables
 from .run_group import RunGroup, long_table
 from .shared_settings import (
@@ -74,10 +74,11 @@ def ladder_report(
     ``parts_of`` gives the parts of the test split for the clips that were never trained on,
     ``seeds`` are those that every rung is to have, beside the ones that are there, and ``cube``
     names experiments whose factors' effects are told. Raises `UserError` for counts and results
-    that do not belong together, and as `cube_tables` does.
+    that do not belong together, and as `vertices_of` does.
     """
     runs = [run for group in groups for run in group.runs]
     ladder, rungs = groups[0].ladder, groups[0].rungs
+    vertices = vertices_of(groups[0].runs, cube)
     # Tables of differences are of the first group; others only have rows beside it.
     parts, *further = [group.parts(parts_of) for group in groups]
     of_others = [part for of_group in further for part in of_group]
@@ -87,9 +88,8 @@ def ladder_report(
     for part in parts:
         same = [each for each in of_others if each.name == part.name]
         tables += paper_tables(part, same, marks, frames)
-    if cube:
-        of_parts = {part.name: part.resamples for part in parts}
-        tables += cube_tables(groups[0].runs, cube, of_parts, attitude)
+    of_parts = {part.name: part.resamples for part in parts}
+    tables += cube_tables(groups[0].runs, vertices, of_parts, attitude)
     return LadderReport(
         groups=tuple(groups),
         tables=(*tables, *attitude_tables(attitude)),

@@ -33,8 +33,8 @@ def search_table(places: Sequence[Path], order: Sequence[str], out: Path) -> Tab
         keys = ("trainer.max_epochs", "trainer.limit_train_batches", "seed")
         samples.add(tuple(value_at(config, key) for key in keys))
 
-    places_of = {name: n for n, name in enumerate(order)}
-    names = sorted({name for _, name in scores}, key=lambda name: (places_of.get(name, 99), name))
+    found = {name for _, name in scores}
+    names = [name for name in order if name in found] + sorted(found - {*order})
     rates = sorted({lr for lr, _ in scores})
     rows: list[Row] = [
         (f"{lr:g}", [Cell(scores[lr, name]) if (lr, name) in scores else None for name in names])

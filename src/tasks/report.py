@@ -65,6 +65,9 @@ def report(
         raise UserError(f"task.seeds: {strange[0]!r} is no seed; give whole numbers")
     places = [Path(str(place)) for place in runs] or [Path(cfg.paths.runs) / cfg.scale_name]
 
+    searches = [Path(str(place)) for place in search]
+    searched = [search_table(searches, list(cube), folder)] if searches else []
+
     with unpacked(places) as (folders, named):
         finished, unfinished = _read(folders, folder, named)
         _require_experiments((*rungs, *cube), {run.experiment for run in (*finished, *unfinished)})
@@ -72,9 +75,7 @@ def report(
         with Console().status("resampling"):
             attitude = AttitudeScores.of(read_conditions(groups[0].runs), ladder)
             made = ladder_report(groups, unfinished, parts_of, attitude, list(seeds), list(cube))
-        if search:
-            searched = search_table([Path(str(place)) for place in search], list(cube), folder)
-            made = replace(made, tables=(*made.tables, searched))
+        made = replace(made, tables=(*made.tables, *searched))
         curves = learning_curves(made.named_runs)
         shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes, ladder)
         made = replace(made, missing=(*made.missing, *map(named, shown.missing)))

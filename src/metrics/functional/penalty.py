@@ -83,6 +83,15 @@ def speeds(velocity: Velocity, batch: int) -> list[float]:
     return speeds_mps
 
 
+def require_directions(velocity: Velocity, batch: int, what: str) -> None:
+    """Raises `UserError` for anything but the velocities of a batch, which ``what`` needs."""
+    if velocity.shape != (batch, 3):
+        raise UserError(
+            f"velocity: shape {list(velocity.shape)} is not [{batch}, 3]; {what} needs velocities "
+            "in the occ frame, not speeds"
+        )
+
+
 def distance_shells(grid: VoxelGrid) -> tuple[Float[Tensor, "s"], Int[Tensor, "v"]]:
     """Returns the distinct distances of voxel centers from the UAV in metres, ascending, and which
     of them each voxel has.
