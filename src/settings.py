@@ -120,7 +120,10 @@ def _require_sound_files(groups: Sequence[Override], where: Sequence[str]) -> Di
     chosen = [override.input_line for override in groups]
     composed = compose("config", [*chosen, *where], return_hydra_config=True)
     before = OmegaConf.masked_copy(composed, [key for key in composed if key != "hydra"])
-    choices, defaults = composed.hydra.runtime.choices, _default_choices()
+    choices = composed.hydra.runtime.choices
+    # A task may bring groups of its own.
+    task = f"task={choices['task']}"
+    defaults = _default_choices(task)
 
     files = {each.key_or_group: choices[each.key_or_group] for each in groups if each.is_add()}
     for group, choice in files.items():
@@ -135,14 +138,14 @@ def _require_sound_files(groups: Sequence[Override], where: Sequence[str]) -> Di
         if group not in files and not group.startswith("hydra/") and choice != defaults.get(group)
     ]
     names = ", ".join(f"{group}={choice}" for group, choice in files.items())
-    require_set_soundly(compose("config", [*factors, *where]), before, names)
+    require_set_soundly(compose("config", [task, *factors, *where]), before, names)
     return before
 
 
 @cache
-def _default_choices() -> dict[str, str]:
-    """Returns the option of every group where the command line chooses none."""
-    return dict(compose("config", return_hydra_config=True).hydra.runtime.choices)
+def _default_choices(task: str) -> dict[str, str]:
+    """Returns the option of every group where the command line chooses none but the task."""
+    return dict(compose("config", [task], return_hydra_config=True).hydra.runtime.choices)
 
 
 def add_named_weathers(cfg: DictConfig, of_hydra: Sequence[str]) -> None:

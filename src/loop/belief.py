@@ -1,0 +1,148 @@
+"""What is believed about the space ahead, and how it is gathered into a map of the world."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..errors import UserError
+from ..geometry import VoxelGrid
+from ..jit import njit
+from ..sim.voxel_kernels import Lattice
+
+# Of one observation, so that no single one is final.
+SUREST = 0.98
+# Of the whole evidence for a cell, in nats: what is seen anew soon outweighs what was seen before.
+LEAST, MOST = -2.0, 3.5
+# What may drive off counts as never seen below this, in nats.
+FORGOTTEN = 0.5
+
+
+class Belief(NamedTuple):
+    """What a perception says of one frame, in that frame's occ frame.
+
+    ``occupied`` is the probability that a voxel is occupied; ``known`` tells of which voxels that
+    says anything; ``movable`` marks those that are, if anything, of a class that may drive off.
+    """
+
+    occupied: Float[np.ndarray, "X Y Z"]
+    known: Bool[np.ndarray, "X Y Z"]
+    movable: Bool[np.ndarray, "X Y Z"]
+
+
+class BeliefMap:
+    """Log-odds of occupied in the cells of a lattice that lies still in the world around the UAV.
+
+    It moves along by whole cells and forgets what it leaves. What may drive off it forgets wherever
+    it is not seen again: the log-odds shrink with the time constant ``forget_s``. ``shape`` counts
+    cells, of the side of the beliefs' voxels.
+    """
+
+    def __init__(self, shape: tuple[int, int, int], cell_m: float, forget_s: float) -> None:
+        self.cell_m, self.forget_s = cell_m, forget_s
+        self.log_odds = np.zeros(shape, dtype=np.float32)
+        self.seen, self.movable = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+        self.first: np.ndarray | None = None
+
+    @property
+    def lower_m(self) -> Float[np.ndarray, "3"]:
+        """The lower corner of the first cell, in the world."""
+        return self.first * self.cell_m
+
+    def update(
+        self,
+        belief: Belief,
+        grid: VoxelGrid,
+        world_from_occ: Float[np.ndarray, "4 4"],
+        passed_s: float,
+    ) -> None:
+        """Moves along with the UAV and adds a belief, ``passed_s`` after the last one.
+
+        A cell takes the highest probability of the known voxels whose centers it holds. Raises
+        `UserError` for a belief that holds no probabilities.
+        """
+        if not ((belief.occupied >= 0) & (belief.occupied <= 1)).all():
+            raise UserError("the belief holds NaN, or what is no probability; look at the network")
+        self._move_to(world_from_occ[:3, 3])
+        self.log_odds[self.movable] *= math.exp(-passed_s / self.forget_s)
+        forgotten = self.movable & (np.abs(self.log_odds) < FORGOTTEN)
+        self.log_odds[forgotten], self.seen[forgotten] = 0.0, False
+
+        held = np.full(self.log_odds.shape, -1.0, dtype=np.float32)
+        lattice = Lattice(self.lower_m, self.cell_m)
+        arrays = np.asarray(belief.occupied, np.float32), belief.known, belief.movable
+        _gather(held, self.movable, *arrays, Lattice.of(grid), world_from_occ, lattice)
+        told = held >= 0
+        sure = np.clip(held[told], 1 - SUREST, SUREST)
+        evidence = self.log_odds[told] + np.log(sure / (1 - sure))
+        self.log_odds[told] = np.clip(evidence, LEAST, MOST)
+        self.seen |= told
+
+    def occupied(self, threshold: float) -> Bool[np.ndarray, "X Y Z"]:
+        """Returns the cells that are more likely occupied than the threshold, in 0 to 1."""
+        return self.seen & (self.log_odds > math.log(threshold / (1 - threshold)))
+
+    def probability_near(self, place_m: Float[np.ndarray, "3"], reach_m: float) -> float:
+        """Returns the highest probability of occupied of the cells whose centers are near a place;
+        0 where nothing there was seen."""
+        cell = (place_m - self.lower_m) / self.cell_m - 0.5
+        reach = reach_m / self.cell_m
+        low = np.maximum(np.ceil(cell - reach), 0).astype(int)
+        high = np.minimum(np.floor(cell + reach) + 1, self.log_odds.shape).astype(int)
+        part = tuple(map(slice, low, np.maximum(high, low)))
+        seen = self.log_odds[part][self.seen[part]]
+        return float(1 / (1 + np.exp(-seen.max()))) if seen.size else 0.0
+
+    def copy(self) -> "BeliefMap":
+        """Returns the map as it is now."""
+        other = BeliefMap(self.log_odds.shape, self.cell_m, self.forget_s)
+        other.first = self.first
+        for name in ("log_odds", "seen", "movable"):
+            setattr(other, name, getattr(self, name).copy())
+        return other
+
+    def _move_to(self, place_m: Float[np.ndarray, "3"]) -> None:
+        """Puts the middle of the lattice at a place, to whole cells."""
+        shape = np.array(self.log_odds.shape)
+        first = np.round(place_m / self.cell_m).astype(int) - shape // 2
+        if self.first is not None:
+            moved = first - self.first
+            for name in ("log_odds", "seen", "movable"):
+                setattr(self, name, _shifted(getattr(self, name), moved))
+        self.first = first
+
+
+def _shifted(array: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Returns the part of an endless array of zeros that begins so many cells farther along."""
+    result = np.zeros_like(array)
+    if (np.abs(cells) >= array.shape).any():
+        return result
+    pairs = [
+        (slice(max(n, 0), min(n, 0) or None), slice(max(-n, 0), min(-n, 0) or None)) for n in cells
+    ]
+    result[tuple(to for _, to in pairs)] = array[tuple(of for of, _ in pairs)]
+    return result
+
+
+@njit
+def _gather(held, movable, occupied, known, may_move, voxels, world_from_occ, cells):
+    """Writes the highest probability of the voxels in each cell, and whether that one may move."""
+    place = np.empty(3)
+    for i in range(occupied.shape[0]):
+        for j in range(occupied.shape[1]):
+            for k in range(occupied.shape[2]):
+                if not known[i, j, k]:
+                    continue
+                x = voxels.lower_m[0] + (i + 0.5) * voxels.side_m
+                y = voxels.lower_m[1] + (j + 0.5) * voxels.side_m
+                z = voxels.lower_m[2] + (k + 0.5) * voxels.side_m
+                for a in range(3):
+                    of_x, of_y, of_z, offset = world_from_occ[a]
+                    place[a] = of_x * x + of_y * y + of_z * z + offset - cells.lower_m[a]
+                u, v, w = np.floor(place / cells.side_m)
+                if 0 <= u < held.shape[0] and 0 <= v < held.shape[1] and 0 <= w < held.shape[2]:
+                    cell = int(u), int(v), int(w)
+                    if occupied[i, j, k] > held[cell]:
+                        held[cell] = occupied[i, j, k]
+                        movable[cell] = may_move[i, j, k]

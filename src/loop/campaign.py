@@ -1,0 +1,150 @@
+"""Missions and flights of one configuration, in worker processes."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, as_completed
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, fields
+
+from hydra.utils import instantiate
+
+from ..errors import UserError
+from ..geometry import VoxelGrid
+from ..sim.traffic import TrafficConfig
+from ..worker_pool import worker_pool
+from .camera import FrontCamera
+from .flight import Flown, Rules, fly
+from .mission import Mission
+from .outcome import Row, row_of
+from .perception import Truth
+from .stage import Stage
+
+ROUTE = tuple(field.name for field in fields(Mission))
+
+
+@dataclass(frozen=True)
+class Job:
+    """A mission and the part of the experiment that it belongs to."""
+
+    mission: Mission
+    stratum: str
+
+    @classmethod
+    def of(cls, row: Mapping) -> "Job":
+        """Returns the job of a row of ``missions.csv``."""
+        return cls(Mission(**{name: row[name] for name in ROUTE}), str(row["stratum"]))
+
+
+class Campaign:
+    """All that flies: perception, planner, airframe and camera, made from a configuration.
+
+    ``config`` is the composed configuration as plain data. Raises `UserError` where a part is set
+    out of range, for a planner that is faster than the camera, and for a perception that knows
+    other voxels than the task's.
+    """
+
+    def __init__(self, config: Mapping) -> None:
+        task, sim = config["task"], config["sim"]
+        self.grid = VoxelGrid(**task["grid"])
+        self.rules = Rules(**task["rules"])
+        if self.rules.plan_hz > sim["capture_hz"]:
+            raise UserError(
+                f"task.rules.plan_hz: {self.rules.plan_hz}; the camera takes sim.capture_hz="
+                f"{sim['capture_hz']} frames a second, and each plan wants a new one"
+            )
+        # Traffic is not told where the UAV flies: nobody is left out who comes near it.
+        self.traffic = TrafficConfig(**{**sim["traffic"], "uav_gap_m": 0.0})
+        self.missions = instantiate(config["mission"])
+        self.planner = instantiate(config["planner"])
+        self.airframe = instantiate(config["airframe"])
+        self.perception = instantiate(config["perception"], _partial_=True)(grid=self.grid)
+        self.camera = FrontCamera(sim)
+
+    def choose(self, town: str, seed: int) -> list[Row]:
+        """Returns the missions of a map, as rows of ``missions.csv``.
+
+        A UAV that knows the truth arrives on all of them, in ``truth_s``. Raises `UserError` where
+        none is in conflict though some should be.
+        """
+        wanted = {"conflict": self.missions.conflict, "clear": self.missions.clear}
+        counts = dict.fromkeys(wanted, 0)
+        rows: list[Row] = []
+        for mission in self.missions.drawn(town, seed):
+            stage = self._stage(mission, draws=False)
+            hits = stage.blind_hits(self.planner.cruise_mps, self.rules.radius_m)
+            stratum = "conflict" if hits else "clear"
+            if counts[stratum] < wanted[stratum]:
+                flown = self._fly(stage, Truth("truth", self.grid, in_sight=False))
+                if flown.outcome == "arrived":
+                    counts[stratum] += 1
+                    row = {"flight": mission.flight, "stratum": stratum, **asdict(mission)}
+                    rows.append({**row, "truth_s": flown.time_s})
+            if counts == wanted:
+                break
+
+        if wanted["conflict"] and not counts["conflict"]:
+            raise UserError(
+                f"mission: no route of {town}-{seed} that can be flown is in conflict, of "
+                f"{self.missions.tries} tried; raise mission.tries, or other mission.offset_m"
+            )
+        return rows
+
+    def fly(self, job: Job) -> Row:
+        """Flies a mission, and returns its row of ``flights.csv``."""
+        stage = self._stage(job.mission, draws=self.perception.wants_image)
+        flown = self._fly(stage, self.perception)
+        threshold = self.planner.threshold
+        return row_of(job.mission, job.stratum, self.perception.name, stage, flown, threshold)
+
+    def _stage(self, mission: Mission, draws: bool) -> Stage:
+        seconds = self.rules.late_s + 1
+        return Stage.of(mission, self.traffic, self.planner.cruise_mps, seconds, draws)
+
+    def _fly(self, stage: Stage, perception: object) -> Flown:
+        parts = perception, self.planner, self.airframe, self.camera, self.rules
+        return fly(stage, *parts)
+
+
+def chosen(config: Mapping, maps: Sequence[tuple[str, int]], workers: int) -> Iterator[list[Row]]:
+    """Yields the missions of each map as they are found."""
+    jobs = [(number, _choose, place) for number, place in enumerate(maps)]
+    yield from _done(config, jobs, workers)
+
+
+def flown(config: Mapping, jobs: Sequence[Job], workers: int) -> Iterator[Row]:
+    """Yields the rows of flights as they end."""
+    maps = {job.mission.map: None for job in jobs}
+    number = {name: index for index, name in enumerate(maps)}
+    yield from _done(config, [(number[job.mission.map], _fly, (job,)) for job in jobs], workers)
+
+
+def _done(config: Mapping, jobs: Iterable[tuple], workers: int) -> Iterator:
+    """Yields results from workers, each of which keeps to maps of its own: building a town takes
+    seconds."""
+    with ExitStack() as stack:
+        pools = [
+            stack.enter_context(worker_pool(1, _start, (config,))) for _ in range(max(workers, 1))
+        ]
+        futures: list[Future] = [
+            pools[number % len(pools)].submit(function, *arguments)
+            for number, function, arguments in jobs
+        ]
+        for future in as_completed(futures):
+            yield future.result()
+
+
+# --------------------------------------------------------------------------- in the worker process
+
+_campaign: Campaign
+
+
+def _start(config: Mapping) -> None:
+    global _campaign
+    _campaign = Campaign(config)
+
+
+def _choose(town: str, seed: int) -> list[Row]:
+    return _campaign.choose(town, seed)
+
+
+def _fly(job: Job) -> Row:
+    return _campaign.fly(job)

@@ -1,0 +1,176 @@
+"""One flight in a closed loop: look, believe, plan, fly, until it arrives or does not."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from ..data.rates import STEP_HZ as SCENE_HZ
+from ..geometry import world_from_occ
+from .airframe import POSITION, STEP_HZ, Airframe, States
+from .belief import BeliefMap
+from .camera import FrontCamera
+from .obstacles import REACH_M, Nearest
+from .perception import Perception
+from .planner import Motion, Plan, Planner
+from .stage import Stage
+
+STEPS_A_SCENE_STEP = STEP_HZ // SCENE_HZ
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How a flight goes on and when it ends. Frames come and plans are made ``plan_hz`` times a
+    second, and the target is so far ahead on the way."""
+
+    plan_hz: float = 5.0
+    look_ahead_m: float = 15.0
+    yaw_rate_radps: float = 1.2
+    radius_m: float = 0.3
+    arrived_m: float = 2.0
+    aside_m: float = 8.0
+    stuck_s: float = 5.0
+    late_s: float = 30.0
+    map_cells: tuple[int, int, int] = (80, 80, 32)
+    forget_s: float = 0.5
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What came of a flight: how it ended, the states at every step of the airframe, what came
+    nearest and what was hit, and what the map had said of that place 2, 1 and 0.5 s before."""
+
+    outcome: str
+    states: States
+    nearest: Nearest
+    believed: tuple[float, float, float]
+    halts: int
+
+    @property
+    def time_s(self) -> float:
+        return len(self.states) / STEP_HZ
+
+    @property
+    def path_m(self) -> float:
+        return float(np.linalg.norm(np.diff(self.states[:, POSITION], axis=0), axis=1).sum())
+
+
+def fly(
+    stage: Stage,
+    perception: Perception,
+    planner: Planner,
+    airframe: Airframe,
+    camera: FrontCamera,
+    rules: Rules,
+) -> Flown:
+    """Flies a mission. The same arguments give the same flight, bit for bit."""
+    pilot = _Pilot(stage, planner, airframe, rules)
+    believed = BeliefMap(rules.map_cells, perception.grid.voxel_m, rules.forget_s)
+    perception.begin(stage.truth)
+    with camera.on(stage, perception.wants_image) as look:
+        while pilot.outcome is None:
+            frame = look(pilot.time_s, pilot.state)
+            belief = perception(frame)
+            matrix = world_from_occ(torch.as_tensor(frame.world_from_body)).numpy()
+            believed.update(belief, perception.grid, matrix, 1 / rules.plan_hz)
+            pilot.fly_on(believed)
+    return pilot.flown()
+
+
+class _Pilot:
+    """Flies from frame to frame, and keeps the books."""
+
+    def __init__(self, stage: Stage, planner: Planner, airframe: Airframe, rules: Rules) -> None:
+        self._stage, self._planner, self._airframe, self._rules = stage, planner, airframe, rules
+        mission = stage.mission
+        start_m, still = mission.at(np.array(0.0)), np.zeros(3)
+        self.state = airframe.at_rest(start_m, mission.yaw_rad)
+        self._motion, self._yaw_rad = Motion(start_m, still, still), mission.yaw_rad
+        self._steps = round(STEP_HZ / rules.plan_hz)
+        self._wind = airframe.wind(mission.rng("wind"), round((rules.late_s + 1) * STEP_HZ))
+
+        self.outcome: str | None = None
+        self._states: list[States] = []
+        self._flown_steps, self._halts = 0, 0
+        self._nearest = Nearest(REACH_M, 255, 0)
+        self._farthest_m, self._farthest_s = 0.0, 0.0
+        self._maps: deque[BeliefMap] = deque(maxlen=round(2 * rules.plan_hz) + 1)
+
+    @property
+    def time_s(self) -> float:
+        return self._flown_steps / STEP_HZ
+
+    def fly_on(self, believed: BeliefMap) -> None:
+        """Plans by the map, and follows the plan until the next frame."""
+        self._maps.append(believed.copy())
+        mission = self._stage.mission
+        along_m = mission.along(self._motion.position_m)
+        target_m = mission.at(np.array(min(along_m + self._rules.look_ahead_m, mission.length_m)))
+        plan = self._planner(self._motion, believed, target_m)
+        self._halts += not plan.clear
+
+        references = self._references(plan, target_m)
+        wind = self._wind[self._flown_steps : self._flown_steps + self._steps]
+        states = self._airframe.follow(self.state, references, wind)
+        states = self._until_hit(states)
+        self.state = states[-1]
+        self._states.append(states)
+        self._flown_steps += len(states)
+        self._motion = Motion(*references[-1, :9].reshape(3, 3))
+        self._yaw_rad = references[-1, 9]
+        self._judge(mission.along(self.state[POSITION]))
+
+    def _references(self, plan: Plan, target_m: Float[np.ndarray, "3"]) -> np.ndarray:
+        """Returns the plan at every step, and the yaw, which turns to where the UAV goes."""
+        motions = plan.at(np.arange(1, self._steps + 1) / STEP_HZ)
+        ahead = plan.at(np.array([min(plan.duration_s, 1.0)]))[0, :3] - self._motion.position_m
+        if math.hypot(ahead[0], ahead[1]) < 1.0:
+            ahead = target_m - self._motion.position_m
+        turn_rad = math.atan2(ahead[1], ahead[0]) - self._yaw_rad
+        turn_rad = (turn_rad + math.pi) % (2 * math.pi) - math.pi
+        reached = np.arange(1, self._steps + 1) * self._rules.yaw_rate_radps / STEP_HZ
+        yaw_rad = self._yaw_rad + np.sign(turn_rad) * np.minimum(reached, abs(turn_rad))
+        return np.column_stack([motions, yaw_rad])
+
+    def _until_hit(self, states: States) -> States:
+        """Returns the states up to the first touch of anything."""
+        places_m = np.concatenate([self.state[None, POSITION], states[:, POSITION]])
+        places_m = places_m[::STEPS_A_SCENE_STEP]
+        step = self._flown_steps // STEPS_A_SCENE_STEP
+        for k in range(len(places_m) - 1):
+            steps = step + k, step + k + 1
+            near = self._stage.obstacles.nearest(places_m[k], places_m[k + 1], steps)
+            if near.distance_m < self._nearest.distance_m:
+                self._nearest = near
+            if near.distance_m < self._rules.radius_m:
+                self.outcome = "collided"
+                return states[: (k + 1) * STEPS_A_SCENE_STEP]
+        return states
+
+    def _judge(self, along_m: float) -> None:
+        """Tells whether the flight is over."""
+        if self.outcome is not None:
+            return
+        mission, rules = self._stage.mission, self._rules
+        if along_m > self._farthest_m + 0.5:
+            self._farthest_m, self._farthest_s = along_m, self.time_s
+        aside_m = np.linalg.norm(self.state[POSITION] - mission.at(np.array(along_m)))
+        if along_m > mission.length_m - rules.arrived_m and aside_m < rules.aside_m:
+            self.outcome = "arrived"
+        elif self.time_s - self._farthest_s > rules.stuck_s:
+            self.outcome = "stuck"
+        elif self.time_s >= rules.late_s:
+            self.outcome = "late"
+
+    def flown(self) -> Flown:
+        """Returns the books."""
+        places = [
+            self._maps[-1 - min(round(s * self._rules.plan_hz), len(self._maps) - 1)]
+            for s in (2, 1, 0.5)
+        ]
+        believed = tuple(each.probability_near(self.state[POSITION], 1.0) for each in places)
+        states = np.concatenate(self._states)
+        return Flown(str(self.outcome), states, self._nearest, believed, self._halts)

@@ -1,0 +1,80 @@
+"""What a trained network believes of the space ahead, from the images of the front camera."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, UInt8
+
+from ..errors import UserError
+from ..geometry import VoxelGrid
+from ..models.checkpoint import Checkpoint
+from ..models.stream import SkyOccStream, StreamFrame
+from ..ontology import FREE
+from .belief import Belief
+from .perception import MOVABLE, seen_by
+from .true_occupancy import TrueOccupancy
+
+
+@dataclass
+class Learned:
+    """The network of a checkpoint, as it would run in flight.
+
+    It knows what the camera sees, up to the surfaces that it believes in. Raises `UserError`
+    without a checkpoint, and for one with another grid.
+    """
+
+    name: str
+    grid: VoxelGrid
+    checkpoint: str | None
+    wants_image = True
+    _stream: SkyOccStream = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._stream = SkyOccStream.of(opened(self.checkpoint, self.grid).path)
+
+    def begin(self, truth: TrueOccupancy) -> None:
+        self._stream.reset()
+
+    def __call__(self, frame: StreamFrame) -> Belief:
+        probability = self._stream(frame).softmax(dim=0)
+        occupied = (1 - probability[FREE]).numpy()
+        best = probability[:FREE].argmax(dim=0).numpy()
+        known = seen_by(frame, self.grid, occupied > 0.5)
+        return Belief(occupied, known, np.isin(best, MOVABLE))
+
+
+@dataclass
+class Prior:
+    """The voxel prior of a checkpoint: what is usually where, without a look at the image."""
+
+    name: str
+    grid: VoxelGrid
+    checkpoint: str | None
+    wants_image = False
+    _labels: UInt8[np.ndarray, "X Y Z"] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._labels = opened(self.checkpoint, self.grid).origin.voxel_prior.numpy()
+
+    def begin(self, truth: TrueOccupancy) -> None:
+        pass
+
+    def __call__(self, frame: StreamFrame) -> Belief:
+        occupied: Bool[np.ndarray, "X Y Z"] = self._labels != FREE
+        known = seen_by(frame, self.grid, occupied)
+        return Belief(occupied.astype(np.float32), known, np.isin(self._labels, MOVABLE))
+
+
+def opened(path: str | None, grid: VoxelGrid) -> Checkpoint:
+    """Reads a checkpoint of that grid. Raises `UserError` without one, and for another grid."""
+    if path is None:
+        raise UserError("ckpt_path: this perception needs a checkpoint; give a file")
+    checkpoint = Checkpoint.read(path)
+    trained = VoxelGrid(**checkpoint.origin.config["grid"])
+    if trained != grid:
+        raise UserError(
+            f"ckpt_path: {path} knows the voxels from {list(trained.lower_m)} to "
+            f"{list(trained.upper_m)} m, {list(trained.shape)}, and the planner another grid; give "
+            "task.grid.lower_m, upper_m and shape these"
+        )
+    return checkpoint

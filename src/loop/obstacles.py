@@ -1,0 +1,223 @@
+"""How near a moving body comes to anything: exact distances to the triangles of a scene."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..geometry import inverse, transform
+from ..jit import njit
+from ..ontology import UNKNOWN
+from ..sim.scene import Scene, SceneActor
+
+# Farther away than this nothing is looked for.
+REACH_M = 2.0
+# Side of the cells in which triangles are looked up.
+CELL_M = 1.0
+
+Point = Float[np.ndarray, "3"]
+
+
+class Nearest(NamedTuple):
+    """The nearest surface: its distance (`REACH_M` where all is farther), its class (255 without
+    one), and the number of its actor, 0 for what stands still."""
+
+    distance_m: float
+    class_id: int
+    actor_id: int
+
+
+class Obstacles:
+    """All surfaces of a scene between two corners, static and moving.
+
+    A body that goes straight from one place to another comes as near to a triangle as the segment
+    between them: thin wires are met at any speed.
+    """
+
+    def __init__(self, scene: Scene, lower_m: Point, upper_m: Point) -> None:
+        triangles_m, self._class_id = Scene(scene.static, ()).triangles_at(0)
+        self._cells = _Cells.of(triangles_m, lower_m - REACH_M, upper_m + REACH_M)
+        self._actors = [(actor, _reach_m(actor)) for actor in scene.actors]
+
+    def nearest(self, start_m: Point, end_m: Point, steps: tuple[int, int]) -> Nearest:
+        """Returns what is nearest to the way from a place to another.
+
+        ``steps`` are those of the simulation at the start and at the end: actors move meanwhile.
+        """
+        distance_m, face = self._cells.nearest(start_m, end_m)
+        found = Nearest(distance_m, int(self._class_id[face]) if face >= 0 else UNKNOWN, 0)
+
+        for actor, reach_m in self._actors:
+            apart_m = np.linalg.norm(start_m - actor.position_m[steps[0]])
+            if apart_m > REACH_M + reach_m + np.linalg.norm(end_m - start_m):
+                continue
+            # Seen from the actor, its own motion is the body's.
+            way_m = [
+                transform(inverse(actor.world_from_actor[step]), place_m[None])[0]
+                for step, place_m in zip(steps, (start_m, end_m))
+            ]
+            distance_m, _ = _nearest_of(actor.triangles_m, *way_m, found.distance_m)
+            if distance_m < found.distance_m:
+                found = Nearest(distance_m, actor.class_id, actor.actor_id)
+        return found
+
+
+def _reach_m(actor: SceneActor) -> float:
+    """Returns the radius of a sphere around the actor's origin that holds all of it."""
+    return float(np.linalg.norm(actor.triangles_m, axis=-1).max())
+
+
+class _Cells(NamedTuple):
+    """Triangles by the cells of a lattice that their bounding boxes touch."""
+
+    triangles_m: Float[np.ndarray, "f 3 3"]
+    lower_m: Point
+    shape: tuple[int, int, int]
+    first: Int[np.ndarray, "cells+1"]
+    faces: Int[np.ndarray, "n"]
+    marks: Int[np.ndarray, "f"]
+
+    @classmethod
+    def of(
+        cls, triangles_m: Float[np.ndarray, "f 3 3"], lower_m: Point, upper_m: Point
+    ) -> "_Cells":
+        triangles_m = np.ascontiguousarray(triangles_m, dtype=np.float64)
+        shape = tuple(np.ceil((upper_m - lower_m) / CELL_M).astype(int).tolist())
+        low = np.floor((triangles_m.min(axis=1) - lower_m) / CELL_M).astype(np.int64)
+        high = np.floor((triangles_m.max(axis=1) - lower_m) / CELL_M).astype(np.int64)
+        first, faces = _sorted_into(low, high, shape)
+        marks = np.full(len(triangles_m), -1)
+        return cls(triangles_m, lower_m.astype(np.float64), shape, first, faces, marks)
+
+    def nearest(self, start_m: Point, end_m: Point) -> tuple[float, int]:
+        """Returns the distance of the nearest triangle, and its index or -1."""
+        self.marks[:] = -1
+        return _nearest_in(*self, start_m, end_m)
+
+
+@njit
+def _sorted_into(low, high, shape):
+    """Returns the faces of every cell one after the other, and where those of each begin."""
+    count = np.zeros(shape[0] * shape[1] * shape[2] + 1, dtype=np.int64)
+    faces = np.empty(0, dtype=np.int64)
+    for turn in range(2):
+        for f in range(len(low)):
+            for i in range(max(low[f, 0], 0), min(high[f, 0] + 1, shape[0])):
+                for j in range(max(low[f, 1], 0), min(high[f, 1] + 1, shape[1])):
+                    for k in range(max(low[f, 2], 0), min(high[f, 2] + 1, shape[2])):
+                        cell = (i * shape[1] + j) * shape[2] + k
+                        if turn:
+                            count[cell] -= 1
+                            faces[count[cell]] = f
+                        else:
+                            count[cell] += 1
+        # First counts, then the ends of the cells, which sink to their beginnings.
+        if not turn:
+            count = np.cumsum(count)
+            faces = np.empty(count[-1], dtype=np.int64)
+    return count, faces
+
+
+@njit
+def _nearest_in(triangles, lower, shape, first, faces, marks, start, end):
+    """Looks at the triangles of the cells around a segment, each once."""
+    near, at = REACH_M, -1
+    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
+    for a in range(3):
+        low[a] = max(int(np.floor((min(start[a], end[a]) - REACH_M - lower[a]) / CELL_M)), 0)
+        high[a] = int(np.floor((max(start[a], end[a]) + REACH_M - lower[a]) / CELL_M)) + 1
+        high[a] = min(high[a], shape[a])
+
+    for i in range(low[0], high[0]):
+        for j in range(low[1], high[1]):
+            for k in range(low[2], high[2]):
+                cell = (i * shape[1] + j) * shape[2] + k
+                for n in range(first[cell], first[cell + 1]):
+                    f = faces[n]
+                    if marks[f] < 0:
+                        marks[f] = 0
+                        distance = _apart(triangles[f], start, end, near)
+                        if distance < near:
+                            near, at = distance, f
+    return near, at
+
+
+@njit
+def _nearest_of(triangles, start, end, near):
+    """Looks at all triangles."""
+    at = -1
+    for f in range(len(triangles)):
+        distance = _apart(triangles[f], start, end, near)
+        if distance < near:
+            near, at = distance, f
+    return near, at
+
+
+@njit
+def _apart(triangle, start, end, enough):
+    """Returns the distance of a segment from a triangle, or something above ``enough``."""
+    for a in range(3):
+        low = min(triangle[0, a], triangle[1, a], triangle[2, a])
+        high = max(triangle[0, a], triangle[1, a], triangle[2, a])
+        if low > max(start[a], end[a]) + enough or high < min(start[a], end[a]) - enough:
+            return np.inf
+
+    if _pierces(triangle, start, end):
+        return 0.0
+    near = min(_from_face(triangle, start), _from_face(triangle, end))
+    for corner in range(3):
+        near = min(near, _between(start, end, triangle[corner], triangle[(corner + 1) % 3]))
+    return near
+
+
+@njit
+def _pierces(triangle, start, end):
+    """Tells whether a segment goes through a triangle (Moeller and Trumbore, 1997)."""
+    u, v, way = triangle[1] - triangle[0], triangle[2] - triangle[0], end - start
+    across = np.cross(way, v)
+    determinant = _dot(u, across)
+    if abs(determinant) < 1e-12:
+        return False
+    offset = start - triangle[0]
+    a = _dot(offset, across) / determinant
+    turned = np.cross(offset, u)
+    b, t = _dot(way, turned) / determinant, _dot(v, turned) / determinant
+    return a >= 0 and b >= 0 and a + b <= 1 and 0 <= t <= 1
+
+
+@njit
+def _from_face(triangle, point):
+    """Returns the distance of a point from the plane of a triangle, where it lies above the
+    triangle; else inf, as an edge is nearer."""
+    u, v, offset = triangle[1] - triangle[0], triangle[2] - triangle[0], point - triangle[0]
+    normal = np.cross(u, v)
+    area = _dot(normal, normal)
+    if area < 1e-18:
+        return np.inf
+    a, b = _dot(np.cross(offset, v), normal) / area, _dot(np.cross(u, offset), normal) / area
+    if a < 0 or b < 0 or a + b > 1:
+        return np.inf
+    return abs(_dot(offset, normal)) / np.sqrt(area)
+
+
+@njit
+def _between(a, b, c, d):
+    """Returns the distance of two segments (Ericson, Real-Time Collision Detection, 5.1.9)."""
+    along, other, offset = b - a, d - c, a - c
+    aa, cc, ac = _dot(along, along), _dot(other, other), _dot(along, other)
+    ao, co = _dot(along, offset), _dot(other, offset)
+    denominator = aa * cc - ac * ac
+    s = min(max((ac * co - ao * cc) / denominator, 0.0), 1.0) if denominator > 1e-12 else 0.0
+
+    t = (ac * s + co) / cc if cc > 1e-12 else 0.0
+    # Beyond an end of the other, the end is nearest, and the first follows it.
+    if t < 0 or t > 1:
+        t = min(max(t, 0.0), 1.0)
+        s = min(max((ac * t - ao) / aa, 0.0), 1.0) if aa > 1e-12 else 0.0
+    gap = offset + s * along - t * other
+    return np.sqrt(_dot(gap, gap))
+
+
+@njit(inline="always")
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

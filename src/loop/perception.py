@@ -1,0 +1,95 @@
+"""What a UAV believes of the space ahead: the truth, a part of it, or nothing at all."""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+
+from ..data.rates import STEP_HZ
+from ..errors import UserError
+from ..geometry import VoxelGrid, camera_from_occ, pixel_centers, world_from_occ
+from ..models.stream import StreamFrame
+from ..ontology import CAR, FREE, LARGE_VEHICLE, VRU
+from ..voxels import rays_in_grid
+from .belief import Belief
+from .true_occupancy import TrueOccupancy, in_sight
+
+MOVABLE = (LARGE_VEHICLE, CAR, VRU)
+
+
+class Perception(Protocol):
+    """Turns frames into beliefs. ``wants_image`` tells whether it looks at the images at all."""
+
+    name: str
+    grid: VoxelGrid
+    wants_image: bool
+
+    def begin(self, truth: TrueOccupancy) -> None:
+        """Forgets all frames; a new flight begins, in a scene that truly is so."""
+
+    def __call__(self, frame: StreamFrame) -> Belief: ...
+
+
+@dataclass
+class Constant:
+    """Calls every voxel occupied with the same probability: 0 sees nothing, 1 is afraid of all.
+
+    Raises `UserError` for what is no probability.
+    """
+
+    name: str
+    grid: VoxelGrid
+    occupied: float
+    wants_image = False
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.occupied <= 1:
+            raise UserError(f"perception.occupied: {self.occupied}; give a number from 0 to 1")
+
+    def begin(self, truth: TrueOccupancy) -> None:
+        pass
+
+    def __call__(self, frame: StreamFrame) -> Belief:
+        shape = self.grid.shape
+        everywhere, nowhere = np.ones(shape, dtype=bool), np.zeros(shape, dtype=bool)
+        return Belief(np.full(shape, self.occupied, np.float32), everywhere, nowhere)
+
+
+@dataclass
+class Truth:
+    """Knows what every voxel of the grid truly holds; with ``in_sight`` only of those that the
+    camera can see, which are not hidden by occupied ones."""
+
+    name: str
+    grid: VoxelGrid
+    in_sight: bool
+    wants_image = False
+    _truth: TrueOccupancy = field(init=False, repr=False)
+
+    def begin(self, truth: TrueOccupancy) -> None:
+        self._truth = truth
+
+    def __call__(self, frame: StreamFrame) -> Belief:
+        step = round(frame.time_s * STEP_HZ)
+        matrix = world_from_occ(torch.as_tensor(frame.world_from_body)).numpy()
+        semantics, moving = self._truth.at(step, matrix, self.grid)
+        occupied = semantics != FREE
+        known = seen_by(frame, self.grid, occupied) if self.in_sight else np.ones_like(occupied)
+        return Belief(occupied.astype(np.float32), known, moving)
+
+
+def seen_by(
+    frame: StreamFrame, grid: VoxelGrid, occupied: Bool[np.ndarray, "X Y Z"]
+) -> Bool[np.ndarray, "X Y Z"]:
+    """Returns the voxels in front of the camera that no occupied one hides: those that a ray
+    passes through every second pixel of every second row."""
+    height, width = frame.image.shape[-2:]
+    pix = pixel_centers(width, height)[::2, ::2].reshape(-1, 2)
+    world_from_body, body_from_camera, pix_from_camera = map(
+        torch.as_tensor, (frame.world_from_body, frame.body_from_camera, frame.pix_from_camera)
+    )
+    chain = camera_from_occ(world_from_body, body_from_camera)
+    origin, directions = rays_in_grid(pix, chain, pix_from_camera, grid)
+    return in_sight(occupied, origin.numpy(), np.ascontiguousarray(directions.numpy()))

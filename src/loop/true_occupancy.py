@@ -1,0 +1,118 @@
+"""What every voxel around the UAV truly holds, from points on all surfaces of a scene."""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from ..geometry import VoxelGrid, inverse
+from ..jit import njit
+from ..ontology import FREE
+from ..sim.scene import Scene
+from ..sim.voxel_kernels import Lattice, count_votes, elect
+from ..voxels import advance, enter, is_inside
+
+# Surfaces have a point on every piece of this side: no voxel that one passes through its middle is
+# missed, only corners of it.
+SPACING_M = 0.25
+
+Matrix = Float[np.ndarray, "4 4"]
+Points = Float[np.ndarray, "n 3"]
+
+
+class TrueOccupancy:
+    """The surfaces of a scene between two corners, as points; those of actors in their own frames.
+
+    A voxel is what most of its points are; a tie goes to the rarer class.
+    """
+
+    def __init__(
+        self, scene: Scene, lower_m: Float[np.ndarray, "3"], upper_m: Float[np.ndarray, "3"]
+    ) -> None:
+        triangles_m, class_id = Scene(scene.static, ()).triangles_at(0)
+        low, high = triangles_m.min(axis=1), triangles_m.max(axis=1)
+        near = ((high > lower_m) & (low < upper_m)).all(axis=1)
+        triangles_m, class_id = triangles_m[near], class_id[near]
+        points_m, face = points_on(triangles_m)
+        near = ((points_m > lower_m) & (points_m < upper_m)).all(axis=1)
+        self._static = np.ascontiguousarray(points_m[near]), class_id[face[near]]
+        self._actors = []
+        for actor in scene.actors:
+            points_m, _ = points_on(actor.triangles_m)
+            classes = np.full(len(points_m), actor.class_id, np.uint8)
+            self._actors.append((actor, points_m, classes))
+
+    def at(
+        self, step: int, world_from_occ: Matrix, grid: VoxelGrid
+    ) -> tuple[UInt8[np.ndarray, "X Y Z"], Bool[np.ndarray, "X Y Z"]]:
+        """Returns the class of every voxel at a step of the simulation, free where there is
+        nothing, and the voxels with a moving actor."""
+        occ_from_world = inverse(world_from_occ)
+        lattice, free = Lattice.of(grid), np.ones(grid.shape, dtype=bool)
+        votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
+        moving = np.zeros_like(votes)
+        for actor, *points in self._actors:
+            count_votes(moving, lattice, occ_from_world @ actor.world_from_actor[step], *points)
+        count_votes(votes, lattice, occ_from_world, *self._static)
+        return elect(votes + moving, free), moving.any(axis=-1)
+
+
+def points_on(
+    triangles_m: Float[np.ndarray, "f 3 3"],
+) -> tuple[Points, Int[np.ndarray, "n"]]:
+    """Returns points at most `SPACING_M` apart on every triangle, and the triangle of each.
+
+    They lie in rows along the shortest side, so that a thin triangle has few.
+    """
+    triangles_m = np.ascontiguousarray(triangles_m, dtype=np.float64)
+    sides_m = np.linalg.norm(np.roll(triangles_m, -1, axis=1) - triangles_m, axis=-1)
+    # The corner opposite the shortest side comes first.
+    order = (sides_m.argmin(axis=1)[:, None] + np.array([2, 0, 1])) % 3
+    triangles_m = np.take_along_axis(triangles_m, order[..., None], axis=1)
+    counts = np.zeros(len(triangles_m), dtype=np.int64)
+    _fill(np.empty((0, 3)), counts, triangles_m)
+    points_m = np.empty((counts.sum(), 3))
+    _fill(points_m, counts, triangles_m)
+    return points_m, np.repeat(np.arange(len(counts)), counts)
+
+
+@njit
+def _fill(points, counts, triangles):
+    """Counts the points of every triangle, and writes them where there is room for them."""
+    n, writes = 0, len(points) > 0
+    for f in range(len(triangles)):
+        apex, u, v = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+        long = max(_apart(apex, u), _apart(apex, v))
+        rows, side = max(int(np.ceil(long / SPACING_M)), 1), _apart(u, v)
+        begin = n
+        for i in range(rows + 1):
+            share = i / rows
+            pieces = int(np.ceil(share * side / SPACING_M))
+            for j in range(pieces + 1):
+                if writes:
+                    across = j / pieces if pieces else 0.0
+                    points[n] = apex + share * ((1 - across) * (u - apex) + across * (v - apex))
+                n += 1
+        counts[f] = n - begin
+
+
+@njit(inline="always")
+def _apart(a, b):
+    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@njit(error_model="numpy")
+def in_sight(
+    occupied: Bool[np.ndarray, "X Y Z"],
+    origin: Float[np.ndarray, "3"],
+    directions: Points,
+) -> Bool[np.ndarray, "X Y Z"]:
+    """Returns the voxels that rays pass, up to and with the first occupied one; all in grid
+    coordinates."""
+    seen = np.zeros(occupied.shape, dtype=np.bool_)
+    for n in range(len(directions)):
+        ray = enter(occupied.shape, origin, directions[n])
+        while is_inside(occupied.shape, ray):
+            seen[ray.cell] = True
+            if occupied[ray.cell]:
+                break
+            ray = advance(ray)
+    return seen

@@ -1,0 +1,111 @@
+"""task=fly: a UAV flies missions on what a perception believes; a row a flight."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+from omegaconf import DictConfig, OmegaConf
+
+from ..bounds import require_count
+from ..errors import UserError
+from ..loop.campaign import ROUTE, Campaign, Job, chosen, flown
+from ..loop.mission import ROOM_M, in_the_open
+from ..loop.outcome import NEAR_M
+from ..provenance import code_of, digest_of
+from ..results.files import write_table
+from ..run_folder import CONFIG
+from ..terminal import say, tracked
+from ..worker_pool import default_workers
+
+FLIGHTS, MISSIONS = "flights.csv", "missions.csv"
+# These say which missions there are: those that a UAV with perfect knowledge completes.
+CODE = ("loop", "sim", "geometry.py", "voxels.py", "ontology.py")
+OF_MISSIONS = ("mission", "planner", "airframe")
+
+
+def fly(cfg: DictConfig, out: str, missions: str | None, workers: int | None, **_: object) -> None:
+    """Writes ``flights.csv`` to ``out``, beside the configuration.
+
+    The missions are those of the file ``missions``, or they are drawn: once for all perceptions,
+    and kept under ``paths.data``. Flights that have a row are not flown again. Raises `UserError`
+    where ``out`` has flights of another configuration, for a mission that begins or ends in
+    something, and as `Campaign` does.
+    """
+    require_count("task.workers", workers)
+    config = OmegaConf.to_container(cfg, resolve=True)
+    campaign, count = Campaign(config), workers or default_workers()
+    folder = Path(out)
+    _require_same(folder, cfg)
+
+    table = _given(Path(missions)) if missions else _missions(config, campaign, count)
+    jobs = list(map(Job.of, table.to_dict("records")))
+    path = folder / FLIGHTS
+    table = pd.read_csv(path, keep_default_na=False) if path.is_file() else pd.DataFrame()
+    known = set(table["flight"]) if len(table) else set()
+    missing = [job for job in jobs if job.mission.flight not in known]
+    name = campaign.perception.name
+    for row in tracked(
+        flown(config, missing, min(count, len(jobs))), f"flying {name}", len(missing)
+    ):
+        table = pd.concat([table, pd.DataFrame([row])]).sort_values("flight", ignore_index=True)
+        write_table(table, path)
+    say(summary(table).to_string())
+    say(path)
+
+
+def summary(flights: pd.DataFrame) -> pd.DataFrame:
+    """Returns the share of each outcome in percent, by stratum, and how near and fast it was."""
+    by_stratum = flights.groupby("stratum")
+    shares = pd.crosstab(flights["stratum"], flights["outcome"], normalize="index") * 100
+    columns = ["arrived", "collided", "stuck", "late"]
+    shares = shares.reindex(columns=columns, fill_value=0.0)
+    near = (flights["clearance_m"] < NEAR_M).groupby(flights["stratum"]).mean() * 100
+    speed = by_stratum["speed_mps"].mean()
+    table = shares.assign(near=near, speed_mps=speed, flights=by_stratum.size())
+    return table.round(1).rename_axis(index=None, columns=None)
+
+
+def _missions(config: Mapping, campaign: Campaign, workers: int) -> pd.DataFrame:
+    """Returns the missions of a configuration, drawn where they are not there."""
+    keys = {key: config[key] for key in OF_MISSIONS}
+    keys |= {key: config["task"][key] for key in ("grid", "rules")}
+    keys |= {"traffic": config["sim"]["traffic"], "code": code_of(CODE)}
+    folder = Path(config["paths"]["data"]) / f"missions-{digest_of(keys)}"
+    path = folder / MISSIONS
+
+    table = pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=["town", "seed"])
+    places = campaign.missions.places()
+    known = set(zip(table["town"], table["seed"]))
+    missing = [place for place in places if place not in known]
+    for rows in tracked(chosen(config, missing, workers), "choosing missions", len(missing)):
+        parts = [pd.DataFrame(rows)] if table.empty else [table, pd.DataFrame(rows)]
+        table = pd.concat(parts).sort_values("flight", ignore_index=True)
+        write_table(table, path)
+    return table
+
+
+def _given(path: Path) -> pd.DataFrame:
+    """Returns missions that somebody wrote, which no UAV has flown yet."""
+    if not path.is_file():
+        raise UserError(f"task.missions: no file {path}; give one like {MISSIONS}")
+    table = pd.read_csv(path)
+    if missing := sorted({"stratum", *ROUTE} - set(table)):
+        raise UserError(f"task.missions: {path} has no column {', '.join(missing)}")
+    for row in table.to_dict("records"):
+        mission = Job.of(row).mission
+        if not in_the_open(mission, mission.place):
+            raise UserError(
+                f"task.missions: {path}: {mission.flight} begins or ends in a wall, under a roof "
+                f"or within {ROOM_M} m of something; move it"
+            )
+    return table
+
+
+def _require_same(folder: Path, cfg: DictConfig) -> None:
+    """Keeps the configuration beside the flights; refuses to add flights of another one."""
+    path = folder / CONFIG
+    if not path.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        OmegaConf.save(cfg, path, resolve=True)
+    elif OmegaConf.load(path) != OmegaConf.create(OmegaConf.to_container(cfg, resolve=True)):
+        raise UserError(f"{folder}: has flights of another configuration; give another task.out")

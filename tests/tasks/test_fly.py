@@ -1,0 +1,102 @@
+"""task=fly: flights in a yard, the same with any workers, resumed; mistakes in one line."""
+
+import re
+
+import pandas as pd
+import pytest
+from hydra.errors import InstantiationException
+from omegaconf import OmegaConf
+
+from src.errors import UserError
+from src.failures import one_line
+from src.loop.campaign import Campaign
+from src.tasks.fly import FLIGHTS, fly, summary
+from tests.synthetic import sound_config
+
+YARD = (
+    "task=fly", "scale=tiny", "mission.towns=[tests.loop.yard]", 
+    "mission.maps=2", "mission.conflict=1", "mission.clear=1", "mission.offset_m=[3.0,9.0]",
+)  # fmt: skip
+COLUMNS = [
+    *("flight", "map", "town", "stratum", "perception", "outcome", "time_s", "path_m"),
+    *("clearance_m", "hit", "fault"),
+]
+
+
+def config(tmp_path, *overrides):
+    paths = f"paths.data={tmp_path}/data", f"paths.runs={tmp_path}/runs"
+    return sound_config(*YARD, *paths, *overrides)
+
+
+def run(cfg, **changes):
+    task = {key: value for key, value in cfg.task.items() if not key.startswith("_")}
+    fly(cfg, **{**task, **changes})
+    return pd.read_csv(f"{changes.get('out', cfg.task.out)}/{FLIGHTS}", keep_default_na=False)
+
+
+@pytest.mark.slow
+def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
+    cfg = config(tmp_path, "perception=all_free")
+    two = run(cfg, workers=2, out=f"{tmp_path}/two")
+    assert list(two.columns)[: len(COLUMNS)] == COLUMNS
+    assert two["stratum"].value_counts().to_dict() == {"conflict": 2, "clear": 2}
+    assert set(two[two["stratum"] == "conflict"]["outcome"]) == {"collided"}
+    assert set(two[two["stratum"] == "clear"]["outcome"]) == {"arrived"}
+
+    one = run(cfg, workers=1, out=f"{tmp_path}/one")
+    half = two.head(2)
+    half.to_csv(tmp_path / "one" / FLIGHTS, index=False)
+    again = run(cfg, workers=1, out=f"{tmp_path}/one")
+    assert one.equals(two)
+    assert again.equals(two)
+
+    seen = run(config(tmp_path, "perception=seen"), workers=2)
+    assert set(seen["outcome"]) == {"arrived"}
+    assert summary(seen).loc["conflict", "arrived"] == 100
+    with pytest.raises(UserError, match=r"another configuration.*task.out"):
+        run(config(tmp_path, "perception=truth"), out=f"{tmp_path}/one")
+
+
+def test_a_mission_through_a_wall_is_refused(tmp_path):
+    row = dict(
+        flight="a", stratum="conflict", town="tests.loop.yard", seed=0, index=0, weather="clear",
+        x_m=-30.0, y_m=0.0, yaw_rad=0.0, length_m=60.0, height_m=4.0,
+    )  # fmt: skip
+    path = tmp_path / "missions.csv"
+    pd.DataFrame([row]).to_csv(path, index=False)
+    with pytest.raises(UserError, match=r"task.missions: .*yard-0/000 begins or ends in a wall"):
+        run(config(tmp_path), missions=str(path))
+    pd.DataFrame([row]).drop(columns="yaw_rad").to_csv(path, index=False)
+    with pytest.raises(UserError, match="has no column yaw_rad"):
+        run(config(tmp_path), missions=str(path))
+    with pytest.raises(UserError, match="no file"):
+        run(config(tmp_path), missions=f"{tmp_path}/none.csv")
+
+
+def test_a_map_with_no_route_in_conflict_is_refused(tmp_path):
+    """Within 2.5 m of the corridor there is neither wall nor wire at these heights."""
+    cfg = config(
+        tmp_path, "mission.offset_m=[0.5,0.6]", "mission.height_m=[2.5,3.0]", "mission.tries=6"
+    )
+    campaign = Campaign(OmegaConf.to_container(cfg, resolve=True))
+    with pytest.raises(UserError, match=r"mission: no route of tests.loop.yard-100 .* 6 tried"):
+        campaign.choose("tests.loop.yard", 100)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "match"),
+    [
+        (["task.rules.plan_hz=10.0"], "task.rules.plan_hz: 10.0; the camera"),
+        (["mission.conflict=0", "mission.clear=0"], "leaves no flight"),
+        (["planner.threshold=0"], "planner.threshold"),
+        (["planner.unknown=maybe"], "planner.unknown"),
+        (["perception=learned"], "ckpt_path: this perception needs a checkpoint"),
+        (["perception=all_free", "perception.occupied=2"], "perception.occupied"),
+        (["airframe.wind_mps2=-1"], "airframe.wind_mps2"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(overrides, match, tmp_path):
+    with pytest.raises((UserError, InstantiationException)) as error:
+        Campaign(OmegaConf.to_container(config(tmp_path, *overrides), resolve=True))
+    assert re.search(match, one_line(error.value))
+    assert "\n" not in one_line(error.value)
