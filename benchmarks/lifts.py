@@ -3,8 +3,7 @@
     python -m benchmarks.lifts [--threads N] [--rounds N]
 
 Prints for every lift the milliseconds of a forward, of a forward with its backward, and of the
-pyramid below it, which computes only what the lift reads; then its parameters. What ``surface`` is
-told of the pixels is made for the decoder as well, and not counted. The camera is the
+pyramid below it, which computes only what the lift reads; then its parameters. The camera is the
 dataset's: level flight, 90 degrees. The lifts take turns, so that whatever else the machine does
 meets all of them.
 """
@@ -20,7 +19,6 @@ from benchmarks.settings import composed, run
 from benchmarks.tables import print_costs
 from src.geometry import VoxelGrid, front_mount, pinhole
 from src.models.backbone import STRIDES
-from src.models.evidence import TOLD
 from src.models.neck import FPN
 from src.models.references import PillarReferences, References
 from src.settings import GROUPS
@@ -43,8 +41,6 @@ class Scene:
         image = cfg.sim.image
         self.references = references_of(VoxelGrid(**cfg.grid), cfg.size.heights, image)
         self.query = torch.randn(1, self.references.valid.shape[1], cfg.size.dim)
-        told = cfg.size.context + TOLD
-        self.evidence = torch.randn(*self.references.valid.shape, told)
         self.maps = [
             torch.randn(1, c, image.height // s, image.width // s)
             for c, s in zip(CHANNELS, STRIDES)
@@ -75,8 +71,7 @@ def measures(scene: Scene) -> dict[str, Callable[[], object]]:
 
     def forward(lift: nn.Module) -> Tensor:
         features = [feature.detach().requires_grad_() for feature in scene.features]
-        evidence = [scene.evidence] if getattr(lift, "reads_evidence", False) else []
-        return lift(scene.query, features, scene.references, *evidence)
+        return lift(scene.query, features, scene.references)
 
     # A forward with its backward needs inputs that want gradients; they are made anew each time.
     todo: dict[str, Callable[[], object]] = {}

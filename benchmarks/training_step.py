@@ -77,7 +77,7 @@ class Step:
         if self.memory is not None:
             self.memory.keep(network.carried(frame, fused))
         with timed(seconds, "decoder"):
-            return network.decode(fused, batch, frame.evidence), frame.sight
+            return network.decode(fused, batch), frame.sight
 
 
 def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]:

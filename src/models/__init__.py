@@ -10,4 +10,3 @@ from .history import History
 from .lift_splat import LiftSplat
 from .losses import OccupancyLoss, safety_weights
 from .network import SkyOcc
-from .surface_lift import SurfaceLift

@@ -8,7 +8,6 @@ from torch import Tensor, nn
 
 from ..geometry import VoxelGrid
 from ..ontology import NUM_CLASSES
-from .evidence import TOLD, Evidence
 from .tensors import Logits, Pillars
 
 
@@ -34,10 +33,6 @@ class ResidualBlock(nn.Module):
 class PillarDecoder(nn.Module):
     """Residual 2-D blocks on the pillar map, then channels to height: no 3-D convolution.
 
-    With a ``context``, that of `VoxelEvidence`, each voxel's own evidence adds to its logits what a
-    linear layer makes of it. A pillar cannot hold the evidence of all its voxels: what is small or
-    thin would be lost there.
-
     ``class_prior`` (nine probabilities or counts, in the order of the ontology) sets the last bias
     to their logarithm, so that training starts at the prior; without it the bias is zero.
     """
@@ -48,7 +43,6 @@ class PillarDecoder(nn.Module):
         dim: int = 256,
         num_blocks: int = 2,
         class_prior: Sequence[float] | None = None,
-        context: int | None = None,
     ) -> None:
         super().__init__()
         self.grid = grid
@@ -57,9 +51,6 @@ class PillarDecoder(nn.Module):
             nn.Linear(dim, 2 * dim), nn.ReLU(), nn.Linear(2 * dim, NUM_CLASSES * grid.shape[2])
         )
 
-        told = None if context is None else context + TOLD
-        self.evidence = nn.Linear(told, NUM_CLASSES, bias=False) if told else None
-
         nn.init.zeros_(self.head[-1].bias)
         if class_prior is not None:
             # Most voxels are free: from equal logits, training would have to learn that first.
@@ -67,15 +58,10 @@ class PillarDecoder(nn.Module):
             log_prior = (prior / prior.sum()).clamp(min=1e-6).log()
             self.head[-1].bias.data.copy_(log_prior.repeat_interleave(grid.shape[2]))
 
-    def forward(self, pillars: Pillars, evidence: Evidence | None = None) -> Logits:
+    def forward(self, pillars: Pillars) -> Logits:
         """Returns logits [B, 9, X, Y, Z], always float32."""
         rows, columns, heights = self.grid.shape
         channels_last = pillars.unflatten(1, (rows, columns))
         x = self.blocks(channels_last.permute(0, 3, 1, 2))
         logits = self.head(x.permute(0, 2, 3, 1)).float()
-        logits = logits.unflatten(-1, (NUM_CLASSES, heights))
-
-        if self.evidence is not None:
-            by_voxel = self.evidence(evidence).float().unflatten(1, (rows, columns))
-            logits = logits + by_voxel.transpose(-1, -2)
-        return logits.permute(0, 3, 1, 2, 4)
+        return logits.unflatten(-1, (NUM_CLASSES, heights)).permute(0, 3, 1, 2, 4)

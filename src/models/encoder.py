@@ -9,7 +9,6 @@ from torch import Tensor, nn
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from .backbone import STRIDES
-from .evidence import Evidence
 from .history import History, TemporalAttention, align_history
 from .references import PillarReferences, Projection, References
 from .tensors import Features, Pillars, Queries
@@ -28,19 +27,11 @@ class EncoderLayer(nn.Module):
         )
         # A norm that nothing reads would have no gradient, and training on several devices refuse.
         before_lift = nn.LayerNorm(dim) if getattr(lift, "reads_query", True) else nn.Identity()
-        self.reads_evidence = getattr(lift, "reads_evidence", False)
         self.norms = nn.ModuleList([before_lift, nn.LayerNorm(dim)])
 
-    def forward(
-        self,
-        pillars: Queries,
-        features: Features,
-        references: References,
-        evidence: Evidence | None = None,
-    ) -> Pillars:
+    def forward(self, pillars: Queries, features: Features, references: References) -> Pillars:
         before_lift, before_feed_forward = self.norms
-        seen = (features, references, evidence) if self.reads_evidence else (features, references)
-        pillars = pillars + self.lift(before_lift(pillars), *seen)
+        pillars = pillars + self.lift(before_lift(pillars), features, references)
         return pillars + self.feed_forward(before_feed_forward(pillars))
 
 
@@ -58,7 +49,7 @@ class PillarEncoder(nn.Module):
     lifting of each layer from ``dim`` and ``num_heights``: `DeformableCrossAttention` is the
     paper's, and any module with its call can take its place. It may say that it does without
     something: ``reads_query = False``, or ``reads_strides``, those of the feature levels that it
-    does read; and with ``reads_evidence = True`` it is given the evidence of the pixels, too.
+    does read.
 
     Raises `UserError` for a history (``num_frames`` above 1) without a layer that sees a past
     frame.
@@ -95,7 +86,6 @@ class PillarEncoder(nn.Module):
         self.frame_layers = nn.ModuleList(first_layers)
         lifts = [layer.lift for layer in (*first_layers, self.last_layer)]
         self.reads_strides = {s for lift in lifts for s in getattr(lift, "reads_strides", STRIDES)}
-        self.reads_evidence = any(getattr(lift, "reads_evidence", False) for lift in lifts)
         self.frame_norm = nn.LayerNorm(dim)
         self.temporal = TemporalAttention(dim, num_heads, num_frames)
         self.norm = nn.LayerNorm(dim)
@@ -104,7 +94,6 @@ class PillarEncoder(nn.Module):
         self,
         features: Features,
         references: References,
-        evidence: Evidence | None = None,
         told: Float[Tensor, "b 1 dim"] | None = None,
     ) -> Pillars:
         """Pillars of a frame from its image alone; ``references`` are from ``self.references``, and
@@ -113,7 +102,7 @@ class PillarEncoder(nn.Module):
         if told is not None:
             pillars = pillars + told
         for layer in self.frame_layers:
-            pillars = layer(pillars, features, references, evidence)
+            pillars = layer(pillars, features, references)
         return self.frame_norm(pillars).expand(len(references.valid), -1, -1)
 
     def fuse(
@@ -122,12 +111,11 @@ class PillarEncoder(nn.Module):
         features: Features,
         references: References,
         history: History | None = None,
-        evidence: Evidence | None = None,
     ) -> Pillars:
         """What `frame` gave, with its history, if there is one, and once more its image."""
         aligned = None if history is None else align_history(history, self.grid)
         pillars = pillars + self.temporal(pillars, aligned)
-        return self.norm(self.last_layer(pillars, features, references, evidence))
+        return self.norm(self.last_layer(pillars, features, references))
 
     def no_history(self, pillars: Pillars) -> History | None:
         """A history of one frame that does not exist; ``None`` for an encoder without history.

@@ -14,7 +14,6 @@ from ..geometry import inverse
 from .checkpointing import recompute_in_backward, running_statistics
 from .decoder import PillarDecoder
 from .encoder import PillarEncoder
-from .evidence import Evidence, VoxelEvidence
 from .ground import GroundVolume
 from .history import History
 from .metadata import Metadata
@@ -28,13 +27,12 @@ HistoryKind = Literal["queue", "recursive"]
 
 class Frame(NamedTuple):
     """One frame by itself: its feature maps, its references, and its pillars from these alone; and
-    what its pixels see and tell the references, where the network says it."""
+    what its pixels see, where the network says it."""
 
     features: Features
     references: References
     pillars: Pillars
     sight: Sight | None = None
-    evidence: Evidence | None = None
 
 
 class Step(NamedTuple):
@@ -59,14 +57,12 @@ class SkyOcc(nn.Module):
     offsets could learn the tilt. With ``metadata_first``, for a network without history, they are
     added to the queries, as in BEVFormer. With ``ground`` the encoder's and the decoder's grid
     stands on the ground plane, else it is the occ frame's. ``sight`` says what the pixels see,
-    which is a task of its own in training; ``evidence`` brings it to the references, for a lifting
-    that reads it and for the decoder. With ``history_grad`` gradients also flow into the past
+    which is a task of its own in training. With ``history_grad`` gradients also flow into the past
     frames. With ``checkpointing`` training keeps less in memory and computes blocks and layers
     twice.
 
     Raises `UserError` for another ``history``, for other ``metadata``, for ``metadata_first`` with
-    a history, and for a lifting that does not go with the ``sight``: it reads no level as fine, or
-    what is not there.
+    a history, and for a lifting that reads no level as fine as the ``sight``.
     """
 
     def __init__(
@@ -79,7 +75,6 @@ class SkyOcc(nn.Module):
         metadata_first: bool = False,
         ground: GroundVolume | None = None,
         sight: SightHead | None = None,
-        evidence: VoxelEvidence | None = None,
         history_grad: bool = False,
         checkpointing: bool = False,
     ) -> None:
@@ -97,8 +92,8 @@ class SkyOcc(nn.Module):
         # Only those of the current frame are measured, and a past one is lifted with its own.
         if metadata_first and encoder.num_frames > 1:
             raise UserError("model.metadata_first: true is without history; give data.frames=1")
-        self.ground, self.sight, self.evidence = ground, sight, evidence
-        _require_fitting(sight, evidence, encoder, decoder)
+        self.ground, self.sight = ground, sight
+        _require_fitting(sight, encoder)
         self.history, self.history_grad = history, history_grad
 
         self.to(memory_format=torch.channels_last)
@@ -155,7 +150,7 @@ class SkyOcc(nn.Module):
         """Returns what a batch's current frames give."""
         frame = self.encode(batch, -1)
         fused = self.fuse(frame, history)
-        logits = self.decode(fused, batch, frame.evidence)
+        logits = self.decode(fused, batch)
         return Step(logits, self.carried(frame, fused), frame.sight)
 
     def encode(
@@ -176,14 +171,12 @@ class SkyOcc(nn.Module):
             (image.shape[-1], image.shape[-2]),
             height_m,
         )
-        features, sight, evidence = self.features(image), None, None
+        features, sight = self.features(image), None
         if self.sight is not None:
             sight = self.sight(features[0], references, self.ground is not None)
-        if self.evidence is not None:
-            evidence = self.evidence(sight, features[0], references)
         told = self._told(batch) if self.metadata_first else None
-        pillars = self.encoder.frame(features, references, evidence, told)
-        return Frame(features, references, pillars, sight, evidence)
+        pillars = self.encoder.frame(features, references, told)
+        return Frame(features, references, pillars, sight)
 
     def features(self, image: Image) -> Features:
         """Returns the feature maps of a frame; ``None`` for a level that no lifting reads."""
@@ -193,21 +186,17 @@ class SkyOcc(nn.Module):
         """Returns the pillars of a frame and of what came before it."""
         if history is None and self.training:
             history = self.encoder.no_history(frame.pillars)
-        seen = frame.features, frame.references
-        return self.encoder.fuse(frame.pillars, *seen, history, frame.evidence)
+        return self.encoder.fuse(frame.pillars, frame.features, frame.references, history)
 
     def carried(self, frame: Frame, fused: Pillars) -> Pillars:
         """Returns the pillars that later frames take as their history."""
         return fused if self.history == "recursive" else frame.pillars
 
-    def decode(
-        self, pillars: Pillars, batch: Mapping[str, Tensor], evidence: Evidence | None = None
-    ) -> Logits:
-        """Returns the logits of the current frame, from its pillars, the evidence of its pixels and
-        measurements of the UAV."""
+    def decode(self, pillars: Pillars, batch: Mapping[str, Tensor]) -> Logits:
+        """Returns the logits of the current frame, from its pillars and measurements of the UAV."""
         if not self.metadata_first and (told := self._told(batch)) is not None:
             pillars = pillars + told
-        logits = self.decoder(pillars, evidence)
+        logits = self.decoder(pillars)
         return logits if self.ground is None else self.ground(logits, batch["height_m"])
 
     def _told(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 1 dim"] | None:
@@ -246,27 +235,13 @@ class SkyOcc(nn.Module):
         )
 
 
-def _require_fitting(
-    sight: SightHead | None,
-    evidence: VoxelEvidence | None,
-    encoder: PillarEncoder,
-    decoder: PillarDecoder,
-) -> None:
-    """Raises `UserError` for a lifting that does not go with the head of the pixels, and for a
-    decoder that reads the evidence of other voxels than its own."""
-    if (encoder.reads_evidence and evidence is None) or (evidence is not None and sight is None):
-        raise UserError("model/sight: this model/lift reads what pixels see; give model/sight=on")
+def _require_fitting(sight: SightHead | None, encoder: PillarEncoder) -> None:
+    """Raises `UserError` for a lifting that does not go with the head of the pixels."""
     if sight is not None and sight.stride not in encoder.reads_strides:
         raise UserError(
             f"model/sight: what pixels see is read off stride {sight.stride}, and model/lift reads "
             f"{sorted(encoder.reads_strides)}; give model/sight=off, or "
             f"model.encoder.lift.stride={sight.stride}"
-        )
-    heights, bins = encoder.references.points.shape[1], decoder.grid.shape[2]
-    if decoder.evidence is not None and heights != bins:
-        raise UserError(
-            f"model.encoder.num_heights: {heights}, and the decoder reads the evidence of each of "
-            f"its {bins} voxels; give null"
         )
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ..errors import UserError
@@ -34,20 +34,6 @@ class Sight(NamedTuple):
 
     classes: Float[Tensor, "b 9 h w"]
     depth: Float[Tensor, "b bins+1 h w"]
-
-    def nearer(self, pixel: Int[Tensor, "r"], depth_m: Float[Tensor, "r"]) -> Float[Tensor, "r"]:
-        """Returns the probability that the surface in a pixel is nearer than a depth.
-
-        ``pixel`` numbers the pixels of the batch. Within a bin the probability rises linearly.
-        """
-        share = self.depth.float().softmax(dim=1).permute(0, 2, 3, 1)
-        edges = F.pad(share.cumsum(dim=-1), (1, 0)).flatten()
-        bins = share.shape[-1] - 1
-
-        place = place_of(depth_m, bins)
-        below = place.detach().floor().clamp(max=bins - 1)
-        index = pixel * (bins + 2) + below.long()
-        return torch.lerp(edges[index], edges[index + 1], place - below)
 
     def depth_m(self) -> Float[Tensor, "b h w"]:
         """Returns the median of the depth in metres, of what is not beyond."""

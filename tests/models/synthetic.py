@@ -23,22 +23,18 @@ from src.models import (
     PillarEncoder,
     ResNet,
     SkyOcc,
-    SurfaceLift,
 )
-from src.models.evidence import VoxelEvidence
 from src.models.ground import GroundVolume
 from src.models.losses import OccupancyLoss, cross_entropy, lovasz
 from src.models.references import References, padded_index
-from src.models.sight import Sight, SightHead, place_of
+from src.models.sight import Sight, place_of
 from src.ontology import NUM_CLASSES, UNKNOWN
 
 GRID = VoxelGrid(shape=(10, 10, 6))
 # A volume of the same pillars, on the ground.
 VOLUME = VoxelGrid((0, -25, -5), (50, 25, 15), (10, 10, 4))
 IMAGE_SIZE = (96, 64)
-# Numbers of the image that the surface lift tells a voxel.
-CONTEXT = 4
-LIFTS = ("deformable", "bilinear", "lss", "surface")
+LIFTS = ("deformable", "bilinear", "lss")
 
 
 def build_lift(name, grid=GRID, num_heads=2):
@@ -47,7 +43,6 @@ def build_lift(name, grid=GRID, num_heads=2):
         "deformable": functools.partial(DeformableCrossAttention, num_heads=num_heads),
         "bilinear": BilinearLift,
         "lss": functools.partial(LiftSplat, grid=grid),
-        "surface": functools.partial(SurfaceLift, context=CONTEXT),
     }[name]
 
 
@@ -66,14 +61,8 @@ def build_network(
     ground = None if volume is None else GroundVolume(volume, grid)
     volume = volume or grid
     sizes = {"dim": dim, "num_layers": num_layers, "num_heights": 4, "num_heads": 2}
-    context = None
-    if lift == "surface":
-        context, sizes["num_heights"] = CONTEXT, None
-        evidence = VoxelEvidence(dim, volume, context)
-        network = {"sight": SightHead(dim, bins=12), "evidence": evidence, **network}
-
     encoder = PillarEncoder(volume, build_lift(lift, volume), **{**sizes, **(encoder or {})})
-    decoder = PillarDecoder(volume, dim, num_blocks=1, context=context)
+    decoder = PillarDecoder(volume, dim, num_blocks=1)
     return SkyOcc(backbone, encoder, decoder, ground=ground, **network)
 
 

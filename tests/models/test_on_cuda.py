@@ -14,7 +14,7 @@ from tests.models.synthetic import GRID, LIFTS, VOLUME, build_batch, build_loss,
 from tests.simulated_cuda import CUDA, SimulatedCuda, simulated_cuda
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*self.log:UserWarning", "ignore:.*CUDA is not")
-MOST_WAITS = {"deformable": 9, "bilinear": 9, "lss": 19, "surface": 9}
+MOST_WAITS = {"deformable": 9, "bilinear": 9, "lss": 19}
 """What is seen, what exists and what is present depends on the data, and is asked for."""
 SIM = {
     "image": {"width": 96, "height": 64, "hfov_deg": 90.0},

@@ -8,8 +8,6 @@ from src.geometry import front_mount, pinhole, rigid, rotation_from_euler, trans
 from src.models.ground import occ_from_ground
 from src.models.references import PillarReferences
 from src.models.sight import (
-    FAR_M,
-    NEAR_M,
     Sight,
     SightHead,
     depth_error,
@@ -56,15 +54,6 @@ def test_a_level_rung_is_told_the_rays_of_level_flight():
     assert torch.allclose(told[:, 1, :, 0], told[:, 1, :, -1], atol=1e-6), "no row is tilted"
     tilted = rays(references_of(), WIDTH, HEIGHT, 4, has_ground=True)[0]
     assert not torch.allclose(tilted[:, 1, :, 0], tilted[:, 1, :, -1], atol=0.05)
-
-
-def test_the_probability_rises_from_edge_to_edge_of_the_seen_bin():
-    sight, pixel = sure_sight(10.0, SHAPE), torch.tensor([5, 5, 5, HEIGHT * WIDTH + 3])
-    seen = int(place_of(torch.tensor(10.0), BINS))
-    edges_m = NEAR_M * (FAR_M / NEAR_M) ** (torch.tensor([seen, seen + 0.5, seen + 1, 0]) / BINS)
-    nearer = sight.nearer(pixel, edges_m)
-    torch.testing.assert_close(nearer, torch.tensor([0.0, 0.5, 1.0, 0.0]), atol=1e-5, rtol=0)
-    assert sight.nearer(pixel[:1], torch.tensor([1e3])) == 1
 
 
 def test_the_losses_fall_towards_the_truth():
@@ -117,13 +106,7 @@ def test_a_head_that_knows_nothing_begins_with_the_ground():
     assert (probable - (place_of(ground_m, 48) - 0.5)[meets]).abs().max() <= 0.5 + 1e-3
 
 
-def test_a_lift_that_reads_what_pixels_see_needs_them_said():
-    with pytest.raises(UserError, match="model/sight=on"):
-        build_network(lift="surface", sight=None)
-    with pytest.raises(UserError, match=r"model/sight=on"):
-        build_network(lift="surface", evidence=None)
-    with pytest.raises(UserError, match=r"model\.encoder\.num_heights: 3.*6 voxels; give null"):
-        build_network(lift="surface", encoder={"num_heights": 3})
+def test_a_lift_that_reads_no_features_as_fine_is_refused():
     with pytest.raises(UserError, match=r"model/sight: .*16.*model\.encoder\.lift\.stride=4"):
         build_network(lift="lss", sight=SightHead(16))
 
