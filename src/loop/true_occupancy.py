@@ -1,5 +1,9 @@
 """What every voxel around the UAV truly holds, from points on all surfaces of a scene."""
 
+from collections.abc import Set
+from copy import copy
+from itertools import product
+
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
@@ -13,6 +17,8 @@ from ..voxels import advance, enter, is_inside
 # Surfaces have a point on every piece of this side: no voxel that one passes through its middle is
 # missed, only corners of it.
 SPACING_M = 0.25
+# Points of one class in touching cells of this side are one object.
+OBJECT_CELL_M = 0.5
 
 Matrix = Float[np.ndarray, "4 4"]
 Points = Float[np.ndarray, "n 3"]
@@ -39,6 +45,25 @@ class TrueOccupancy:
             points_m, _ = points_on(actor.triangles_m)
             classes = np.full(len(points_m), actor.class_id, np.uint8)
             self._actors.append((actor, points_m, classes))
+
+    def without(self, rng: np.random.Generator, share: float, classes: Set[int]) -> "TrueOccupancy":
+        """Returns the truth without some of the objects of these classes, each lost with a chance.
+
+        An object is an actor, or all points of one class that are connected.
+        """
+        points_m, class_id = self._static
+        objects = connected(points_m, class_id)
+        lost = rng.random(objects.max(initial=-1) + 1) < share
+        kept = ~(lost[objects] & np.isin(class_id, list(classes)))
+
+        other = copy(self)
+        other._static = np.ascontiguousarray(points_m[kept]), class_id[kept]
+        other._actors = [
+            each
+            for each in self._actors
+            if not (rng.random() < share and each[0].class_id in classes)
+        ]
+        return other
 
     def at(
         self, step: int, world_from_occ: Matrix, grid: VoxelGrid
@@ -97,6 +122,38 @@ def _fill(points, counts, triangles):
 @njit(inline="always")
 def _apart(a, b):
     return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+def connected(points_m: Points, class_id: UInt8[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
+    """Returns a number for each point, the same for those of one connected object: one class, in
+    cells of `OBJECT_CELL_M` that touch, be it by a corner."""
+    cell = np.floor(points_m / OBJECT_CELL_M).astype(np.int64)
+    cell -= cell.min(axis=0, initial=0) - 1
+    _, rows, layers = cell.max(axis=0, initial=0) + 2
+    columns = (class_id * (cell[:, 0].max(initial=0) + 2) + cell[:, 0]) * rows + cell[:, 1]
+    keys, index = np.unique(columns * layers + cell[:, 2], return_inverse=True)
+
+    parent = np.arange(len(keys))
+    sides = np.array([(i * rows + j) * layers + k for i, j, k in product((-1, 0, 1), repeat=3)])
+    for step in sides[sides > 0]:
+        at = np.searchsorted(keys, keys + step).clip(max=len(keys) - 1)
+        touching = np.flatnonzero(keys[at] == keys + step)
+        _join(parent, touching, at[touching])
+    return np.unique(parent, return_inverse=True)[1][index]
+
+
+@njit
+def _join(parent, ones, others):
+    """Joins the sets of pairs; in the end every member knows the first one of its set."""
+    for n in range(len(ones)):
+        a, b = ones[n], others[n]
+        while parent[a] != a:
+            a = parent[a]
+        while parent[b] != b:
+            b = parent[b]
+        parent[max(a, b)] = min(a, b)
+    for n in range(len(parent)):
+        parent[n] = parent[parent[n]]
 
 
 @njit(error_model="numpy")
