@@ -23,15 +23,17 @@ ROUTE = tuple(field.name for field in fields(Mission))
 
 @dataclass(frozen=True)
 class Job:
-    """A mission and the part of the experiment that it belongs to."""
+    """A mission, its stratum, and how long a UAV takes that knows the truth."""
 
     mission: Mission
     stratum: str
+    truth_s: float
 
     @classmethod
     def of(cls, row: Mapping) -> "Job":
         """Returns the job of a row of ``missions.csv``."""
-        return cls(Mission(**{name: row[name] for name in ROUTE}), str(row["stratum"]))
+        mission = Mission(**{name: row[name] for name in ROUTE})
+        return cls(mission, str(row["stratum"]), float(row["truth_s"]))
 
 
 class Campaign:
@@ -92,8 +94,10 @@ class Campaign:
         """Flies a mission, and returns its row of ``flights.csv``."""
         stage = self._stage(job.mission, draws=self.perception.wants_image)
         flown = self._fly(stage, self.perception)
-        threshold = self.planner.threshold
-        return row_of(job.mission, job.stratum, self.perception.name, stage, flown, threshold)
+        row = row_of(stage, flown, self.planner.threshold)
+        of_job = {"stratum": job.stratum, "perception": self.perception.name}
+        mission = {name: getattr(job.mission, name) for name in ("flight", "map", "town")}
+        return {**mission, **of_job, **row, "truth_s": job.truth_s}
 
     def _stage(self, mission: Mission, draws: bool) -> Stage:
         seconds = self.rules.late_s + 1

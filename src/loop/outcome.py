@@ -9,7 +9,6 @@ from ..ontology import CLASSES, UNKNOWN
 from ..sim.scene import SceneActor
 from .airframe import POSITION, ROTATION, STEP_HZ, VELOCITY
 from .flight import Flown
-from .mission import Mission
 from .stage import Stage
 
 # Slower than this the UAV, or what it met, counts as standing.
@@ -20,10 +19,8 @@ NEAR_M = 0.5
 Row = dict[str, object]
 
 
-def row_of(
-    mission: Mission, stratum: str, perception: str, stage: Stage, flown: Flown, threshold: float
-) -> Row:
-    """Returns the row of a flight. Times are in seconds, lengths in metres.
+def row_of(stage: Stage, flown: Flown, threshold: float) -> Row:
+    """Returns what came of a flight, with the planner's threshold of occupied.
 
     ``clearance_m`` is from the body's center to the nearest surface, 2 m where all were farther.
     ``hit`` is the class of what was hit. ``believed_2s`` and so on are the highest probabilities of
@@ -34,11 +31,6 @@ def row_of(
     speeds_mps = np.linalg.norm(flown.states[:, VELOCITY], axis=1)
     thrust_axis = flown.states[:, ROTATION.start + 8]
     return {
-        "flight": mission.flight,
-        "map": mission.map,
-        "town": mission.town,
-        "stratum": stratum,
-        "perception": perception,
         "outcome": flown.outcome,
         "time_s": round(flown.time_s, 3),
         "path_m": round(flown.path_m, 3),

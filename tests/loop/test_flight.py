@@ -46,7 +46,7 @@ def seeing(in_sight=True):
 
 
 def row(stage, result):
-    return row_of(stage.mission, "conflict", "any", stage, result, 0.5)
+    return row_of(stage, result, 0.5)
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
 def test_a_mission_through_a_wall_is_refused(tmp_path):
     row = dict(
         flight="a", stratum="conflict", town="tests.loop.yard", seed=0, index=0, weather="clear",
-        x_m=-30.0, y_m=0.0, yaw_rad=0.0, length_m=60.0, height_m=4.0,
+        x_m=-30.0, y_m=0.0, yaw_rad=0.0, length_m=60.0, height_m=4.0, truth_s=12.0,
     )  # fmt: skip
     path = tmp_path / "missions.csv"
     pd.DataFrame([row]).to_csv(path, index=False)

@@ -1,0 +1,108 @@
+"""Scores of flights: how often they end well, and what a perception costs beyond the camera's."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+import torch
+from jaxtyping import Float
+from torch import Generator, Tensor
+
+from ..errors import UserError
+from .bootstrap import difference_of, interval_of, resamplings
+
+# A score is a sum over flights by another one; each is better lower but for the first two.
+SCORES = {
+    "success": ("arrived", "flights"),
+    "success_by_time": ("in_time", "flights"),
+    "speed_mps": ("path_m", "time_s"),
+    "collisions": ("collided", "flights"),
+    "collisions_per_km": ("collided", "path_km"),
+    "stuck": ("stuck", "flights"),
+    "late": ("late", "flights"),
+    "near": ("near", "flights"),
+    "missed": ("missed", "flights"),
+    "planned_into": ("planned_into", "flights"),
+    "ran_into_us": ("ran_into_us", "flights"),
+}
+# Nearer than this, from the body's center, is a near miss.
+NEAR_M = 0.5
+ALL = "all"
+
+
+def flight_scores(
+    flights: Mapping[str, pd.DataFrame], reference: str | None, resamples: int, generator: Generator
+) -> pd.DataFrame:
+    """Returns the scores of perceptions that flew the same missions, by stratum and over all.
+
+    ``flights`` are their tables of flights. Intervals are over resampled maps, the same ones for
+    all perceptions. ``excess_*`` are differences from the ``reference``, paired by flight: what is
+    lost beyond what the camera's view and the planner lose. ``success_by_time`` weighs success by
+    the time that a UAV needs that knows the truth, as a share of the time taken.
+
+    Raises `UserError` for perceptions that flew other missions.
+    """
+    _require_same_flights(flights)
+    rows = []
+    for stratum in (*sorted(set(next(iter(flights.values()))["stratum"])), ALL):
+        kept = {
+            name: table if stratum == ALL else table[table["stratum"] == stratum]
+            for name, table in flights.items()
+        }
+        rows += _of_stratum(kept, stratum, reference, resamples, generator)
+    return pd.DataFrame(rows)
+
+
+def _of_stratum(
+    flights: Mapping[str, pd.DataFrame],
+    stratum: str,
+    reference: str | None,
+    resamples: int,
+    generator: Generator,
+) -> list[dict[str, object]]:
+    maps = len(set(next(iter(flights.values()))["map"]))
+    weights = resamplings(maps, resamples, generator)
+    # The first row is of all maps, once each.
+    weights = torch.cat([torch.ones(1, maps, dtype=weights.dtype), weights])
+    samples = {name: _samples(table, weights) for name, table in flights.items()}
+
+    rows = []
+    for name, scores in samples.items():
+        key = {"perception": name, "stratum": stratum, "flights": len(flights[name])}
+        for score, sample in scores.items():
+            value, low, high = interval_of(sample)
+            rows.append({**key, "score": score, "value": value, "low": low, "high": high})
+        if reference in samples and name != reference:
+            for score in ("collisions", "stuck", "near"):
+                value, low, high, _ = difference_of(scores[score] - samples[reference][score])
+                excess = {"score": f"excess_{score}", "value": value, "low": low, "high": high}
+                rows.append({**key, **excess})
+    return rows
+
+
+def _samples(
+    table: pd.DataFrame, weights: Float[Tensor, "1+r maps"]
+) -> dict[str, Float[Tensor, "1+r"]]:
+    """Returns each score of the flights, whole and resampled."""
+    sums = torch.tensor(_events(table).groupby(table["map"]).sum().to_numpy(float))
+    drawn = dict(zip(_events(table).columns, (weights @ sums).T))
+    return {name: drawn[above] / drawn[below] for name, (above, below) in SCORES.items()}
+
+
+def _events(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns what each flight adds to the sums."""
+    outcomes = {name: table["outcome"] == name for name in ("arrived", "collided", "stuck", "late")}
+    faults = {name: table["fault"] == name for name in ("missed", "planned_into", "ran_into_us")}
+    in_time = outcomes["arrived"] * (table["truth_s"] / table["time_s"]).clip(upper=1.0)
+    numbers = {"path_m": table["path_m"], "path_km": table["path_m"] / 1000}
+    numbers |= {"time_s": table["time_s"], "in_time": in_time, "flights": 1}
+    return pd.DataFrame({**outcomes, **faults, **numbers, "near": table["clearance_m"] < NEAR_M})
+
+
+def _require_same_flights(flights: Mapping[str, pd.DataFrame]) -> None:
+    first, *others = flights
+    for name in others:
+        if set(flights[name]["flight"]) != set(flights[first]["flight"]):
+            raise UserError(
+                f"task.flights: {name} did not fly the missions of {first}; fly them with the same "
+                "mission, planner, airframe and task.rules, to the end"
+            )
