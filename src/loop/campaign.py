@@ -1,6 +1,6 @@
 """Missions and flights of one configuration, in worker processes."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, fields
@@ -12,10 +12,10 @@ from ..geometry import VoxelGrid
 from ..sim.traffic import TrafficConfig
 from ..worker_pool import worker_pool
 from .camera import FrontCamera
-from .flight import Flown, Rules, fly
+from .flight import Flown, Rules, Watch, fly
 from .mission import Mission
 from .outcome import Row, row_of
-from .perception import Truth
+from .perception import Perception, Truth
 from .stage import Stage
 
 ROUTE = tuple(field.name for field in fields(Mission))
@@ -90,10 +90,11 @@ class Campaign:
             )
         return rows
 
-    def fly(self, job: Job) -> Row:
-        """Flies a mission, and returns its row of ``flights.csv``."""
-        stage = self._stage(job.mission, draws=self.perception.wants_image)
-        flown = self._fly(stage, self.perception)
+    def fly(self, job: Job, watch: Callable[[Stage], Watch] | None = None) -> Row:
+        """Flies a mission, and returns its row of ``flights.csv``. ``watch`` makes what watches it
+        from its stage."""
+        stage = self._stage(job.mission, draws=self.perception.wants_image or watch is not None)
+        flown = self._fly(stage, self.perception, watch and watch(stage))
         row = row_of(stage, flown, self.planner.threshold)
         of_job = {"stratum": job.stratum, "perception": self.perception.name}
         mission = {name: getattr(job.mission, name) for name in ("flight", "map", "town")}
@@ -103,9 +104,9 @@ class Campaign:
         seconds = self.rules.late_s + 1
         return Stage.of(mission, self.traffic, self.planner.cruise_mps, seconds, draws)
 
-    def _fly(self, stage: Stage, perception: object) -> Flown:
+    def _fly(self, stage: Stage, perception: Perception, watch: Watch | None = None) -> Flown:
         parts = perception, self.planner, self.airframe, self.camera, self.rules
-        return fly(stage, *parts)
+        return fly(stage, *parts, watch)
 
 
 def chosen(config: Mapping, maps: Sequence[tuple[str, int]], workers: int) -> Iterator[list[Row]]:

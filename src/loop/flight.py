@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,14 +11,16 @@ from jaxtyping import Float
 
 from ..data.rates import STEP_HZ as SCENE_HZ
 from ..geometry import world_from_occ
+from ..models.stream import StreamFrame
 from .airframe import POSITION, STEP_HZ, Airframe, States
-from .belief import BeliefMap
+from .belief import Belief, BeliefMap
 from .camera import FrontCamera
 from .obstacles import REACH_M, Nearest
 from .perception import Perception
 from .planner import Motion, Plan, Planner
 from .stage import Stage
 
+Watch = Callable[[StreamFrame, Belief, Plan], None]
 STEPS_A_SCENE_STEP = STEP_HZ // SCENE_HZ
 
 
@@ -65,18 +68,25 @@ def fly(
     airframe: Airframe,
     camera: FrontCamera,
     rules: Rules,
+    watch: Watch | None = None,
 ) -> Flown:
-    """Flies a mission. The same arguments give the same flight, bit for bit."""
+    """Flies a mission. The same arguments give the same flight, bit for bit.
+
+    ``watch`` is called with every frame, what was believed of it, and the plan; for it there are
+    images.
+    """
     pilot = _Pilot(stage, planner, airframe, rules)
     believed = BeliefMap(rules.map_cells, perception.grid.voxel_m, rules.forget_s)
     perception.begin(stage.truth)
-    with camera.on(stage, perception.wants_image) as look:
+    with camera.on(stage, perception.wants_image or watch is not None) as look:
         while pilot.outcome is None:
             frame = look(pilot.time_s, pilot.state)
             belief = perception(frame)
             matrix = world_from_occ(torch.as_tensor(frame.world_from_body)).numpy()
             believed.update(belief, perception.grid, matrix, 1 / rules.plan_hz)
-            pilot.fly_on(believed)
+            plan = pilot.fly_on(believed)
+            if watch is not None:
+                watch(frame, belief, plan)
     return pilot.flown()
 
 
@@ -103,8 +113,8 @@ class _Pilot:
     def time_s(self) -> float:
         return self._flown_steps / STEP_HZ
 
-    def fly_on(self, believed: BeliefMap) -> None:
-        """Plans by the map, and follows the plan until the next frame."""
+    def fly_on(self, believed: BeliefMap) -> Plan:
+        """Plans by the map, follows the plan until the next frame, and returns it."""
         self._maps.append(believed.copy())
         mission = self._stage.mission
         along_m = mission.along(self._motion.position_m)
@@ -122,6 +132,7 @@ class _Pilot:
         self._motion = Motion(*references[-1, :9].reshape(3, 3))
         self._yaw_rad = references[-1, 9]
         self._judge(mission.along(self.state[POSITION]))
+        return plan
 
     def _references(self, plan: Plan, target_m: Float[np.ndarray, "3"]) -> np.ndarray:
         """Returns the plan at every step, and the yaw, which turns to where the UAV goes."""

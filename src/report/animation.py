@@ -73,13 +73,18 @@ def _draw(
     first = max(0, (len(frames) - length) // 2)
     shown = frames[first : first + length : stride]
     scenes = [_scene(clip, frame, predictions) for frame in shown]
+    draw_scenes(scenes, [round(1000 * stride / clip.meta.capture_hz)] * len(scenes), path)
 
+
+def draw_scenes(
+    scenes: Sequence[VoxelScene], durations_ms: Sequence[int], path: str | Path
+) -> None:
+    """Writes a GIF of at most 1 MB: of each frame the image and the volumes, for so long."""
     # One point of view for all frames and volumes, so that nothing moves but the flight.
     labels = [volume for scene in scenes for volume in scene.known().values()]
-    view = view_of(labels, clip.meta.grid, VOXEL_PIX)
+    view = view_of(labels, scenes[0].grid, VOXEL_PIX)
     pictures = [_page(scene, view) for scene in scenes]
-    duration_ms = round(1000 * stride / clip.meta.capture_hz)
-    encoded = within_bytes(pictures, partial(_gif, duration_ms=duration_ms), MAX_BYTES)
+    encoded = within_bytes(pictures, partial(_gif, durations_ms=durations_ms), MAX_BYTES)
 
     with replacing(path) as temporary:
         temporary.write_bytes(encoded)
@@ -115,8 +120,8 @@ def _page(scene: VoxelScene, view: Viewpoint) -> Image.Image:
     return page.drawn()
 
 
-def _gif(pictures: list[Image.Image], duration_ms: int) -> bytes:
+def _gif(pictures: list[Image.Image], durations_ms: Sequence[int]) -> bytes:
     # Median cut would give the few voxels of a rare class their neighbours' color.
     first, *others = (p.quantize(256, Image.Quantize.FASTOCTREE) for p in pictures)
-    settings = {"duration": duration_ms, "loop": 0, "optimize": False}
+    settings = {"duration": list(durations_ms), "loop": 0, "optimize": False}
     return encoded(first, "GIF", save_all=True, append_images=others, **settings)

@@ -1,6 +1,6 @@
 """task=fly: a UAV flies missions on what a perception believes; a row a flight."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -11,7 +11,9 @@ from ..errors import UserError
 from ..loop.campaign import ROUTE, Campaign, Job, chosen, flown
 from ..loop.mission import ROOM_M, in_the_open
 from ..loop.outcome import NEAR_M
+from ..loop.stage import Stage
 from ..provenance import code_of, digest_of
+from ..report.flight_film import Film
 from ..results.files import write_table
 from ..run_folder import CONFIG
 from ..terminal import say, tracked
@@ -49,6 +51,7 @@ def fly(cfg: DictConfig, out: str, missions: str | None, workers: int | None, **
     ):
         table = pd.concat([table, pd.DataFrame([row])]).sort_values("flight", ignore_index=True)
         write_table(table, path)
+    _draw_films(campaign, jobs, table, folder)
     say(summary(table).to_string())
     say(path)
 
@@ -63,6 +66,36 @@ def summary(flights: pd.DataFrame) -> pd.DataFrame:
     speed = by_stratum["speed_mps"].mean()
     table = shares.assign(near=near, speed_mps=speed, flights=by_stratum.size())
     return table.round(1).rename_axis(index=None, columns=None)
+
+
+def films_of(flights: pd.DataFrame) -> dict[str, str]:
+    """Returns which flights are drawn, by the names of their files: the first collision, the
+    closest call and the clearest arrival, as far as there are such."""
+    by_clearance = flights[flights["outcome"] == "arrived"].sort_values(
+        "clearance_m", kind="stable"
+    )
+    arrived = by_clearance["flight"].tolist()
+    films = {"collision": flights[flights["outcome"] == "collided"]["flight"].tolist()[:1]}
+    films |= {"close_call": arrived[:1], "clean": arrived[1:][-1:]}
+    return {name: flight for name, found in films.items() for flight in found}
+
+
+def _draw_films(
+    campaign: Campaign, jobs: Sequence[Job], flights: pd.DataFrame, folder: Path
+) -> None:
+    """Flies some flights once more, before an observer."""
+    by_flight = {job.mission.flight: job for job in jobs}
+    for name, flight in tracked(films_of(flights).items(), "drawing"):
+        if (folder / f"{name}.gif").exists():
+            continue
+        films: list[Film] = []
+
+        def watch(stage: Stage, films: list[Film] = films) -> Film:
+            films.append(Film(stage, campaign.grid, campaign.planner.threshold))
+            return films[0]
+
+        campaign.fly(by_flight[flight], watch)
+        films[0].write(folder / f"{name}.gif")
 
 
 def _missions(config: Mapping, campaign: Campaign, workers: int) -> pd.DataFrame:

@@ -1,0 +1,78 @@
+"""A flight as a looping picture: the camera with the plan in it, the truth, and the belief."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image, ImageDraw
+
+from ..data.rates import STEP_HZ
+from ..geometry import VoxelGrid, camera_from_occ, inverse, transform, world_from_occ
+from ..loop.belief import Belief
+from ..loop.perception import seen_by
+from ..loop.planner import Plan
+from ..loop.stage import Stage
+from ..models.stream import StreamFrame
+from ..ontology import CLASSES, FREE, UNKNOWN
+from .animation import draw_scenes
+from .scene import Labels, VoxelScene
+from .view import Frustum
+
+# The end of a flight is shown, and its last picture stays.
+SHOWN, FRAME_MS, LAST_MS = 22, 200, 2000
+DOTS, DOT_PIX, DOT_RGB = 24, 1.5, (235, 94, 20)
+BELIEF = "Belief"
+
+
+class Film:
+    """Watches a flight, and draws it.
+
+    ``threshold`` is the probability from which a voxel is shown as occupied. A belief has no
+    classes: it takes those of the truth, and where that is free, the general one. Both volumes
+    show what is in the camera's view and not hidden by what is believed.
+    """
+
+    def __init__(self, stage: Stage, grid: VoxelGrid, threshold: float) -> None:
+        self._stage, self._grid, self._threshold = stage, grid, threshold
+        self._scenes: list[VoxelScene] = []
+
+    def __call__(self, frame: StreamFrame, belief: Belief, plan: Plan) -> None:
+        world_from_body = torch.as_tensor(frame.world_from_body)
+        matrix, grid = world_from_occ(world_from_body).numpy(), self._grid
+        truth, _ = self._stage.truth.at(round(frame.time_s * STEP_HZ), matrix, grid)
+
+        occupied = (belief.occupied > self._threshold) & belief.known
+        invented = np.where(truth == FREE, np.uint8(CLASSES.index("general")), truth)
+        seen = seen_by(frame, grid, occupied)
+        chain = camera_from_occ(world_from_body, frame.body_from_camera)
+        height, width = frame.image.shape[-2:]
+        camera = Frustum(chain, frame.pix_from_camera, (width, height))
+        scene = VoxelScene(
+            title=f"{frame.time_s:.1f} s",
+            grid=grid,
+            image=_with_plan(np.asarray(frame.image).transpose(1, 2, 0), plan, matrix, camera),
+            truth=np.where(seen, truth, np.uint8(UNKNOWN)),
+            predictions={BELIEF: np.where(occupied, invented, np.uint8(FREE))},
+            frustum=camera,
+        )
+        self._scenes.append(scene)
+
+    def write(self, path: str | Path) -> None:
+        """Writes the end of the flight as a GIF of at most 1 MB."""
+        shown = self._scenes[-SHOWN:]
+        draw_scenes(shown, [FRAME_MS] * (len(shown) - 1) + [LAST_MS], path)
+
+
+def _with_plan(
+    image: np.ndarray, plan: Plan, world_from_occ_: np.ndarray, camera: Frustum
+) -> Labels:
+    """Returns the image with the places of the plan as dots."""
+    places_m = plan.at(np.linspace(0.1, 1.0, DOTS) * plan.duration_s)[:, :3]
+    points_occ = torch.from_numpy(transform(inverse(world_from_occ_), places_m))
+    pix, depth_m = camera.project(points_occ)
+    picture = Image.fromarray(np.ascontiguousarray(image))
+    for (u, v), near_m in zip(pix.tolist(), depth_m.tolist()):
+        if near_m > 0.3:
+            corners = (u - DOT_PIX, v - DOT_PIX, u + DOT_PIX, v + DOT_PIX)
+            ImageDraw.Draw(picture).ellipse(corners, fill=DOT_RGB)
+    return np.asarray(picture)
