@@ -7,6 +7,7 @@ import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 
 from ..bounds import require_count
+from ..data.manifest import NOT_SHAPING
 from ..errors import UserError
 from ..loop.campaign import ROUTE, Campaign, Job, chosen, flown
 from ..loop.mission import ROOM_M, in_the_open
@@ -25,8 +26,15 @@ CODE = ("loop", "sim", "geometry.py", "voxels.py", "ontology.py")
 OF_MISSIONS = ("mission", "planner", "airframe")
 
 
-def fly(cfg: DictConfig, out: str, missions: str | None, workers: int | None, **_: object) -> None:
-    """Writes ``flights.csv`` to ``out``, beside the configuration.
+def fly(
+    cfg: DictConfig,
+    out: str,
+    missions: str | None,
+    films: bool,
+    workers: int | None,
+    **_: object,
+) -> None:
+    """Writes ``flights.csv`` to ``out``, beside the configuration, and ``films`` of some flights.
 
     The missions are those of the file ``missions``, or they are drawn: once for all perceptions,
     and kept under ``paths.data``. Flights that have a row are not flown again. Raises `UserError`
@@ -37,7 +45,7 @@ def fly(cfg: DictConfig, out: str, missions: str | None, workers: int | None, **
     config = OmegaConf.to_container(cfg, resolve=True)
     campaign, count = Campaign(config), workers or default_workers()
     folder = Path(out)
-    _require_same(folder, cfg)
+    _require_same(folder, config)
 
     table = _given(Path(missions)) if missions else _missions(config, campaign, count)
     jobs = list(map(Job.of, table.to_dict("records")))
@@ -51,7 +59,8 @@ def fly(cfg: DictConfig, out: str, missions: str | None, workers: int | None, **
     ):
         table = pd.concat([table, pd.DataFrame([row])]).sort_values("flight", ignore_index=True)
         write_table(table, path)
-    _draw_films(campaign, jobs, table, folder)
+    if films:
+        _draw_films(campaign, jobs, table, folder)
     say(summary(table).to_string())
     say(path)
 
@@ -134,11 +143,18 @@ def _given(path: Path) -> pd.DataFrame:
     return table
 
 
-def _require_same(folder: Path, cfg: DictConfig) -> None:
+def _require_same(folder: Path, config: Mapping) -> None:
     """Keeps the configuration beside the flights; refuses to add flights of another one."""
     path = folder / CONFIG
     if not path.is_file():
         folder.mkdir(parents=True, exist_ok=True)
-        OmegaConf.save(cfg, path, resolve=True)
-    elif OmegaConf.load(path) != OmegaConf.create(OmegaConf.to_container(cfg, resolve=True)):
+        OmegaConf.save(OmegaConf.create(config), path)
+    elif _shaping(OmegaConf.to_container(OmegaConf.load(path))) != _shaping(config):
         raise UserError(f"{folder}: has flights of another configuration; give another task.out")
+
+
+def _shaping(config: Mapping) -> dict[str, object]:
+    """Returns what shapes flights, of a configuration."""
+    sim = {key: value for key, value in config["sim"].items() if key not in NOT_SHAPING}
+    task = {key: config["task"][key] for key in ("grid", "rules", "missions")}
+    return {"sim": sim, "task": task, **{key: config[key] for key in ("perception", *OF_MISSIONS)}}

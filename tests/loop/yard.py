@@ -6,10 +6,11 @@ from src.ontology import BUILDING, THIN_STRUCTURE
 from src.sim.assets import upright
 from src.sim.layout import GroundPatch, Path, Town
 from src.sim.solid import Solid
+from src.sim.textures import CABLE
 
 WALL_X_M, WIRE_X_M = 30.0, 40.0
 WALL = Solid("box", BUILDING, (1.0, 6.0, 8.0), upright(WALL_X_M, 0.0, 4.0), "concrete")
-WIRE = Solid("box", THIN_STRUCTURE, (0.03, 40.0, 0.03), upright(WIRE_X_M, 0.0, 6.0), "metal")
+WIRE = Solid("box", THIN_STRUCTURE, (0.03, 40.0, 0.03), upright(WIRE_X_M, 0.0, 6.0), CABLE)
 
 
 def build(_rng: np.random.Generator) -> Town:

@@ -6,11 +6,13 @@ import pandas as pd
 import pytest
 from hydra.errors import InstantiationException
 from omegaconf import OmegaConf
+from PIL import Image
 
 from src.errors import UserError
 from src.failures import one_line
 from src.loop.campaign import Campaign
-from src.tasks.fly import FLIGHTS, fly, summary
+from src.report.flight_film import SHOWN
+from src.tasks.fly import FLIGHTS, films_of, fly, summary
 from tests.synthetic import sound_config
 
 YARD = (
@@ -36,7 +38,7 @@ def run(cfg, **changes):
 
 @pytest.mark.slow
 def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
-    cfg = config(tmp_path, "perception=all_free")
+    cfg = config(tmp_path, "perception=all_free", "task.films=false")
     two = run(cfg, workers=2, out=f"{tmp_path}/two")
     assert list(two.columns)[: len(COLUMNS)] == COLUMNS
     assert two["stratum"].value_counts().to_dict() == {"conflict": 2, "clear": 2}
@@ -50,11 +52,26 @@ def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
     assert one.equals(two)
     assert again.equals(two)
 
-    seen = run(config(tmp_path, "perception=seen"), workers=2)
+    cfg = config(tmp_path, "perception=seen", "task.workers=2")
+    seen = run(cfg)
     assert set(seen["outcome"]) == {"arrived"}
     assert summary(seen).loc["conflict", "arrived"] == 100
+    for name in films_of(seen):
+        with Image.open(f"{cfg.task.out}/{name}.gif") as film:
+            assert film.n_frames == SHOWN
+    assert run(config(tmp_path, "perception=seen")).equals(seen)
     with pytest.raises(UserError, match=r"another configuration.*task.out"):
         run(config(tmp_path, "perception=truth"), out=f"{tmp_path}/one")
+
+
+def test_the_flights_that_are_drawn_follow_a_rule():
+    columns = ("flight", "outcome", "clearance_m")
+    rows = [("a", "arrived", 1.0), ("b", "collided", 0.2), ("c", "arrived", 0.6)]
+    rows += [("d", "collided", 0.1), ("e", "arrived", 2.0)]
+    table = pd.DataFrame(rows, columns=columns)
+    assert films_of(table) == {"collision": "b", "close_call": "c", "clean": "e"}
+    assert films_of(table[:1]) == {"close_call": "a"}
+    assert films_of(table[1:2]) == {"collision": "b"}
 
 
 def test_a_mission_through_a_wall_is_refused(tmp_path):
