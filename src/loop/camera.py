@@ -37,13 +37,15 @@ class FrontCamera:
             return
 
         weather = Weather.of(self._sim, stage.mission.weather)
-        rng = stage.mission.rng("air")
         pix_from_camera, body_from_camera = self._mount
         with World(stage.scene, pix_from_camera, *self._size, self._sim["renderer"]) as world:
 
             def look(time_s: float, state: Float[np.ndarray, "19"]) -> StreamFrame:
                 world_from_camera = torch.from_numpy(world_from_body(state)) @ body_from_camera
-                rendering = world.render(round(time_s * STEP_HZ), world_from_camera, weather)
+                step = round(time_s * STEP_HZ)
+                rendering = world.render(step, world_from_camera, weather)
+                # Rain and noise are the frame's own, whatever came before.
+                rng = stage.mission.rng("air", step)
                 rgb = apply_weather(rendering, world_from_camera, pix_from_camera, weather, rng)
                 return self._frame(rgb.transpose(2, 0, 1), time_s, state, stage)
 

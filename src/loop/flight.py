@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
+from ..bounds import require_at_least
 from ..data.rates import STEP_HZ as SCENE_HZ
+from ..errors import UserError
 from ..geometry import world_from_occ
 from ..models.stream import StreamFrame
 from .airframe import POSITION, STEP_HZ, Airframe, States
@@ -27,7 +28,8 @@ STEPS_A_SCENE_STEP = STEP_HZ // SCENE_HZ
 @dataclass(frozen=True)
 class Rules:
     """How a flight goes on and when it ends. Frames come and plans are made ``plan_hz`` times a
-    second, and the target is so far ahead on the way."""
+    second, and the target is so far ahead on the way. Raises `UserError` for what is out of range.
+    """
 
     plan_hz: float = 5.0
     look_ahead_m: float = 15.0
@@ -39,6 +41,18 @@ class Rules:
     late_s: float = 30.0
     map_cells: tuple[int, int, int] = (80, 80, 32)
     forget_s: float = 0.5
+
+    def __post_init__(self) -> None:
+        numbers = {name: value for name, value in vars(self).items() if name != "map_cells"}
+        require_at_least(0, "task.rules", numbers, *numbers)
+        if self.plan_hz == 0 or (SCENE_HZ / self.plan_hz) % 1:
+            raise UserError(
+                f"task.rules.plan_hz: {self.plan_hz} does not divide the simulation's {SCENE_HZ} "
+                "Hz; take 5, 2.5 or 2"
+            )
+        for name in ("forget_s", "stuck_s", "late_s"):
+            if not getattr(self, name) > 0:
+                raise UserError(f"task.rules.{name}: 0; give more")
 
 
 @dataclass(frozen=True)
@@ -82,7 +96,7 @@ def fly(
         while pilot.outcome is None:
             frame = look(pilot.time_s, pilot.state)
             belief = perception(frame)
-            matrix = world_from_occ(torch.as_tensor(frame.world_from_body)).numpy()
+            matrix = world_from_occ(frame.world_from_body)
             believed.update(belief, perception.grid, matrix, 1 / rules.plan_hz)
             plan = pilot.fly_on(believed)
             if watch is not None:

@@ -1,5 +1,6 @@
 """What a trained network believes of the space ahead, from the images of the front camera."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,18 +20,27 @@ from .true_occupancy import TrueOccupancy
 class Learned:
     """The network of a checkpoint, as it would run in flight.
 
-    It knows what the camera sees, up to the surfaces that it believes in. Raises `UserError`
-    without a checkpoint, and for one with another grid.
+    It knows what the camera sees, up to the surfaces that it believes in. ``image`` are the
+    settings of the images. Raises `UserError` without a checkpoint, and for one with another grid
+    or other images.
     """
 
     name: str
     grid: VoxelGrid
     checkpoint: str | None
+    image: Mapping
     wants_image = True
     _stream: SkyOccStream = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._stream = SkyOccStream.of(opened(self.checkpoint, self.grid).path)
+        checkpoint = opened(self.checkpoint, self.grid)
+        trained = checkpoint.origin.config["sim"]["image"]
+        if dict(trained) != dict(self.image):
+            raise UserError(
+                f"sim.image: {dict(self.image)}; {self.checkpoint} was trained with {trained}; "
+                "give the scale that it was trained at"
+            )
+        self._stream = SkyOccStream.of(checkpoint.path)
 
     def begin(self, truth: TrueOccupancy) -> None:
         self._stream.reset()

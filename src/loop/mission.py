@@ -48,9 +48,9 @@ class Mission:
     def place(self) -> Place:
         return place_of(self.town, self.seed)
 
-    def rng(self, purpose: str) -> Rng:
-        """Returns the generator for one purpose."""
-        return generator_for(self.seed, purpose, self.town, self.index)
+    def rng(self, purpose: str, frame: int = 0) -> Rng:
+        """Returns the generator for one purpose, and of what differs by frame for one frame."""
+        return generator_for(self.seed, purpose, self.town, self.index, frame)
 
     def at(self, along_m: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
         """Returns the places so far along the way, in the world."""

@@ -13,8 +13,6 @@ from .stage import Stage
 
 # Slower than this the UAV, or what it met, counts as standing.
 STANDING_MPS = 0.5
-# Nearer than this is a near miss.
-NEAR_M = 0.5
 
 Row = dict[str, object]
 

@@ -73,7 +73,7 @@ class Truth:
 
     def __call__(self, frame: StreamFrame) -> Belief:
         step = round(frame.time_s * STEP_HZ)
-        matrix = world_from_occ(torch.as_tensor(frame.world_from_body)).numpy()
+        matrix = world_from_occ(frame.world_from_body)
         semantics, moving = self._truth.at(step, matrix, self.grid)
         occupied = semantics != FREE
         known = seen_by(frame, self.grid, occupied) if self.in_sight else np.ones_like(occupied)

@@ -37,13 +37,13 @@ class Film:
         self._scenes: list[VoxelScene] = []
 
     def __call__(self, frame: StreamFrame, belief: Belief, plan: Plan) -> None:
-        world_from_body = torch.as_tensor(frame.world_from_body)
-        matrix, grid = world_from_occ(world_from_body).numpy(), self._grid
+        matrix, grid = world_from_occ(frame.world_from_body), self._grid
         truth, _ = self._stage.truth.at(round(frame.time_s * STEP_HZ), matrix, grid)
 
         occupied = (belief.occupied > self._threshold) & belief.known
         invented = np.where(truth == FREE, np.uint8(CLASSES.index("general")), truth)
         seen = seen_by(frame, grid, occupied)
+        world_from_body = torch.from_numpy(frame.world_from_body)
         chain = camera_from_occ(world_from_body, frame.body_from_camera)
         height, width = frame.image.shape[-2:]
         camera = Frustum(chain, frame.pix_from_camera, (width, height))

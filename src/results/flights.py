@@ -27,6 +27,8 @@ SCORES = {
 # Nearer than this, from the body's center, is a near miss.
 NEAR_M = 0.5
 ALL = "all"
+# What task=fly leaves in a folder.
+FLIGHTS = "flights.csv"
 
 
 def flight_scores(

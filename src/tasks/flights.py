@@ -1,5 +1,6 @@
 """task=flights: what perceptions cost in flight, side by side, with paired intervals."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -8,10 +9,9 @@ from omegaconf import DictConfig
 
 from ..errors import UserError
 from ..results.files import write_table
-from ..results.flights import ALL, flight_scores
+from ..results.flights import ALL, FLIGHTS, flight_scores
 from ..results.render import Cell, Table, print_table
 from ..terminal import say
-from .fly import FLIGHTS
 
 BEST = {
     **dict.fromkeys(("success", "success_by_time"), "high"),
@@ -29,14 +29,20 @@ def flights(cfg: DictConfig, flights: list[str], reference: str, resamples: int,
     """
     if not flights:
         raise UserError("task.flights: name a folder or more, as task.flights=[runs/flights/seen]")
-    tables = dict(map(_read, flights))
-    generator = torch.Generator().manual_seed(0)
-    table = flight_scores(tables, reference, resamples, generator)
+    table = print_scores(dict(map(_read, flights)), reference, resamples)
     write_table(table, Path(out) / "scores.csv")
+    say(Path(out) / "scores.csv")
 
+
+def print_scores(
+    flights: Mapping[str, pd.DataFrame], reference: str | None, resamples: int
+) -> pd.DataFrame:
+    """Prints the main `flight_scores`, a table a stratum, and returns all of them."""
+    generator = torch.Generator().manual_seed(0)
+    table = flight_scores(flights, reference, resamples, generator)
     for stratum in dict.fromkeys(table["stratum"]):
         print_table(_printed(table[table["stratum"] == stratum], stratum))
-    say(Path(out) / "scores.csv")
+    return table
 
 
 def _read(folder: str) -> tuple[str, pd.DataFrame]:

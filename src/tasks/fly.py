@@ -1,6 +1,7 @@
 """task=fly: a UAV flies missions on what a perception believes; a row a flight."""
 
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 
 import pandas as pd
@@ -11,16 +12,19 @@ from ..data.manifest import NOT_SHAPING
 from ..errors import UserError
 from ..loop.campaign import ROUTE, Campaign, Job, chosen, flown
 from ..loop.mission import ROOM_M, in_the_open
-from ..loop.outcome import NEAR_M
 from ..loop.stage import Stage
 from ..provenance import code_of, digest_of
 from ..report.flight_film import Film
 from ..results.files import write_table
-from ..run_folder import CONFIG
+from ..results.flights import FLIGHTS
+from ..run_folder import CONFIG, VERSION
 from ..terminal import say, tracked
 from ..worker_pool import default_workers
+from .flights import print_scores
 
-FLIGHTS, MISSIONS = "flights.csv", "missions.csv"
+MISSIONS = "missions.csv"
+# Of the maps, for the printed intervals.
+RESAMPLES = 1000
 # These say which missions there are: those that a UAV with perfect knowledge completes.
 CODE = ("loop", "sim", "geometry.py", "voxels.py", "ontology.py")
 OF_MISSIONS = ("mission", "planner", "airframe")
@@ -61,20 +65,8 @@ def fly(
         write_table(table, path)
     if films:
         _draw_films(campaign, jobs, table, folder)
-    say(summary(table).to_string())
+    print_scores({name: table}, None, RESAMPLES)
     say(path)
-
-
-def summary(flights: pd.DataFrame) -> pd.DataFrame:
-    """Returns the share of each outcome in percent, by stratum, and how near and fast it was."""
-    by_stratum = flights.groupby("stratum")
-    shares = pd.crosstab(flights["stratum"], flights["outcome"], normalize="index") * 100
-    columns = ["arrived", "collided", "stuck", "late"]
-    shares = shares.reindex(columns=columns, fill_value=0.0)
-    near = (flights["clearance_m"] < NEAR_M).groupby(flights["stratum"]).mean() * 100
-    speed = by_stratum["speed_mps"].mean()
-    table = shares.assign(near=near, speed_mps=speed, flights=by_stratum.size())
-    return table.round(1).rename_axis(index=None, columns=None)
 
 
 def films_of(flights: pd.DataFrame) -> dict[str, str]:
@@ -144,17 +136,26 @@ def _given(path: Path) -> pd.DataFrame:
 
 
 def _require_same(folder: Path, config: Mapping) -> None:
-    """Keeps the configuration beside the flights; refuses to add flights of another one."""
-    path = folder / CONFIG
+    """Keeps the configuration beside the flights, and what shaped them; refuses to add flights of
+    another configuration, of other code or of other weights."""
+    path, shaping = folder / VERSION, digest_of(_shaping(config))
     if not path.is_file():
         folder.mkdir(parents=True, exist_ok=True)
-        OmegaConf.save(OmegaConf.create(config), path)
-    elif _shaping(OmegaConf.to_container(OmegaConf.load(path))) != _shaping(config):
-        raise UserError(f"{folder}: has flights of another configuration; give another task.out")
+        OmegaConf.save(OmegaConf.create(config), folder / CONFIG)
+        path.write_text(shaping)
+    elif path.read_text() != shaping:
+        raise UserError(
+            f"{folder}: has flights of another configuration, code or checkpoint; give another "
+            "task.out"
+        )
 
 
 def _shaping(config: Mapping) -> dict[str, object]:
-    """Returns what shapes flights, of a configuration."""
+    """Returns all that shapes flights."""
     sim = {key: value for key, value in config["sim"].items() if key not in NOT_SHAPING}
     task = {key: config["task"][key] for key in ("grid", "rules", "missions")}
-    return {"sim": sim, "task": task, **{key: config[key] for key in ("perception", *OF_MISSIONS)}}
+    parts = {key: config[key] for key in ("perception", *OF_MISSIONS)}
+    weights = config["perception"].get("checkpoint")
+    digest = sha256(Path(weights).read_bytes()).hexdigest() if weights else ""
+    code = code_of((*CODE, "models"))
+    return {"sim": sim, "task": task, "code": code, "weights": digest, **parts}
