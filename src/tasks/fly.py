@@ -119,7 +119,7 @@ def _missions(config: Mapping, campaign: Campaign, workers: int) -> pd.DataFrame
 
 
 def _given(path: Path) -> pd.DataFrame:
-    """Returns missions that somebody wrote, which no UAV has flown yet."""
+    """Returns missions that somebody wrote or picked; nobody has looked yet where they lead."""
     if not path.is_file():
         raise UserError(f"task.missions: no file {path}; give one like {MISSIONS}")
     table = pd.read_csv(path)
