@@ -57,16 +57,18 @@ def _read(folder: str) -> tuple[str, pd.DataFrame]:
 def _printed(table: pd.DataFrame, stratum: str) -> Table:
     """Returns the main scores in percent with their intervals, a row a perception."""
     percent = table.set_index(["perception", "score"])[["value", "low", "high"]] * 100
+    # One perception alone has no differences.
+    shown = [score for score in PRINTED if score in set(table["score"])]
     rows = []
     for name in dict.fromkeys(table["perception"]):
         cells = [
             Cell(*percent.loc[(name, score)], signed=score.startswith("excess"))
             if (name, score) in percent.index
             else None
-            for score in PRINTED
+            for score in shown
         ]
         rows.append((name, cells))
 
     over = "all" if stratum == ALL else stratum
     title = f"Flights (%), {over}: {table['flights'].iloc[0]} missions, intervals over maps"
-    return Table("flights", title, "", PRINTED, rows, "perception", BEST)
+    return Table("flights", title, "", shown, rows, "perception", BEST)
