@@ -4,7 +4,9 @@
 from .breakdown import KARBreakdown
 from .by_clip import ByClip
 from .calibration import Calibration
+from .object_miss import ObjectMiss
 from .occupancy import KARMeanIoU, OccupancyScores
+from .plan_regret import PlanRegret
 from .primitive_miss import PrimitiveMiss
 from .ray_iou import CameraRayIoU, RayIoU
 from .safety import SafetyScores

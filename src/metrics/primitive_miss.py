@@ -1,30 +1,24 @@
 """Whether the paths that the UAV could fly next are blocked, and whether the prediction says so."""
 
-import math
-from collections.abc import Sequence
 from typing import Any
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from torch import Tensor
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
 from .functional.primitives import CLEAR
-from .tables import Scores, Tables, VoxelMetric
+from .primitives import PrimitiveMetric
+from .tables import Scores, Tables
 
 # The log-odds that a path is blocked are sorted into bins of an eighth, from -16 to 16.
 BINS, BINS_A_UNIT = 256, 8
 
 
-class PrimitiveMiss(VoxelMetric):
+class PrimitiveMiss(PrimitiveMetric):
     """Blocked motion primitives that the prediction calls free.
-
-    A primitive is a path of the next ``seconds`` at the speed flown, ``min_speed_mps`` or more,
-    with a steady climb angle and turn rate: all combinations of ``climbs_deg`` and
-    ``turns_deg_per_s``. It sweeps all voxels within ``radius_m``. It is truly blocked if one of
-    them is truly occupied, and clear if it has a label and none is. Unknown voxels never count.
 
     The prediction says how likely a primitive is blocked by the highest odds of occupied in it. A
     *phantom block* is a clear primitive that is called blocked. `compute` gives
@@ -38,8 +32,8 @@ class PrimitiveMiss(VoxelMetric):
     - ``primitive_miss_argmax`` and ``primitive_phantoms_argmax``: both shares, where a primitive is
       called blocked if a voxel in it is predicted occupied.
 
-    The first three take logits, and are NaN for labels. It takes the arguments of `VoxelMetric`.
-    Raises `UserError` for paths that lead nowhere, and for shares outside 0 to 1.
+    The first three take logits, and are NaN for labels. It takes the arguments of
+    `PrimitiveMetric`. Raises `UserError` also for a share outside 0 to 1.
 
     >>> grid = VoxelGrid(lower_m=(0, -1, -1), upper_m=(8, 1, 1), shape=(4, 1, 1))
     >>> target = torch.tensor([8, 8, 3, 8]).view(1, 4, 1, 1)
@@ -55,31 +49,12 @@ class PrimitiveMiss(VoxelMetric):
     said: Tensor
 
     def __init__(
-        self,
-        grid: VoxelGrid,
-        *arguments: Any,
-        turns_deg_per_s: Sequence[float] = (-45, -30, -15, 0, 15, 30, 45),
-        climbs_deg: Sequence[float] = (-20, -10, 0, 10, 20),
-        seconds: float = 2.0,
-        radius_m: float = 1.0,
-        min_speed_mps: float = 5.0,
-        phantoms: float = 0.01,
-        **kwargs: Any,
+        self, grid: VoxelGrid, *arguments: Any, phantoms: float = 0.01, **kwargs: Any
     ) -> None:
-        for name, value in (("seconds", seconds), ("radius_m", radius_m)):
-            if not (math.isfinite(value) and value > 0):
-                raise UserError(f"{name}: {value} must be a finite number above 0")
-        if not (math.isfinite(min_speed_mps) and min_speed_mps >= 0):
-            raise UserError(f"min_speed_mps: {min_speed_mps} must be a finite number, 0 or more")
-        for name, angles in (("turns_deg_per_s", turns_deg_per_s), ("climbs_deg", climbs_deg)):
-            if not angles or not all(math.isfinite(angle) for angle in angles):
-                raise UserError(f"{name}: {list(angles)} must be one finite number or more")
         if not 0 < phantoms < 1:
             raise UserError(f"phantoms: {phantoms} must be between 0 and 1, as 0.01")
 
         super().__init__(grid, *arguments, **kwargs)
-        self.turns_deg_per_s, self.climbs_deg = tuple(turns_deg_per_s), tuple(climbs_deg)
-        self.seconds, self.radius_m, self.min_speed_mps = seconds, radius_m, min_speed_mps
         self.phantoms = phantoms
         self.add_tables(blocked=(self.num_classes, BINS), clear=(BINS,), said=(2, 2))
 
@@ -94,15 +69,10 @@ class PrimitiveMiss(VoxelMetric):
         """Returns the tables of every frame: primitives that are ``blocked`` [class met first, bin
         of the log-odds], and ``clear`` [bin], where there are logits; and all of them as ``said``
         [truly blocked, called blocked]."""
-        codes = self.codes(preds, target, mask)
-        F.require_directions(velocity, len(target), "a primitive")
         if preds.is_floating_point():
             logits = preds
-        speeds_mps = F.speeds(velocity, batch=len(target))
-        scores = [None] * len(codes) if logits is None else logits
-        return self.stacked(
-            [self._frame(*frame) for frame in zip(codes, scores, velocity, speeds_mps)]
-        )
+        swept = self.swept(preds, target, velocity, mask, logits)
+        return self.stacked([self._frame(each, logits is not None) for each in swept])
 
     def scores(self, tables: Tables) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
@@ -121,28 +91,12 @@ class PrimitiveMiss(VoxelMetric):
         scores["primitive_phantoms_argmax"] = said[..., 0, 1] / said[..., 0, :].sum(-1)
         return scores
 
-    def _frame(
-        self,
-        codes: UInt8[Tensor, "X Y Z"],
-        logits: Float[Tensor, "c X Y Z"] | None,
-        velocity_mps: Float[Tensor, "3"],
-        speed_mps: float,
-    ) -> Tables:
-        paths_m = F.primitive_paths(
-            velocity_mps,
-            max(speed_mps, self.min_speed_mps),
-            self.turns_deg_per_s,
-            self.climbs_deg,
-            self.seconds,
-            self.grid.voxel_m / 2,
-        )
-        swept = F.swept(codes, logits, paths_m, self.radius_m, self.grid, self.free_index)
-
+    def _frame(self, swept: F.Swept, has_logits: bool) -> Tables:
         truly = swept.met != CLEAR
         outcome = (2 * truly.long() + swept.said)[swept.known]
         tables = {name: torch.zeros(table.shape).long() for name, table in self.tables.items()}
         tables["said"] = torch.bincount(outcome, minlength=4).view(2, 2)
-        if logits is not None:
+        if has_logits:
             bins = ((swept.log_odds * BINS_A_UNIT).floor() + BINS // 2).clamp(0, BINS - 1).long()
             cells = (swept.met * BINS + bins)[truly]
             tables["blocked"] = torch.bincount(cells, minlength=self.num_classes * BINS)

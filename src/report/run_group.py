@@ -36,6 +36,8 @@ BEYOND = {
     "ray_iou": ("RayIoU", "high"),
     "primitive_miss": ("Primitive miss", "low"),
     "primitive_auc": ("Primitive AUC", "high"),
+    "object_miss_rate": ("Object miss", "low"),
+    "plan_regret": ("Plan regret", "low"),
     "collision_miss_rate": ("Collision-miss rate", "low"),
     "false_free_rate": ("False-free rate", "low"),
 }
@@ -43,7 +45,7 @@ BEYOND = {
 # Metrics whose many scores have tables of their own, and no place in a report.
 APART = ("breakdown", "calibration", "sensitivity")
 # Metrics of which a report shows the scores above; it shows every score of any other metric.
-KNOWN = ("occupancy", "safety", "rays", "primitives")
+KNOWN = ("occupancy", "safety", "rays", "primitives", "plans", "objects")
 
 
 @dataclass(frozen=True)

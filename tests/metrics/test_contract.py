@@ -17,7 +17,9 @@ from src.metrics import (
     KARBreakdown,
     KARMeanIoU,
     KARSensitivity,
+    ObjectMiss,
     OccupancyScores,
+    PlanRegret,
     PrimitiveMiss,
     RayIoU,
     SafetyScores,
@@ -28,11 +30,14 @@ from tests.metrics.inputs import assert_same, coins, random_logits, updated
 OPTIONS = {
     SafetyScores: {"tube_radius_m": 4.0},
     PrimitiveMiss: {"radius_m": 4.0},
+    PlanRegret: {"radius_m": 4.0},
+    ObjectMiss: {"near_m": 4.0},
     KARSensitivity: {"values": {"horizon_s": (1.5, 5.0), "penalty_scale": (0.0, 2.0, 7.0)}},
 }
 CONFUSIONS = (KARMeanIoU, OccupancyScores, KARBreakdown, SafetyScores)
-OF_VELOCITY = (*CONFUSIONS, KARSensitivity, Calibration, PrimitiveMiss)
-OF_LABELS = (*CONFUSIONS, KARSensitivity, RayIoU)
+ON_PATHS = (PlanRegret, ObjectMiss)
+OF_VELOCITY = (*CONFUSIONS, KARSensitivity, Calibration, PrimitiveMiss, *ON_PATHS)
+OF_LABELS = (*CONFUSIONS, KARSensitivity, RayIoU, *ON_PATHS)
 EVERY = (*OF_LABELS, Calibration, PrimitiveMiss)
 EXAMPLES = [path for path in Path("src/metrics").rglob("*.py") if ">>>" in path.read_text()]
 
@@ -326,6 +331,11 @@ BAD_ARGUMENTS = {
         *({name: []} for name in ("turns_deg_per_s", "climbs_deg")),
         *({"turns_deg_per_s": [math.nan]}, {"min_speed_mps": -1.0}),
         *({"phantoms": share} for share in (0.0, 1.0)),
+    ],
+    (PlanRegret,): [{"collision": 1.0}, {"collision": math.nan}, {"seconds": 0.0}],
+    (ObjectMiss,): [
+        *({name: value} for name in ("near_m", "seconds") for value in (0.0, math.inf)),
+        *({"tolerance_m": value} for value in (-0.1, math.nan)),
     ],
     (RayIoU,): [
         {"thresholds_m": thresholds_m}

@@ -91,6 +91,44 @@ def sweep(codes, logits, paths, ball, radius, free_index, met, known, said, log_
                 met[n] = first
 
 
+@njit(nogil=True)
+def count_objects(codes, near, around, free_index, ground_index, objects):
+    """Counts in ``objects`` [class, whether missed] those with a voxel that is ``near``
+    (`ObjectMiss`). ``around`` are the offsets of all voxels in which a prediction counts."""
+    done = np.zeros(codes.shape, np.bool_)
+    for first in np.ndindex(codes.shape):
+        true = codes[first] >> 4
+        if not near[first] or done[first] or codes[first] == UNCOUNTED:
+            continue
+        if true in (free_index, ground_index):
+            continue
+        is_seen = False
+        done[first] = True
+        waiting = [first]
+        while waiting:
+            x, y, z = waiting.pop()
+            is_seen = is_seen or _says(codes, around, x, y, z, free_index)
+            for i in range(max(x - 1, 0), min(x + 2, codes.shape[0])):
+                for j in range(max(y - 1, 0), min(y + 2, codes.shape[1])):
+                    for k in range(max(z - 1, 0), min(z + 2, codes.shape[2])):
+                        code = codes[i, j, k]
+                        if code >> 4 == true and code != UNCOUNTED and not done[i, j, k]:
+                            done[i, j, k] = True
+                            waiting.append((i, j, k))
+        objects[true, 0 if is_seen else 1] += 1
+
+
+@njit
+def _says(codes, around, x, y, z, free_index):
+    """Tells whether a voxel near this one is predicted occupied."""
+    for offset in around:
+        i, j, k = x + offset[0], y + offset[1], z + offset[2]
+        code = codes[i, j, k] if _holds(codes.shape, i, j, k) else UNCOUNTED
+        if code != UNCOUNTED and code & 15 != free_index:
+            return True
+    return False
+
+
 @njit
 def _holds(shape, i, j, k):
     return 0 <= i < shape[0] and 0 <= j < shape[1] and 0 <= k < shape[2]

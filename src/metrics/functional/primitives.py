@@ -91,9 +91,14 @@ def swept(
 def _ball(radius: float) -> Int64[np.ndarray, "m 3"]:
     """Returns all offsets of voxels, some point of which may be within a radius, in voxels, of a
     point in the voxel at 0."""
-    reach = math.ceil(radius + 0.5)
+    # The point may be half a voxel nearer along each axis.
+    return within(radius, 0.5)
+
+
+def within(radius: float, nearer: float = 0.0) -> Int64[np.ndarray, "m 3"]:
+    """Returns all offsets within a radius, in voxels, where each axis may be so much ``nearer``."""
+    reach = math.ceil(radius + nearer)
     sides = np.arange(-reach, reach + 1)
     offsets = np.stack(np.meshgrid(sides, sides, sides, indexing="ij"), axis=-1).reshape(-1, 3)
-    # The point may be half a voxel nearer along each axis.
-    nearest = np.maximum(np.abs(offsets) - 0.5, 0.0)
-    return offsets[(nearest**2).sum(-1) <= radius**2]
+    nearest = np.maximum(np.abs(offsets) - nearer, 0.0)
+    return offsets[(nearest**2).sum(-1) <= radius**2 + 1e-9]
