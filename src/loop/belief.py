@@ -4,11 +4,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..jit import njit
+from ..ontology import FREE
 from ..sim.voxel_kernels import Lattice
 
 # Of one observation, so that no single one is final.
@@ -19,16 +20,26 @@ LEAST, MOST = -2.0, 3.5
 FORGOTTEN = 0.5
 
 
+Known = Bool[np.ndarray, "X Y Z"]
+
+
 class Belief(NamedTuple):
     """What a perception says of one frame, in that frame's occ frame.
 
     ``occupied`` is the probability that a voxel is occupied; ``known`` tells of which voxels that
-    says anything; ``movable`` marks those that are, if anything, of a class that may drive off.
+    says anything; ``movable`` marks those that are, if anything, of a class that may drive off;
+    ``semantics`` is the likeliest class, free included.
     """
 
     occupied: Float[np.ndarray, "X Y Z"]
-    known: Bool[np.ndarray, "X Y Z"]
-    movable: Bool[np.ndarray, "X Y Z"]
+    known: Known
+    movable: Known
+    semantics: UInt8[np.ndarray, "X Y Z"]
+
+    @classmethod
+    def sure(cls, semantics: UInt8[np.ndarray, "X Y Z"], known: Known, movable: Known) -> "Belief":
+        """Returns the belief of who has no doubt of the classes."""
+        return cls((semantics != FREE).astype(np.float32), known, movable, semantics)
 
 
 class BeliefMap:

@@ -1,8 +1,6 @@
-"""Missions and flights of one configuration, in worker processes."""
+"""All that flies, and the missions that it flies, made from one configuration."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, as_completed
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 
 from hydra.utils import instantiate
@@ -10,13 +8,13 @@ from hydra.utils import instantiate
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..sim.traffic import TrafficConfig
-from ..worker_pool import worker_pool
 from .camera import FrontCamera
 from .flight import Flown, Rules, Watch, fly
 from .mission import Mission
 from .outcome import Row, row_of
 from .perception import Perception, Truth
 from .stage import Stage
+from .twin import Twin
 
 ROUTE = tuple(field.name for field in fields(Mission))
 
@@ -39,6 +37,9 @@ class Job:
 class Campaign:
     """All that flies: perception, planner, airframe and camera, made from a configuration.
 
+    The ``pilot`` is the perception that is flown on: where the configured one only looks on, one
+    that knows the truth.
+
     ``config`` is the composed configuration as plain data. Raises `UserError` where a part is set
     out of range, for a planner that is faster than the camera, and for a perception that knows
     other voxels than the task's.
@@ -59,6 +60,8 @@ class Campaign:
         self.planner = instantiate(config["planner"])
         self.airframe = instantiate(config["airframe"])
         self.perception = instantiate(config["perception"], _partial_=True)(grid=self.grid)
+        truth = Truth("truth", self.grid, in_sight=False)
+        self.pilot = truth if task["looks_on"] else self.perception
         self.camera = FrontCamera(sim)
 
     def choose(self, town: str, seed: int) -> list[Row]:
@@ -90,13 +93,22 @@ class Campaign:
             )
         return rows
 
-    def fly(self, job: Job, watch: Callable[[Stage], Watch] | None = None) -> Row:
-        """Flies a mission, and returns its row of ``flights.csv``. ``watch`` makes what watches it
-        from its stage."""
-        stage = self._stage(job.mission, draws=self.perception.wants_image or watch is not None)
-        flown = self._fly(stage, self.perception, watch and watch(stage))
-        row = row_of(stage, flown, self.planner.threshold)
-        of_job = {"stratum": job.stratum, "perception": self.perception.name}
+    def fly(
+        self, job: Job, watch: Callable[[Stage], Watch] | None = None, draws: bool = False
+    ) -> Row:
+        """Flies a mission, and returns its row of ``flights.csv``.
+
+        ``watch`` makes what watches it from its stage. There are images where the perception wants
+        them, or it ``draws``.
+        """
+        draws = draws or self.perception.wants_image
+        stage = self._stage(job.mission, draws)
+        twin = Twin(self.grid, self.planner, self.rules, stage.truth)
+        watches = [twin] if watch is None else [twin, watch(stage)]
+        flown = self._fly(stage, self.pilot, watches, draws)
+
+        row = row_of(stage, flown, self.planner.threshold) | twin.row()
+        of_job = {"stratum": job.stratum, "perception": self.pilot.name}
         mission = {name: getattr(job.mission, name) for name in ("flight", "map", "town")}
         return {**mission, **of_job, **row, "truth_s": job.truth_s}
 
@@ -104,52 +116,12 @@ class Campaign:
         seconds = self.rules.late_s + 1
         return Stage.of(mission, self.traffic, self.planner.cruise_mps, seconds, draws)
 
-    def _fly(self, stage: Stage, perception: Perception, watch: Watch | None = None) -> Flown:
+    def _fly(
+        self,
+        stage: Stage,
+        perception: Perception,
+        watches: Sequence[Watch] = (),
+        draws: bool = False,
+    ) -> Flown:
         parts = perception, self.planner, self.airframe, self.camera, self.rules
-        return fly(stage, *parts, watch)
-
-
-def chosen(config: Mapping, maps: Sequence[tuple[str, int]], workers: int) -> Iterator[list[Row]]:
-    """Yields the missions of each map as they are found."""
-    jobs = [(number, _choose, place) for number, place in enumerate(maps)]
-    yield from _done(config, jobs, workers)
-
-
-def flown(config: Mapping, jobs: Sequence[Job], workers: int) -> Iterator[Row]:
-    """Yields the rows of flights as they end."""
-    maps = {job.mission.map: None for job in jobs}
-    number = {name: index for index, name in enumerate(maps)}
-    yield from _done(config, [(number[job.mission.map], _fly, (job,)) for job in jobs], workers)
-
-
-def _done(config: Mapping, jobs: Iterable[tuple], workers: int) -> Iterator:
-    """Yields results from workers, each of which keeps to maps of its own: building a town takes
-    seconds."""
-    with ExitStack() as stack:
-        pools = [
-            stack.enter_context(worker_pool(1, _start, (config,))) for _ in range(max(workers, 1))
-        ]
-        futures: list[Future] = [
-            pools[number % len(pools)].submit(function, *arguments)
-            for number, function, arguments in jobs
-        ]
-        for future in as_completed(futures):
-            yield future.result()
-
-
-# --------------------------------------------------------------------------- in the worker process
-
-_campaign: Campaign
-
-
-def _start(config: Mapping) -> None:
-    global _campaign
-    _campaign = Campaign(config)
-
-
-def _choose(town: str, seed: int) -> list[Row]:
-    return _campaign.choose(town, seed)
-
-
-def _fly(job: Job) -> Row:
-    return _campaign.fly(job)
+        return fly(stage, *parts, watches, draws)

@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float, UInt8
 
 from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..models.stream import StreamFrame
-from ..ontology import CLASSES, FREE, GROUND
+from ..ontology import CLASSES, FREE, GENERAL, GROUND
 from .belief import Belief
 from .perception import Truth, seen_by
 from .true_occupancy import TrueOccupancy
@@ -19,7 +19,7 @@ from .true_occupancy import TrueOccupancy
 SHARES = ("voxels", "objects", *CLASSES[:FREE], "phantoms")
 LENGTHS = ("near", "far", "ahead", "grown")
 
-Occupied = Bool[np.ndarray, "X Y Z"]
+Semantics = UInt8[np.ndarray, "X Y Z"]
 
 
 @dataclass
@@ -61,29 +61,32 @@ class Damaged:
 
     def __call__(self, frame: StreamFrame) -> Belief:
         belief = self._truth(frame)
-        occupied = self._damaged(belief.occupied > 0)
-        known = seen_by(frame, self.grid, occupied)
-        return Belief(occupied.astype(np.float32), known, belief.movable & occupied)
+        semantics = self._damaged(belief.semantics)
+        known = seen_by(frame, self.grid, semantics != FREE)
+        return Belief.sure(semantics, known, belief.movable & (semantics != FREE))
 
-    def _damaged(self, occupied: Occupied) -> Occupied:
+    def _damaged(self, semantics: Semantics) -> Semantics:
+        free = np.uint8(FREE)
         if self.kind == "voxels":
-            return occupied & (self._rng.random(occupied.shape) >= self.amount)
+            return np.where(self._rng.random(semantics.shape) < self.amount, free, semantics)
         if self.kind == "phantoms":
-            return occupied | (self._rng.random(occupied.shape) < self.amount)
+            drawn = self._rng.random(semantics.shape) < self.amount
+            return np.where(drawn & (semantics == FREE), np.uint8(GENERAL), semantics)
         if self.kind in ("near", "far"):
             near = distances_m(self.grid) < self.amount
-            return occupied & (~near if self.kind == "near" else near)
+            return np.where(near == (self.kind == "near"), free, semantics)
 
         cells = round(self.amount / self.grid.voxel_m)
         if self.kind == "ahead":
-            moved = np.zeros_like(occupied)
-            moved[cells:] = occupied[: len(occupied) - cells]
+            moved = np.full_like(semantics, FREE)
+            moved[cells:] = semantics[: len(semantics) - cells]
             return moved
         if self.kind == "grown":
-            thick = torch.from_numpy(occupied)[None].float()
-            side = 2 * cells + 1
-            return (torch.nn.functional.max_pool3d(thick, side, 1, cells) > 0)[0].numpy()
-        return occupied
+            # Free is the last class: the largest in a cube of the rest is what it is grown by.
+            rest = torch.from_numpy(FREE - semantics)[None].float()
+            largest = torch.nn.functional.max_pool3d(rest, 2 * cells + 1, 1, cells)[0].numpy()
+            return np.where(semantics == FREE, FREE - largest.astype(np.uint8), semantics)
+        return semantics
 
 
 def distances_m(grid: VoxelGrid) -> Float[np.ndarray, "X Y Z"]:

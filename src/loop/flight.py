@@ -2,8 +2,9 @@
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -21,8 +22,20 @@ from .perception import Perception
 from .planner import Motion, Plan, Planner
 from .stage import Stage
 
-Watch = Callable[[StreamFrame, Belief, Plan], None]
 STEPS_A_SCENE_STEP = STEP_HZ // SCENE_HZ
+
+
+class Moment(NamedTuple):
+    """A frame, what was believed of it, where and how the UAV was, and what it planned."""
+
+    frame: StreamFrame
+    belief: Belief
+    motion: Motion
+    target_m: Float[np.ndarray, "3"]
+    plan: Plan
+
+
+Watch = Callable[[Moment], None]
 
 
 @dataclass(frozen=True)
@@ -82,25 +95,26 @@ def fly(
     airframe: Airframe,
     camera: FrontCamera,
     rules: Rules,
-    watch: Watch | None = None,
+    watches: Sequence[Watch] = (),
+    draws: bool = False,
 ) -> Flown:
     """Flies a mission. The same arguments give the same flight, bit for bit.
 
-    ``watch`` is called with every frame, what was believed of it, and the plan; for it there are
-    images.
+    ``watches`` are called with every moment at which a plan was made. There are images where the
+    perception wants them, or it ``draws``.
     """
     pilot = _Pilot(stage, planner, airframe, rules)
     believed = BeliefMap(rules.map_cells, perception.grid.voxel_m, rules.forget_s)
     perception.begin(stage.truth)
-    with camera.on(stage, perception.wants_image or watch is not None) as look:
+    with camera.on(stage, perception.wants_image or draws) as look:
         while pilot.outcome is None:
             frame = look(pilot.time_s, pilot.state)
             belief = perception(frame)
             matrix = world_from_occ(frame.world_from_body)
             believed.update(belief, perception.grid, matrix, 1 / rules.plan_hz)
-            plan = pilot.fly_on(believed)
-            if watch is not None:
-                watch(frame, belief, plan)
+            moment = Moment(frame, belief, *pilot.fly_on(believed))
+            for watch in watches:
+                watch(moment)
     return pilot.flown()
 
 
@@ -127,13 +141,15 @@ class _Pilot:
     def time_s(self) -> float:
         return self._flown_steps / STEP_HZ
 
-    def fly_on(self, believed: BeliefMap) -> Plan:
-        """Plans by the map, follows the plan until the next frame, and returns it."""
+    def fly_on(self, believed: BeliefMap) -> tuple[Motion, Float[np.ndarray, "3"], Plan]:
+        """Plans by the map, and follows the plan until the next frame. Returns from where, where
+        to, and the plan."""
         self._maps.append(believed.copy())
         mission = self._stage.mission
         along_m = mission.along(self._motion.position_m)
         target_m = mission.at(np.array(min(along_m + self._rules.look_ahead_m, mission.length_m)))
-        plan = self._planner(self._motion, believed, target_m)
+        motion = self._motion
+        plan = self._planner(motion, believed, target_m)
         self._halts += not plan.clear
 
         references = self._references(plan, target_m)
@@ -146,7 +162,7 @@ class _Pilot:
         self._motion = Motion(*references[-1, :9].reshape(3, 3))
         self._yaw_rad = references[-1, 9]
         self._judge(mission.along(self.state[POSITION]))
-        return plan
+        return motion, target_m, plan
 
     def _references(self, plan: Plan, target_m: Float[np.ndarray, "3"]) -> np.ndarray:
         """Returns the plan at every step, and the yaw, which turns to where the UAV goes."""

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, UInt8
+import torch
+from jaxtyping import UInt8
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
@@ -50,7 +51,8 @@ class Learned:
         occupied = (1 - probability[FREE]).numpy()
         best = probability[:FREE].argmax(dim=0).numpy()
         known = seen_by(frame, self.grid, occupied > 0.5)
-        return Belief(occupied, known, np.isin(best, MOVABLE))
+        semantics = probability.argmax(dim=0).to(torch.uint8).numpy()
+        return Belief(occupied, known, np.isin(best, MOVABLE), semantics)
 
 
 @dataclass
@@ -70,9 +72,8 @@ class Prior:
         pass
 
     def __call__(self, frame: StreamFrame) -> Belief:
-        occupied: Bool[np.ndarray, "X Y Z"] = self._labels != FREE
-        known = seen_by(frame, self.grid, occupied)
-        return Belief(occupied.astype(np.float32), known, np.isin(self._labels, MOVABLE))
+        known = seen_by(frame, self.grid, self._labels != FREE)
+        return Belief.sure(self._labels, known, np.isin(self._labels, MOVABLE))
 
 
 def opened(path: str | None, grid: VoxelGrid) -> Checkpoint:

@@ -22,7 +22,8 @@ def row_of(stage: Stage, flown: Flown, threshold: float) -> Row:
 
     ``clearance_m`` is from the body's center to the nearest surface, 2 m where all were farther.
     ``hit`` is the class of what was hit. ``believed_2s`` and so on are the highest probabilities of
-    occupied that the map had within a metre of where the flight ended, so long before.
+    occupied that the map had within a metre of where the flight ended, so long before. ``jerk2`` is
+    the integral of the squared jerk over the length of the path, in m/s5 (FlightBench's).
     """
     collided = flown.outcome == "collided"
     nearest = flown.nearest
@@ -37,9 +38,16 @@ def row_of(stage: Stage, flown: Flown, threshold: float) -> Row:
         "fault": _fault(stage, flown, threshold) if collided else "",
         "speed_mps": round(float(speeds_mps.mean()), 3),
         "tilt_deg": round(math.degrees(math.acos(min(1.0, float(thrust_axis.min())))), 2),
+        "jerk2": round(_jerk2(flown), 4),
         "halts": flown.halts,
         **dict(zip(("believed_2s", "believed_1s", "believed_05s"), np.round(flown.believed, 4))),
     }
+
+
+def _jerk2(flown: Flown) -> float:
+    velocity_mps = flown.states[:: STEP_HZ // SCENE_HZ, VELOCITY]
+    jerk_mps3 = np.diff(velocity_mps, n=2, axis=0) * SCENE_HZ**2
+    return float((jerk_mps3**2).sum()) / SCENE_HZ / max(flown.path_m, 1.0)
 
 
 def _fault(stage: Stage, flown: Flown, threshold: float) -> str:

@@ -11,7 +11,7 @@ from ..data.rates import STEP_HZ
 from ..errors import UserError
 from ..geometry import VoxelGrid, camera_from_occ, pixel_centers, world_from_occ
 from ..models.stream import StreamFrame
-from ..ontology import CAR, FREE, LARGE_VEHICLE, VRU
+from ..ontology import CAR, FREE, GENERAL, LARGE_VEHICLE, VRU
 from ..voxels import rays_in_grid
 from .belief import Belief
 from .true_occupancy import TrueOccupancy, in_sight
@@ -54,7 +54,8 @@ class Constant:
     def __call__(self, frame: StreamFrame) -> Belief:
         shape = self.grid.shape
         everywhere, nowhere = np.ones(shape, dtype=bool), np.zeros(shape, dtype=bool)
-        return Belief(np.full(shape, self.occupied, np.float32), everywhere, nowhere)
+        semantics = np.full(shape, GENERAL if self.occupied > 0.5 else FREE, np.uint8)
+        return Belief(np.full(shape, self.occupied, np.float32), everywhere, nowhere, semantics)
 
 
 @dataclass
@@ -77,7 +78,7 @@ class Truth:
         semantics, moving = self._truth.at(step, matrix, self.grid)
         occupied = semantics != FREE
         known = seen_by(frame, self.grid, occupied) if self.in_sight else np.ones_like(occupied)
-        return Belief(occupied.astype(np.float32), known, moving)
+        return Belief.sure(semantics, known, moving)
 
 
 def seen_by(

@@ -65,11 +65,14 @@ class Plan(NamedTuple):
 
 
 class Planner(Protocol):
-    """Returns a `Plan` from a motion, by a map, towards a place."""
+    """Returns a `Plan` from a motion, by a map, towards a place. ``price`` is what a plan costs by
+    a map, in metres of way: infinite where it is not admissible."""
 
     threshold: float
 
     def __call__(self, motion: Motion, belief: BeliefMap, target_m: Vector) -> Plan: ...
+
+    def price(self, plan: Plan, motion: Motion, belief: BeliefMap, target_m: Vector) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -94,23 +97,11 @@ class QuinticPlanner:
     margin_m: float = 0.1
     acceleration_mps2: float = 6.0
     brake_mps2: float = 4.0
+    # fmt: off
     bearings_deg: tuple[float, ...] = (
-        -75,
-        -60,
-        -48,
-        -37,
-        -27,
-        -18,
-        -9,
-        0,
-        9,
-        18,
-        27,
-        37,
-        48,
-        60,
-        75,
+        -75, -60, -48, -37, -27, -18, -9, 0, 9, 18, 27, 37, 48, 60, 75,
     )
+    # fmt: on
     elevations_deg: tuple[float, ...] = (-30, -20, -12, -5, 0, 8, 18, 30)
     end_speeds: tuple[float, ...] = (0.3, 0.55, 0.8, 1.0)  # shares of the cruise speed
     durations_s: tuple[float, ...] = (1.0, 1.6, 2.2)
@@ -131,21 +122,8 @@ class QuinticPlanner:
             raise UserError(f"planner.cruise_mps: {self.cruise_mps}; give a speed above 0")
 
     def __call__(self, motion: Motion, belief: BeliefMap, target_m: Vector) -> Plan:
-        occupied = belief.occupied(self.threshold)
-        if self.unknown == "occupied":
-            occupied |= ~belief.seen
-        lattice = belief.lower_m, belief.cell_m
-        field_m = distances(occupied, REACH_CELLS) * np.float32(belief.cell_m)
-
         ends, stops = self._ends(motion, target_m)
-        need_m = self.radius_m + self.margin_m + belief.cell_m * math.sqrt(3) / 2
-        limits = 1.15 * self.cruise_mps, self.acceleration_mps2, self.brake_mps2, need_m
-        unknown = self.unknown_price if self.unknown == "costly" else 0.0
-        prices = self.cruise_mps, self.height, self.closeness, unknown, self.jerk, self.detour
-        costs, clearances_m = _judge(
-            ends, *motion, target_m, field_m, belief.seen, *lattice, limits, prices
-        )
-
+        costs, clearances_m = self._judged(ends, motion, belief, target_m)
         best, clear = int(costs.argmin()), True
         if not math.isfinite(costs[best]):
             best, clear = int(np.where(stops, clearances_m, -1.0).argmax()), False
@@ -153,6 +131,27 @@ class QuinticPlanner:
         return Plan(
             _quintic(*motion, end_m, end_mps, duration_s), duration_s, bool(stops[best]), clear
         )
+
+    def price(self, plan: Plan, motion: Motion, belief: BeliefMap, target_m: Vector) -> float:
+        end = plan.at(np.array([plan.duration_s]))[:, :6]
+        costs, _ = self._judged(np.insert(end, 0, plan.duration_s, 1), motion, belief, target_m)
+        return float(costs[0])
+
+    def _judged(
+        self, ends: Float[np.ndarray, "n 7"], motion: Motion, belief: BeliefMap, target_m: Vector
+    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        """Returns the price of every primitive, and its clearance in metres."""
+        occupied = belief.occupied(self.threshold)
+        if self.unknown == "occupied":
+            occupied |= ~belief.seen
+        lattice = belief.lower_m, belief.cell_m
+        field_m = distances(occupied, REACH_CELLS) * np.float32(belief.cell_m)
+
+        need_m = self.radius_m + self.margin_m + belief.cell_m * math.sqrt(3) / 2
+        limits = 1.15 * self.cruise_mps, self.acceleration_mps2, self.brake_mps2, need_m
+        unknown = self.unknown_price if self.unknown == "costly" else 0.0
+        prices = self.cruise_mps, self.height, self.closeness, unknown, self.jerk, self.detour
+        return _judge(ends, *motion, target_m, field_m, belief.seen, *lattice, limits, prices)
 
     def _ends(
         self, motion: Motion, target_m: Vector

@@ -77,13 +77,18 @@ def _draw(
 
 
 def draw_scenes(
-    scenes: Sequence[VoxelScene], durations_ms: Sequence[int], path: str | Path
+    scenes: Sequence[VoxelScene],
+    durations_ms: Sequence[int],
+    path: str | Path,
+    titles: Sequence[str] | None = None,
 ) -> None:
-    """Writes a GIF of at most 1 MB: of each frame the image and the volumes, for so long."""
+    """Writes a GIF of at most 1 MB: of each frame the image and the volumes, for so long. The
+    ``titles`` are those of the images."""
     # One point of view for all frames and volumes, so that nothing moves but the flight.
     labels = [volume for scene in scenes for volume in scene.known().values()]
     view = view_of(labels, scenes[0].grid, VOXEL_PIX)
-    pictures = [_page(scene, view) for scene in scenes]
+    titles = titles or ["Front camera"] * len(scenes)
+    pictures = [_page(scene, title, view) for scene, title in zip(scenes, titles)]
     encoded = within_bytes(pictures, partial(_gif, durations_ms=durations_ms), MAX_BYTES)
 
     with replacing(path) as temporary:
@@ -105,10 +110,10 @@ def _scene(clip: Clip, frame: int, predictions: Predictions | None) -> VoxelScen
     )
 
 
-def _page(scene: VoxelScene, view: Viewpoint) -> Image.Image:
+def _page(scene: VoxelScene, title: str, view: Viewpoint) -> Image.Image:
     """Draws the image and the volumes of a frame side by side, with a title over each."""
     image = resized(scene.image, height_pix=HEIGHT_PIX)
-    pictures = {"Front camera": image, **scene.drawn(VOXEL_PIX, view)}
+    pictures = {title: image, **scene.drawn(VOXEL_PIX, view)}
     row = beside(list(pictures.values()), GAP_PIX)
     page, left = Canvas(row.shape[1], TITLE_PIX + HEIGHT_PIX), 0
 

@@ -1,5 +1,6 @@
 """A flight as a looping picture: the camera with the plan in it, the truth, and the belief."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,10 @@ from PIL import Image, ImageDraw
 
 from ..data.rates import STEP_HZ
 from ..geometry import VoxelGrid, camera_from_occ, inverse, transform, world_from_occ
-from ..loop.belief import Belief
+from ..loop.flight import Moment
 from ..loop.perception import seen_by
 from ..loop.planner import Plan
 from ..loop.stage import Stage
-from ..models.stream import StreamFrame
 from ..ontology import CLASSES, FREE, UNKNOWN
 from .animation import draw_scenes
 from .scene import Labels, VoxelScene
@@ -36,7 +36,8 @@ class Film:
         self._stage, self._grid, self._threshold = stage, grid, threshold
         self._scenes: list[VoxelScene] = []
 
-    def __call__(self, frame: StreamFrame, belief: Belief, plan: Plan) -> None:
+    def __call__(self, moment: Moment) -> None:
+        frame, belief, plan = moment.frame, moment.belief, moment.plan
         matrix, grid = world_from_occ(frame.world_from_body), self._grid
         truth, _ = self._stage.truth.at(round(frame.time_s * STEP_HZ), matrix, grid)
 
@@ -57,10 +58,14 @@ class Film:
         )
         self._scenes.append(scene)
 
-    def write(self, path: str | Path) -> None:
-        """Writes the end of the flight as a GIF of at most 1 MB."""
+    def write(self, path: str | Path, row: Mapping[str, object]) -> None:
+        """Writes the end of the flight as a GIF of at most 1 MB, which tells the time and, at the
+        end, the outcome in its ``row``."""
         shown = self._scenes[-SHOWN:]
-        draw_scenes(shown, [FRAME_MS] * (len(shown) - 1) + [LAST_MS], path)
+        hit = f", {row['hit']}".replace("_", " ") if row["hit"] else ""
+        titles = [scene.title for scene in shown[:-1]]
+        titles.append(f"{row['time_s']:.1f} s: {row['outcome']}{hit}")
+        draw_scenes(shown, [FRAME_MS] * (len(shown) - 1) + [LAST_MS], path, titles)
 
 
 def _with_plan(

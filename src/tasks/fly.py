@@ -10,7 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 from ..bounds import require_count
 from ..data.manifest import NOT_SHAPING
 from ..errors import UserError
-from ..loop.campaign import ROUTE, Campaign, Job, chosen, flown
+from ..loop.campaign import ROUTE, Campaign, Job
 from ..loop.mission import ROOM_M, in_the_open
 from ..loop.stage import Stage
 from ..provenance import code_of, digest_of
@@ -20,6 +20,7 @@ from ..results.flights import FLIGHTS
 from ..run_folder import CONFIG, VERSION
 from ..terminal import say, tracked
 from ..worker_pool import default_workers
+from .fleet import chosen, flown
 from .flights import print_scores
 
 MISSIONS = "missions.csv"
@@ -57,10 +58,9 @@ def fly(
     table = pd.read_csv(path, keep_default_na=False) if path.is_file() else pd.DataFrame()
     known = set(table["flight"]) if len(table) else set()
     missing = [job for job in jobs if job.mission.flight not in known]
-    name = campaign.perception.name
-    for row in tracked(
-        flown(config, missing, min(count, len(jobs))), f"flying {name}", len(missing)
-    ):
+    name = campaign.pilot.name
+    rows = flown(config, missing, min(count, len(jobs)), folder)
+    for row in tracked(rows, f"flying {name}", len(missing)):
         table = pd.concat([table, pd.DataFrame([row])]).sort_values("flight", ignore_index=True)
         write_table(table, path)
     if films:
@@ -95,8 +95,8 @@ def _draw_films(
             films.append(Film(stage, campaign.grid, campaign.planner.threshold))
             return films[0]
 
-        campaign.fly(by_flight[flight], watch)
-        films[0].write(folder / f"{name}.gif")
+        row = campaign.fly(by_flight[flight], watch, draws=True)
+        films[0].write(folder / f"{name}.gif", row)
 
 
 def _missions(config: Mapping, campaign: Campaign, workers: int) -> pd.DataFrame:
@@ -153,7 +153,7 @@ def _require_same(folder: Path, config: Mapping) -> None:
 def _shaping(config: Mapping) -> dict[str, object]:
     """Returns all that shapes flights."""
     sim = {key: value for key, value in config["sim"].items() if key not in NOT_SHAPING}
-    task = {key: config["task"][key] for key in ("grid", "rules", "missions")}
+    task = {key: config["task"][key] for key in ("grid", "rules", "missions", "looks_on", "scored")}
     parts = {key: config[key] for key in ("perception", *OF_MISSIONS)}
     weights = config["perception"].get("checkpoint")
     digest = sha256(Path(weights).read_bytes()).hexdigest() if weights else ""

@@ -12,7 +12,7 @@ SHAPE = (48, 48, 24)
 
 
 def believed(occupied=(), known=None, movable=False, probability=1.0):
-    belief = Belief(*(np.zeros(GRID.shape, kind) for kind in (np.float32, bool, bool)))
+    belief = Belief(*(np.zeros(GRID.shape, kind) for kind in (np.float32, bool, bool, np.uint8)))
     belief.known[:] = True if known is None else known
     for cell in occupied:
         belief.occupied[cell], belief.movable[cell] = probability, movable

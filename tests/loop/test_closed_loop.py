@@ -5,7 +5,6 @@ import pytest
 
 from src.geometry import VoxelGrid
 from src.loop.airframe import POSITION, Airframe
-from src.loop.camera import FrontCamera
 from src.loop.flight import Rules, fly
 from src.loop.mission import Mission
 from src.loop.outcome import row_of
@@ -14,18 +13,10 @@ from src.loop.planner import QuinticPlanner
 from src.loop.stage import Stage
 from src.sim.traffic import TrafficConfig
 from tests.loop.yard import WALL_X_M, WIRE_X_M
-from tests.synthetic import compose_config
 
 GRID = VoxelGrid((0.0, -12.5, -10.0), (25.0, 12.5, 5.0), (50, 50, 30))
 RULES = Rules()
 TOWN = "tests.loop.yard"
-
-
-@pytest.fixture(scope="module")
-def camera():
-    from omegaconf import OmegaConf
-
-    return FrontCamera(OmegaConf.to_container(compose_config("scale=tiny").sim, resolve=True))
 
 
 def stage_at(height_m, y_m=0.0):

@@ -12,6 +12,7 @@ from src.errors import UserError
 from src.failures import one_line
 from src.loop.campaign import Campaign
 from src.report.flight_film import SHOWN
+from src.results.counts import Counts
 from src.results.flights import FLIGHTS
 from src.tasks.fly import films_of, fly
 from tests.synthetic import sound_config
@@ -62,6 +63,32 @@ def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
     assert run(config(tmp_path, "perception=seen")).equals(seen)
     with pytest.raises(UserError, match=r"another configuration.*task.out"):
         run(config(tmp_path, "perception=truth"), out=f"{tmp_path}/one")
+
+
+@pytest.mark.slow
+def test_beliefs_are_scored_in_flight_and_by_who_looks_on(tmp_path):
+    """Who knows the truth has everything right; what sees nothing misses all that is met."""
+    scored = "task.scored=true", "task.films=false", "task.workers=1"
+    right = run(config(tmp_path, *scored, "perception=truth"), out=f"{tmp_path}/right")
+    looks_on = run(
+        config(tmp_path, *scored, "perception=all_free", "task.looks_on=true"),
+        out=f"{tmp_path}/looks_on",
+    )
+    changed = ["perception"]
+    assert looks_on.drop(columns=changed).equals(right.drop(columns=changed))
+
+    for flight in right["flight"]:
+        true, free = (
+            Counts.read(tmp_path / folder / "frames" / f"{flight}.npz")
+            for folder in ("right", "looks_on")
+        )
+        assert true.clips == [flight, f"{flight}@before", f"{flight}@earlier"]
+        assert not true.scored_on_other(free)
+        assert true.frames == [true.frames[0], 10, 10]
+        assert float(true.scores("occupancy")["kar_miou"]) == 1.0
+        assert float(free.scores("occupancy")["kar_miou"]) == 0.0
+        assert float(free.scores("safety")["false_free_rate"]) == 1.0
+        assert float(true.scores("plans")["plan_regret"]) == 0.0
 
 
 def test_the_flights_that_are_drawn_follow_a_rule():

@@ -1,0 +1,90 @@
+"""What a flight's beliefs score, frame by frame, as predictions are scored offline."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+
+from ..data.rates import STEP_HZ
+from ..geometry import VoxelGrid, camera_from_occ, world_from_occ
+from ..loop.flight import Moment
+from ..loop.perception import Perception, seen_by
+from ..loop.stage import Stage
+from ..metrics.protocol import Protocol
+from ..metrics.suite import ScoreSuite, import_metrics
+from ..ontology import FREE
+from .counts import Counts
+
+# Seconds before the end of a flight. What was believed in the first may have led to it; the second
+# is the same flight, when nothing was near yet.
+WINDOWS_S = {"before": (3.0, 1.0), "earlier": (8.0, 6.0)}
+# These take logits, or have too many tables.
+LEFT_OUT = ("calibration", "sensitivity")
+MASK = "voxels that the camera truly sees"
+
+
+class FrameScores:
+    """Watches a flight, and scores all beliefs against the truth of the scene.
+
+    Counted are the voxels that are in the camera's view and not truly hidden. What is believed of
+    voxels of which nothing is known counts as free. With a ``perception`` its beliefs are scored,
+    and the flight is another's. ``config`` is the composed configuration.
+    """
+
+    def __init__(self, stage: Stage, config: Mapping, perception: Perception | None = None) -> None:
+        self._grid, self._truth = VoxelGrid(**config["task"]["grid"]), stage.truth
+        self._config, self._perception = config, perception
+        image = config["sim"]["image"]
+        self._size_pix = image["width"], image["height"]
+        self._frames: list[dict[str, torch.Tensor]] = []
+        if perception:
+            perception.begin(stage.truth)
+
+    def __call__(self, moment: Moment) -> None:
+        frame = moment.frame
+        belief = self._perception(frame) if self._perception else moment.belief
+        matrix = world_from_occ(frame.world_from_body)
+        truth, _ = self._truth.at(round(frame.time_s * STEP_HZ), matrix, self._grid)
+        seen = seen_by(frame, self._grid, truth != FREE)
+        believed = np.where(belief.known, belief.semantics, np.uint8(FREE))
+        chain = camera_from_occ(torch.from_numpy(frame.world_from_body), frame.body_from_camera)
+        self._frames.append(
+            {
+                "preds": torch.from_numpy(believed),
+                "semantics": torch.from_numpy(truth),
+                "mask": torch.from_numpy(seen),
+                "visible": torch.from_numpy(seen),
+                "velocity_mps": torch.from_numpy(matrix[:3, :3].T @ frame.velocity_mps),
+                "camera_from_occ": chain,
+                "pix_from_camera": frame.pix_from_camera,
+            }
+        )
+
+    def counts(self, flight: str) -> Counts:
+        """Returns the tables of the whole flight, and of `WINDOWS_S` before its end."""
+        plan_hz, chosen = self._config["task"]["rules"]["plan_hz"], {flight: self._frames}
+        for window, seconds in WINDOWS_S.items():
+            first, last = (-round(each * plan_hz) for each in seconds)
+            chosen[f"{flight}@{window}"] = self._frames[first:last]
+
+        frames = list(map(len, chosen.values()))
+        metrics = self._config["suite"]["metrics"]
+        kept = {name: each for name, each in metrics.items() if name not in LEFT_OUT}
+        protocol = Protocol.of(
+            "flights",
+            "flown",
+            sum(frames),
+            self._grid,
+            MASK,
+            self._config["metric"],
+            {**self._config["suite"], "metrics": kept},
+        )
+        import_metrics(protocol.suite)
+        suite = ScoreSuite.of(protocol, list(chosen))
+        for clip, clip_frames in chosen.items():
+            # One at a time: all frames of a flight would take much memory.
+            for frame in clip_frames:
+                batch = {name: tensor[None] for name, tensor in frame.items()}
+                truth = {**batch, "clip": [clip], "size_pix": self._size_pix}
+                suite.update(truth.pop("preds"), truth)
+        return Counts(flight, protocol, list(chosen), frames, suite.tables())
