@@ -2,13 +2,15 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
 import torch
 from jaxtyping import Float
+from pandas.api.types import is_numeric_dtype
 from torch import Generator, Tensor
 
 from ..errors import UserError
-from .bootstrap import difference_of, interval_of, resamplings
+from .bootstrap import interval_of, resamplings
 
 # A score is a sum over flights by another one; each is better lower but for the first two.
 SCORES = {
@@ -23,7 +25,14 @@ SCORES = {
     "missed": ("missed", "flights"),
     "planned_into": ("planned_into", "flights"),
     "ran_into_us": ("ran_into_us", "flights"),
+    "regret_m": ("regrets_m", "plans"),
+    "unsafe_plans": ("unsafe_plans", "plans"),
+    "phantom_stops_per_min": ("phantom_stops", "minutes"),
+    "jerk2": ("jerk2_path", "path_m"),
 }
+# Differences from the reference, of all flights and of those that both completed.
+EXCESS = ("collisions", "stuck", "near", "phantom_stops_per_min")
+EXCESS_BOTH = ("speed_mps", "jerk2")
 # Nearer than this, from the body's center, is a near miss.
 NEAR_M = 0.5
 ALL = "all"
@@ -38,8 +47,12 @@ def flight_scores(
 
     ``flights`` are their tables of flights. Intervals are over resampled maps, the same ones for
     all perceptions. ``excess_*`` are differences from the ``reference``, paired by flight: what is
-    lost beyond what the camera's view and the planner lose. ``success_by_time`` weighs success by
-    the time that a UAV needs that knows the truth, as a share of the time taken.
+    lost beyond what the camera's view and the planner lose; ``speed_mps`` and ``jerk2`` only over
+    flights on which both arrived. ``p`` of a difference is twice the share of resamples in which it
+    is none or has the other sign, and ``p_holm`` the same for all perceptions together, by Holm's
+    rule.
+    ``success_by_time`` weighs success by the time that a UAV needs that knows the truth, as a share
+    of the time taken.
 
     Raises `UserError` for perceptions that flew other missions.
     """
@@ -51,7 +64,18 @@ def flight_scores(
             for name, table in flights.items()
         }
         rows += _of_stratum(kept, stratum, reference, resamples, generator)
-    return pd.DataFrame(rows)
+    table = pd.DataFrame(rows)
+    if "p" in table:
+        by_family = table.groupby(["stratum", "score"])["p"]
+        table["p_holm"] = by_family.transform(holm)
+    return table
+
+
+def holm(p_values: pd.Series) -> pd.Series:
+    """Returns p-values of one family as its step-down rule corrects them (Holm, 1979); NaN stay."""
+    ordered = p_values.dropna().sort_values(kind="stable")
+    steps = ordered * range(len(ordered), 0, -1)
+    return steps.cummax().clip(upper=1.0).reindex(p_values.index)
 
 
 def _of_stratum(
@@ -74,11 +98,21 @@ def _of_stratum(
             value, low, high = interval_of(sample)
             rows.append({**key, "score": score, "value": value, "low": low, "high": high})
         if reference in samples and name != reference:
-            for score in ("collisions", "stuck", "near"):
-                value, low, high, _ = difference_of(scores[score] - samples[reference][score])
+            pair = flights[name], flights[reference]
+            both = [_samples(each, weights) for each in _completed_by_both(*pair)]
+            pairs = {score: (scores[score], samples[reference][score]) for score in EXCESS}
+            pairs |= {score: (both[0][score], both[1][score]) for score in EXCESS_BOTH}
+            for score, (one, other) in pairs.items():
+                value, low, high = interval_of(one - other)
                 excess = {"score": f"excess_{score}", "value": value, "low": low, "high": high}
-                rows.append({**key, **excess})
+                rows.append({**key, **excess, "p": _p_value(one - other)})
     return rows
+
+
+def _p_value(sample: Float[Tensor, "1+r"]) -> float:
+    drawn = sample[1:][~sample[1:].isnan()]
+    sides = (drawn <= 0).double().mean(), (drawn >= 0).double().mean()
+    return min(2 * float(min(sides)), 1.0)
 
 
 def _samples(
@@ -96,8 +130,22 @@ def _events(table: pd.DataFrame) -> pd.DataFrame:
     faults = {name: table["fault"] == name for name in ("missed", "planned_into", "ran_into_us")}
     in_time = outcomes["arrived"] * (table["truth_s"] / table["time_s"]).clip(upper=1.0)
     numbers = {"path_m": table["path_m"], "path_km": table["path_m"] / 1000}
-    numbers |= {"time_s": table["time_s"], "in_time": in_time, "flights": 1}
+    numbers |= {"time_s": table["time_s"], "minutes": table["time_s"] / 60, "in_time": in_time}
+    numbers |= {name: table[name] for name in ("plans", "unsafe_plans", "phantom_stops")}
+    numbers |= {"regrets_m": table["regret_m"] * table["plans"], "flights": 1}
+    numbers |= {"jerk2_path": table["jerk2"] * table["path_m"]}
     return pd.DataFrame({**outcomes, **faults, **numbers, "near": table["clearance_m"] < NEAR_M})
+
+
+def _completed_by_both(*tables: pd.DataFrame) -> list[pd.DataFrame]:
+    """Returns the tables with zeros for the flights that one of the perceptions did not complete;
+    a map keeps its place."""
+    indexed = [table.sort_values("flight", ignore_index=True) for table in tables]
+    both = np.logical_and(*(table["outcome"].to_numpy() == "arrived" for table in indexed))
+    numbers = [name for name in indexed[0].columns if is_numeric_dtype(indexed[0][name])]
+    for table in indexed:
+        table.loc[~both, numbers] = 0
+    return indexed
 
 
 def _require_same_flights(flights: Mapping[str, pd.DataFrame]) -> None:

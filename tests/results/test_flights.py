@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from src.errors import UserError
-from src.results.flights import flight_scores
+from src.results.flights import flight_scores, holm
 
 
 def table(outcomes, perception="any", time_s=12.0, maps=4):
@@ -15,7 +15,8 @@ def table(outcomes, perception="any", time_s=12.0, maps=4):
             flight=f"m{m}/{n}", map=f"m{m}", stratum="clear" if n == 0 else "conflict",
             perception=perception, outcome=outcome, time_s=time_s, path_m=60.0, truth_s=12.0,
             clearance_m=0.2 if outcome == "collided" else 1.0,
-            fault="missed" if outcome == "collided" else "",
+            fault="missed" if outcome == "collided" else "", jerk2=2.0, plans=10,
+            regret_m=0.5, unsafe_plans=2, phantom_stops=1 if outcome == "stuck" else 0,
         )
         for m in range(maps)
         for n, outcome in enumerate(outcomes)
@@ -26,12 +27,12 @@ def table(outcomes, perception="any", time_s=12.0, maps=4):
 def scores(flights, reference="seen", **changes):
     generator = torch.Generator().manual_seed(0)
     long = flight_scores(flights, reference, changes.get("resamples", 200), generator)
-    return long.set_index(["perception", "stratum", "score"])
+    return long.set_index(["perception", "stratum", "score"]).sort_index()
 
 
 def test_scores_are_sums_over_flights():
     values = scores({"seen": table(["arrived", "arrived", "collided", "stuck"], time_s=15.0)})
-    all_of = values.loc["seen", "all"]["value"]
+    all_of = values.xs(("seen", "all"))["value"]
     assert all_of[["success", "collisions", "stuck", "near", "missed"]].tolist() == [
         *(0.5, 0.25, 0.25, 0.25, 0.25)
     ]
@@ -42,6 +43,41 @@ def test_scores_are_sums_over_flights():
     assert values.loc[("seen", "clear", "success"), "value"] == 1.0
 
 
+def test_what_a_twin_would_have_done_is_counted_by_plan_and_by_minute():
+    one = table(["arrived", "stuck"])
+    one.loc[one["outcome"] == "stuck", ["plans", "regret_m", "time_s"]] = [30, 1.5, 18.0]
+    value = scores({"seen": one}).xs(("seen", "all"))["value"]
+    assert value["regret_m"] == pytest.approx((10 * 0.5 + 30 * 1.5) / 40)
+    assert value["unsafe_plans"] == pytest.approx(4 / 40)
+    assert value["phantom_stops_per_min"] == pytest.approx(1 / (30 / 60))
+    assert value["jerk2"] == 2.0
+
+
+def test_speed_and_jerk_are_compared_where_both_arrived():
+    """The flight that one of them did not complete was the slow one."""
+    flights = {"seen": table(["arrived", "arrived"]), "model": table(["arrived", "collided"])}
+    for each, time_s, jerk2 in ((flights["seen"], 10.0, 1.0), (flights["model"], 12.0, 3.0)):
+        each["time_s"], each["jerk2"] = time_s, jerk2
+    flights["seen"].loc[1::2, "time_s"] = 30.0
+    values = scores(flights).loc["model", "all"]
+    assert values.loc["excess_speed_mps", "value"] == pytest.approx(60 / 12 - 60 / 10)
+    assert values.loc["excess_jerk2", "value"] == pytest.approx(2.0)
+
+
+def test_p_values_of_several_perceptions_are_corrected_together():
+    given = pd.Series([0.04, 0.01, float("nan"), 0.03], index=[3, 1, 7, 0])
+    corrected = holm(given)
+    assert corrected.tolist() == pytest.approx([0.06, 0.03, float("nan"), 0.06], nan_ok=True)
+    worse = table(["arrived", "collided"])
+    flights = {"seen": table(["arrived", "arrived"]), "one": worse, "other": worse}
+    p = scores(flights).xs("excess_collisions", level="score")
+    assert p.xs("conflict", level="stratum")["p_holm"].tolist() == [0.0, 0.0]
+    assert p.xs("clear", level="stratum")["p_holm"].tolist() == [1.0, 1.0]
+    same = {"seen": worse, "one": worse}
+    row = scores(same).loc[("one", "all", "excess_collisions")]
+    assert (row["value"], row["p"]) == (0.0, 1.0)
+
+
 def test_what_is_lost_beyond_the_reference_is_paired_by_flight():
     """Where every map has the same, both the score and the difference are certain."""
     flights = {
@@ -49,7 +85,7 @@ def test_what_is_lost_beyond_the_reference_is_paired_by_flight():
         "model": table(["arrived", "collided", "collided", "arrived"], "model"),
     }
     values = scores(flights)
-    assert values.loc[("model", "all", "excess_collisions")].tolist()[1:] == [0.25, 0.25, 0.25]
+    assert values.loc[("model", "all", "excess_collisions")][["value", "low", "high"]].tolist() == [0.25] * 3
     assert ("seen", "all", "excess_collisions") not in values.index
     assert ("model", "all", "excess_collisions") not in scores(flights, reference=None).index
 
