@@ -1,6 +1,7 @@
 """Chooses the next seconds of flight: quintic primitives that stay clear of what is believed."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple, Protocol, get_args
@@ -65,14 +66,16 @@ class Plan(NamedTuple):
 
 
 class Planner(Protocol):
-    """Returns a `Plan` from a motion, by a map, towards a place. ``price`` is what a plan costs by
-    a map, in metres of way: infinite where it is not admissible."""
+    """Returns a `Plan` from a motion, by a map, towards a place. ``prices`` are what plans cost by
+    a map, in metres of way: infinite where one is not admissible."""
 
     threshold: float
 
     def __call__(self, motion: Motion, belief: BeliefMap, target_m: Vector) -> Plan: ...
 
-    def price(self, plan: Plan, motion: Motion, belief: BeliefMap, target_m: Vector) -> float: ...
+    def prices(
+        self, plans: Sequence[Plan], motion: Motion, belief: BeliefMap, target_m: Vector
+    ) -> list[float]: ...
 
 
 @dataclass(frozen=True)
@@ -132,10 +135,12 @@ class QuinticPlanner:
             _quintic(*motion, end_m, end_mps, duration_s), duration_s, bool(stops[best]), clear
         )
 
-    def price(self, plan: Plan, motion: Motion, belief: BeliefMap, target_m: Vector) -> float:
-        end = plan.at(np.array([plan.duration_s]))[:, :6]
-        costs, _ = self._judged(np.insert(end, 0, plan.duration_s, 1), motion, belief, target_m)
-        return float(costs[0])
+    def prices(
+        self, plans: Sequence[Plan], motion: Motion, belief: BeliefMap, target_m: Vector
+    ) -> list[float]:
+        last = [plan.at(np.array([plan.duration_s]))[0, :6] for plan in plans]
+        ends = np.column_stack([[plan.duration_s for plan in plans], last])
+        return self._judged(ends, motion, belief, target_m)[0].tolist()
 
     def _judged(
         self, ends: Float[np.ndarray, "n 7"], motion: Motion, belief: BeliefMap, target_m: Vector

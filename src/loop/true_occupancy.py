@@ -40,7 +40,7 @@ class TrueOccupancy:
         points_m, face = points_on(triangles_m)
         near = ((points_m > lower_m) & (points_m < upper_m)).all(axis=1)
         self._static = np.ascontiguousarray(points_m[near]), class_id[face[near]]
-        self._actors = []
+        self._actors, self._last = [], None
         for actor in scene.actors:
             points_m, _ = points_on(actor.triangles_m)
             classes = np.full(len(points_m), actor.class_id, np.uint8)
@@ -57,6 +57,7 @@ class TrueOccupancy:
         kept = ~(lost[objects] & np.isin(class_id, list(classes)))
 
         other = copy(self)
+        other._last = None
         other._static = np.ascontiguousarray(points_m[kept]), class_id[kept]
         other._actors = [
             each
@@ -70,6 +71,10 @@ class TrueOccupancy:
     ) -> tuple[UInt8[np.ndarray, "X Y Z"], Bool[np.ndarray, "X Y Z"]]:
         """Returns the class of every voxel at a step of the simulation, free where there is
         nothing, and the voxels with a moving actor."""
+        # A moment is looked at by several: who flies, its twin, what scores it.
+        key = step, world_from_occ.tobytes(), grid
+        if self._last and self._last[0] == key:
+            return self._last[1]
         occ_from_world = inverse(world_from_occ)
         lattice, free = Lattice.of(grid), np.ones(grid.shape, dtype=bool)
         votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
@@ -77,7 +82,8 @@ class TrueOccupancy:
         for actor, *points in self._actors:
             count_votes(moving, lattice, occ_from_world @ actor.world_from_actor[step], *points)
         count_votes(votes, lattice, occ_from_world, *self._static)
-        return elect(votes + moving, free), moving.any(axis=-1)
+        self._last = key, (elect(votes + moving, free), moving.any(axis=-1))
+        return self._last[1]
 
 
 def points_on(

@@ -40,7 +40,7 @@ class Twin:
         self._map.update(belief, self._perception.grid, matrix, 1 / self._rules.plan_hz)
         best = self._planner(*state)
 
-        price_m, least_m = (self._planner.price(each, *state) for each in (plan, best))
+        price_m, least_m = self._planner.prices([plan, best], *state)
         is_way = math.isfinite(least_m)
         self._regrets_m.append(min(price_m - least_m, MOST_M) if is_way else 0.0)
         self._unsafe += is_way and not math.isfinite(price_m)

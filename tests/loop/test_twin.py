@@ -58,7 +58,7 @@ def test_the_price_of_the_plan_taken_is_the_least(camera, speed_mps):
             break
     belief, target_m = twin._map, moment.target_m
     plan = planner(motion, belief, target_m)
-    least_m = planner.price(plan, motion, belief, target_m)
+    (least_m,) = planner.prices([plan], motion, belief, target_m)
     assert plan.clear
     assert math.isfinite(least_m)
     for bearing_deg in (-60.0, -20.0, 0.0, 20.0, 60.0):
@@ -69,4 +69,4 @@ def test_the_price_of_the_plan_taken_is_the_least(camera, speed_mps):
             durations_s=(1.6,),
         )
         other = one(motion, belief, target_m)
-        assert planner.price(other, motion, belief, target_m) >= least_m - 1e-6
+        assert planner.prices([other], motion, belief, target_m)[0] >= least_m - 1e-6

@@ -85,7 +85,10 @@ def test_what_is_lost_beyond_the_reference_is_paired_by_flight():
         "model": table(["arrived", "collided", "collided", "arrived"], "model"),
     }
     values = scores(flights)
-    assert values.loc[("model", "all", "excess_collisions")][["value", "low", "high"]].tolist() == [0.25] * 3
+    assert (
+        values.loc[("model", "all", "excess_collisions")][["value", "low", "high"]].tolist()
+        == [0.25] * 3
+    )
     assert ("seen", "all", "excess_collisions") not in values.index
     assert ("model", "all", "excess_collisions") not in scores(flights, reference=None).index
 
