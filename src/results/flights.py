@@ -89,7 +89,7 @@ def _of_stratum(
     weights = resamplings(maps, resamples, generator)
     # The first row is of all maps, once each.
     weights = torch.cat([torch.ones(1, maps, dtype=weights.dtype), weights])
-    samples = {name: _samples(table, weights) for name, table in flights.items()}
+    samples = {name: samples_of(table, weights) for name, table in flights.items()}
 
     rows = []
     for name, scores in samples.items():
@@ -99,23 +99,24 @@ def _of_stratum(
             rows.append({**key, "score": score, "value": value, "low": low, "high": high})
         if reference in samples and name != reference:
             pair = flights[name], flights[reference]
-            both = [_samples(each, weights) for each in _completed_by_both(*pair)]
+            both = [samples_of(each, weights) for each in _completed_by_both(*pair)]
             pairs = {score: (scores[score], samples[reference][score]) for score in EXCESS}
             pairs |= {score: (both[0][score], both[1][score]) for score in EXCESS_BOTH}
             for score, (one, other) in pairs.items():
                 value, low, high = interval_of(one - other)
                 excess = {"score": f"excess_{score}", "value": value, "low": low, "high": high}
-                rows.append({**key, **excess, "p": _p_value(one - other)})
+                rows.append({**key, **excess, "p": p_value(one - other)})
     return rows
 
 
-def _p_value(sample: Float[Tensor, "1+r"]) -> float:
+def p_value(sample: Float[Tensor, "1+r"]) -> float:
+    """Returns the p-value of a difference, whole and resampled: that it is none."""
     drawn = sample[1:][~sample[1:].isnan()]
     sides = (drawn <= 0).double().mean(), (drawn >= 0).double().mean()
     return min(2 * float(min(sides)), 1.0)
 
 
-def _samples(
+def samples_of(
     table: pd.DataFrame, weights: Float[Tensor, "1+r maps"]
 ) -> dict[str, Float[Tensor, "1+r"]]:
     """Returns each score of the flights, whole and resampled."""

@@ -66,23 +66,29 @@ def predicted(target, right, seed):
     return torch.where(kept, target, other)
 
 
+def scene_of(target, clip, cameras=True):
+    """The ground truth of a clip, which flies ahead; a level camera sees it."""
+    frames = len(target)
+    scene = {"clip": [clip] * frames, "semantics": target, "visible": target < 4}
+    scene["velocity_mps"] = torch.tensor([[4.0, 0.5, 0.0]]).expand(frames, 3)
+    if cameras:
+        level = torch.tensor([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+        lens = torch.tensor([[32.0, 0, 32], [0, 32, 16], [0, 0, 1]])
+        scene["camera_from_occ"] = level.expand(frames, 4, 4)
+        scene["pix_from_camera"] = lens.expand(frames, 3, 3)
+        scene["size_pix"] = (64, 32)
+    return scene
+
+
 def counts(name, predict, labels=0, of=None, cameras=True, frames_of=FRAMES):
     """What ``predict(target, clip number)`` counts on every clip."""
     of = of or protocol()
     suite = ScoreSuite.of(of, CLIPS)
-    level = torch.tensor([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
-    lens = torch.tensor([[32.0, 0, 32], [0, 32, 16], [0, 0, 1]])
     for n, (clip, frames) in enumerate(zip(CLIPS, frames_of)):
         if not frames:
             continue
         target = truth(frames, seed=100 * labels + n)
-        scene = {"clip": [clip] * frames, "semantics": target, "visible": target < 4}
-        scene["velocity_mps"] = torch.tensor([[4.0, 0.5, 0.0]]).expand(frames, 3)
-        if cameras:
-            scene["camera_from_occ"] = level.expand(frames, 4, 4)
-            scene["pix_from_camera"] = lens.expand(frames, 3, 3)
-            scene["size_pix"] = (64, 32)
-        suite.update(predict(target, n), scene)
+        suite.update(predict(target, n), scene_of(target, clip, cameras))
     return Counts(name, of, CLIPS, frames_of, suite.tables())
 
 

@@ -1,0 +1,51 @@
+"""How well scores foretell what comes of flights, as a picture."""
+
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from ..results.foretelling import ALL
+from .canvas import INK, MUTED
+from .figure_file import write_figure
+
+DPI, WIDTH_INCHES, ROW_INCHES = 150, 4.2, 0.22
+# Of each stratum; over all it is black.
+COLORS = ("#2962ff", "#d1495b", "#2a9d8f", "#c98a00")
+
+
+def draw_foretelling(table: pd.DataFrame, path: str | Path) -> None:
+    """Writes a PNG of the correlations with collisions in the table of `foretelling`.
+
+    There are axes for each set of frames and a row a score; points are the strata, and over all
+    there is the interval. Raises `UserError` for a path that cannot be written.
+    """
+    table = table[table["target"] == "collisions"]
+    sets, scores = table["frames"].unique(), list(table["score"].unique())
+    size = WIDTH_INCHES * (len(sets) + 0.5), ROW_INCHES * len(scores) + 1.2
+    figure = Figure(figsize=size, dpi=DPI, layout="constrained")
+    all_axes = figure.subplots(1, len(sets), sharey=True, squeeze=False)[0]
+    strata = [name for name in table["stratum"].unique() if name != ALL]
+    for axes, frames in zip(all_axes, sets):
+        of_set = table[table["frames"] == frames].set_index(["stratum", "score"])
+        axes.axvline(0, color=MUTED, linewidth=1, zorder=0)
+        for stratum, color in zip(strata, COLORS):
+            if stratum in of_set.index:
+                values = of_set.loc[stratum]["spearman"].reindex(scores)
+                axes.scatter(
+                    values, range(len(scores)), s=14, color=color, label=stratum, alpha=0.8
+                )
+        over = of_set.loc[ALL].reindex(scores)
+        # A percentile interval need not hold its value.
+        axes.hlines(range(len(scores)), over["low"], over["high"], color=INK, linewidth=1.2)
+        axes.scatter(over["spearman"], range(len(scores)), s=22, color=INK, marker="D", label="all strata")
+        axes.set_title(f"frames: {frames}", fontsize=10, color=INK)
+        axes.set_xlabel("Spearman with fewer collisions", color=INK)
+        axes.set_xlim(-1.05, 1.05)
+        axes.spines[["top", "right", "left"]].set_visible(False)
+        axes.tick_params(left=False)
+    all_axes[0].set_yticks(range(len(scores)), scores, fontsize=8)
+    all_axes[0].invert_yaxis()
+    handles, labels = all_axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", frameon=False, ncols=4)
+    write_figure(figure, path)

@@ -1,0 +1,287 @@
+"""Which score foretells collisions: rank correlations over many perceptions, with intervals."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from jaxtyping import Float, Int, Shaped
+from torch import Generator, Tensor
+
+from ..errors import UserError
+from ..metrics.suite import ScoreSuite
+from ..metrics.tables import Tables
+from .bootstrap import interval_of, resamplings, score_samples
+from .counts import Counts
+from .flights import FLIGHTS, p_value, samples_of
+
+# The first row is of all maps and perceptions, the others are resampled; a column a perception.
+Samples = Float[np.ndarray, "1+r k"]
+
+# What a good score should foretell; less of each is better.
+TARGETS = ("collisions", "stuck", "phantom_stops_per_min")
+ALL = "all"
+# The difference of two correlations whose power is told, and what 95 % of a normal lies within.
+DIFFERENCE, BOUND = 0.2, 1.96
+
+
+@dataclass(frozen=True)
+class Perception:
+    """One of those that are compared: its name, its ``stratum``, its flights, and folders with the
+    counts of frames, by the name of their set."""
+
+    name: str
+    stratum: str
+    flights: pd.DataFrame = field(repr=False)
+    frames: Mapping[str, Path]
+
+    @classmethod
+    def all_below(cls, folder: Path) -> list["Perception"]:
+        """Returns those of ``<folder>/<stratum>/<name>/<set>/``, whose set ``flown`` has flights.
+
+        Raises `UserError` where there is none.
+        """
+        found = []
+        for path in sorted(folder.glob(f"*/*/flown/{FLIGHTS}")):
+            own = path.parent.parent
+            frames = {each.parent.name: each for each in sorted(own.glob("*/frames"))}
+            flights = pd.read_csv(path, keep_default_na=False)
+            found.append(cls(own.name, own.parent.name, flights, frames))
+        if not found:
+            raise UserError(f"{folder}: has no <stratum>/<name>/flown/{FLIGHTS}; fly them first")
+        return found
+
+
+def foretelling(
+    perceptions: Sequence[Perception],
+    reference: str,
+    scores: Mapping[str, str],
+    against: str,
+    resamples: int,
+    generator: Generator,
+) -> pd.DataFrame:
+    """Returns how well each score orders the perceptions by what comes of their flights.
+
+    ``scores`` says of each whether its "high" or "low" end is the better. A row has the set of
+    frames, the stratum, the score, the target, Spearman's correlation with its interval, Kendall's
+    tau-b, the difference of Spearman's from that of the score ``against`` with its interval and
+    ``p``, and the power to tell a difference of 0.2. A correlation is positive where better scores
+    go with less of the target. Collisions are those beyond the perception ``reference``, which is
+    none of the compared.
+
+    Over all strata ranks are taken within each, so that no stratum's level makes a correlation.
+    Maps and, within the strata, perceptions are resampled together. Raises `UserError` without the
+    reference, for a score that there is not, and for a set of frames without a map.
+    """
+    flown = {each.name: each.flights for each in perceptions}
+    if reference not in flown:
+        raise UserError(f"task.reference: no flights of {reference}; fly them, or name another")
+    maps = sorted(set(flown[reference]["map"]))
+    weights = resamplings(len(maps), resamples, generator)
+    compared = [each for each in perceptions if each.name != reference]
+
+    rows = []
+    for frames in sorted({name for each in compared for name in each.frames}):
+        members = [each for each in compared if frames in each.frames]
+        values = _scores([each.frames[frames] for each in members], weights)
+        for score in scores:
+            if score not in values:
+                raise UserError(
+                    f"task.scores.{score}: no score of {members[0].frames[frames]}; there are "
+                    f"{', '.join(values)}"
+                )
+        targets = _targets([each.flights for each in members], flown[reference], weights)
+        of_member = np.array([each.stratum for each in members])
+        for stratum in (*sorted(set(of_member)), ALL):
+            kept = np.flatnonzero((of_member == stratum) | (stratum == ALL))
+            if len(kept) < 3:
+                continue
+            drawn = kept[_drawn(of_member[kept], resamples, generator)]
+            key = {"frames": frames, "stratum": stratum, "perceptions": len(kept)}
+            for target, of_target in targets.items():
+                goods = {s: values[s] * (1 if end == "high" else -1) for s, end in scores.items()}
+                found = _correlations(goods, -of_target, of_member, drawn, against)
+                rows += [{**key, "target": target, **row} for row in found]
+    return pd.DataFrame(rows)
+
+
+def _scores(folders: Sequence[Path], weights: Float[Tensor, "r m"]) -> dict[str, Samples]:
+    """Returns every score of the frames in each folder, whole and by resampled maps."""
+    of_folder = []
+    for folder in folders:
+        counts, tables = counts_by_map(folder)
+        suite, samples = ScoreSuite.of(counts.protocol, counts.clips), {}
+        if len(next(iter(next(iter(tables.values())).values()))) != weights.shape[1]:
+            raise UserError(f"{folder}: not the scores of all maps; give task=fly again")
+        for metric, of_metric in tables.items():
+            samples |= score_samples(suite.metric(metric), of_metric, weights)
+        of_folder.append(samples)
+    names = of_folder[0]
+    return {s: np.stack([each[s].numpy() for each in of_folder], axis=1) for s in names}
+
+
+def counts_by_map(folder: Path) -> tuple[Counts, dict[str, Tables]]:
+    """Returns counts that say what tables mean, and the tables [maps, ...] of whole flights.
+
+    ``folder`` has ``<map>/<flight>.npz``; the maps are in the order of their names.
+    """
+    by_map = []
+    for one in sorted(each for each in folder.iterdir() if each.is_dir()):
+        read = [Counts.read(path) for path in sorted(one.glob("*.npz"))]
+        by_map.append([each.tables for each in read])
+    return read[0], {
+        metric: {
+            # The first row is of the whole flight, before its windows.
+            name: torch.stack([sum(each[metric][name][0] for each in one) for one in by_map])
+            for name in tables
+        }
+        for metric, tables in by_map[0][0].items()
+    }
+
+
+def _targets(
+    tables: Sequence[pd.DataFrame], reference: pd.DataFrame, weights: Float[Tensor, "r m"]
+) -> dict[str, Samples]:
+    """Returns what came of the flights; collisions are those beyond the reference's."""
+    weights = torch.cat([torch.ones_like(weights[:1]), weights])
+    of_table = [samples_of(each, weights) for each in (*tables, reference)]
+    of_target = {t: np.stack([each[t].numpy() for each in of_table], axis=1) for t in TARGETS}
+    of_target = {t: values[:, :-1] for t, values in of_target.items()} | {
+        "collisions": of_target["collisions"][:, :-1] - of_target["collisions"][:, -1:]
+    }
+    return of_target
+
+
+def _drawn(
+    strata: Shaped[np.ndarray, "k"], resamples: int, generator: Generator
+) -> Int[np.ndarray, "1+r k"]:
+    """Returns which perceptions each resample has, as many of a stratum as there are; first all."""
+    drawn = np.tile(np.arange(len(strata)), (resamples + 1, 1))
+    for stratum in sorted(set(strata)):
+        own = np.flatnonzero(strata == stratum)
+        picked = torch.randint(len(own), (resamples, len(own)), generator=generator).numpy()
+        drawn[1:, own] = own[picked]
+    return drawn
+
+
+def _correlations(
+    goods: Mapping[str, Samples],
+    good: Samples,
+    strata: Shaped[np.ndarray, "k"],
+    drawn: Int[np.ndarray, "1+r n"],
+    against: str,
+) -> list[dict[str, object]]:
+    """Returns a row a score: how its order of the drawn perceptions is that of what is good."""
+    take = np.arange(len(drawn))[:, None], drawn
+    blocks, y = strata[drawn[0]], good[take]
+    rhos = {name: torch.from_numpy(spearman(x[take], y, blocks)) for name, x in goods.items()}
+    rows = []
+    for name, sample in rhos.items():
+        value, low, high = interval_of(sample)
+        row = {"score": name, "spearman": value, "low": low, "high": high}
+        row["kendall"] = kendall(goods[name][0, drawn[0]], y[0])
+        apart = sample - rhos[against]
+        if name != against:
+            value, low, high = interval_of(apart)
+            row |= {"difference": value, "difference_low": low, "difference_high": high}
+            row |= {"p": p_value(apart), "power": _power(apart[1:])}
+        rows.append(row)
+    return rows
+
+
+def _power(differences: Float[Tensor, "r"]) -> float:
+    """Returns the chance that a true `DIFFERENCE` is told from none, at 5 %, by their spread."""
+    there = differences[~differences.isnan()]
+    if len(there) < 2 or not (spread := float(there.std())):
+        return math.nan
+    return 0.5 * math.erfc((BOUND - DIFFERENCE / spread) / math.sqrt(2))
+
+
+def spearman(
+    first: Samples, second: Samples, blocks: Shaped[np.ndarray, "k"]
+) -> Float[np.ndarray, "1+r"]:
+    """Returns Spearman's correlation of every row, the ranks taken within the blocks.
+
+    What is NaN is left out; without any difference left it is NaN.
+    """
+    missing = np.isnan(first) | np.isnan(second)
+    x, y = (_ranks(np.where(missing, np.nan, each), blocks) for each in (first, second))
+    with np.errstate(invalid="ignore"):
+        return (x * y).sum(1) / np.sqrt((x**2).sum(1) * (y**2).sum(1))
+
+
+def _ranks(values: Samples, blocks: Shaped[np.ndarray, "k"]) -> Samples:
+    """Returns ranks within the blocks, their mean taken off, as shares; 0 for what is NaN."""
+    ranks = np.zeros_like(values)
+    for block in sorted(set(blocks)):
+        own = blocks == block
+        rank = pd.DataFrame(values[:, own]).rank(axis=1)
+        rank = rank.sub(rank.mean(axis=1), axis=0).div(rank.count(axis=1).clip(lower=1), axis=0)
+        ranks[:, own] = rank.fillna(0.0).to_numpy()
+    return ranks
+
+
+def kendall(first: Float[np.ndarray, "k"], second: Float[np.ndarray, "k"]) -> float:
+    """Returns Kendall's tau-b; NaN without any difference."""
+    kept = ~(np.isnan(first) | np.isnan(second))
+    x, y = (np.sign(each[kept][:, None] - each[kept][None]) for each in (first, second))
+    scale = math.sqrt((x**2).sum() * (y**2).sum())
+    return float((x * y).sum() / scale) if scale else math.nan
+
+
+def foreseen(
+    perceptions: Sequence[Perception],
+    scores: Mapping[str, str],
+    resamples: int,
+    generator: Generator,
+) -> pd.DataFrame:
+    """Returns how well each score tells the last seconds before a collision from earlier ones.
+
+    A row has a score, and the area under the curve (AUROC) of its values 1 to 3 s before the
+    collisions by those 6 to 8 s before the same ones, with its interval by resampled maps: 0.5 is
+    chance, 1 says that it was always worse right before. The flights are those of all perceptions.
+    """
+    windows = pd.DataFrame([row for each in perceptions for row in _windows(each)])
+    if windows.empty:
+        return pd.DataFrame(columns=["score", "collisions", "auroc", "low", "high"])
+    maps = sorted(set(windows["map"]))
+    place = windows["map"].map(maps.index).to_numpy()
+    before = (windows["window"] == "before").to_numpy()
+    weights = resamplings(len(maps), resamples, generator)
+    weights = torch.cat([torch.ones_like(weights[:1]), weights])
+
+    rows = []
+    for name, end in scores.items():
+        bad = windows[name].to_numpy() * (-1 if end == "high" else 1)
+        cases, controls = (np.flatnonzero(each & ~np.isnan(bad)) for each in (before, ~before))
+        wins = np.sign(bad[cases][:, None] - bad[controls][None]) / 2 + 0.5
+        of_maps = np.zeros((len(maps), len(maps), 2))
+        pairs = place[cases][:, None], place[controls][None]
+        np.add.at(of_maps, pairs, np.stack([wins, np.ones_like(wins)], axis=-1))
+        won, all_pairs = torch.einsum("ri,ijk,rj->kr", weights, torch.from_numpy(of_maps), weights)
+        value, low, high = interval_of(won / all_pairs)
+        rows.append(
+            {"score": name, "collisions": len(cases), "auroc": value, "low": low, "high": high}
+        )
+    return pd.DataFrame(rows)
+
+
+def _windows(perception: Perception) -> list[dict[str, object]]:
+    """Returns the scores of both windows of every flight that collided, where it was long enough
+    to have both."""
+    rows = []
+    flights = perception.flights
+    for flight in flights[flights["outcome"] == "collided"].to_dict("records"):
+        counts = Counts.read(perception.frames["flown"] / f"{flight['flight']}.npz")
+        if not all(counts.frames):
+            continue
+        suite, scores = counts.suite(), {}
+        for metric, tables in counts.tables.items():
+            scores |= suite.metric(metric).scores(tables)
+        for row, clip in enumerate(counts.clips[1:], start=1):
+            values = {name: float(each[row]) for name, each in scores.items()}
+            rows.append({"map": flight["map"], "window": clip.partition("@")[2], **values})
+    return rows

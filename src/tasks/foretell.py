@@ -1,0 +1,74 @@
+"""task=foretell: which offline score orders perceptions as their flights do."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+import torch
+from omegaconf import DictConfig
+
+from ..errors import UserError
+from ..report.foretell_figure import draw_foretelling
+from ..results.files import write_table
+from ..results.foretelling import ALL, Perception, foreseen, foretelling
+from ..results.render import Cell, Table, print_table
+from ..terminal import say
+
+
+def foretell(
+    cfg: DictConfig,
+    flights: str,
+    reference: str,
+    against: str,
+    scores: Mapping[str, str],
+    resamples: int,
+    out: str,
+) -> None:
+    """Writes ``correlations.csv``, ``foreseen.csv`` and ``correlations.png`` to ``out``, and prints
+    the correlations with collisions over all strata.
+
+    ``flights`` is a folder as `Perception.all_below` reads it. Raises `UserError` for a score that
+    is compared with and is none of the ``scores``, for an end that is neither high nor low, and as
+    `foretelling` does.
+    """
+    if against not in scores:
+        raise UserError(f"task.against: {against} is not in task.scores")
+    for name, end in scores.items():
+        if end not in ("high", "low"):
+            raise UserError(f"task.scores.{name}: {end}; say which end is better, high or low")
+    perceptions = Perception.all_below(Path(flights))
+    generator = torch.Generator().manual_seed(0)
+    table = foretelling(perceptions, reference, scores, against, resamples, generator)
+    if table.empty:
+        raise UserError(f"{flights}: fewer than three perceptions with scored frames; fly more")
+
+    folder = Path(out)
+    write_table(table, folder / "correlations.csv")
+    flown = [each for each in perceptions if "flown" in each.frames]
+    write_table(foreseen(flown, scores, resamples, generator), folder / "foreseen.csv")
+    draw_foretelling(table, folder / "correlations.png")
+    for frames in dict.fromkeys(table["frames"]):
+        print_table(_printed(table, frames))
+    say(folder)
+
+
+def _printed(table: pd.DataFrame, frames: str) -> Table:
+    """Returns the correlations of a set of frames with collisions, over all strata, times 100."""
+    shown = (table["frames"] == frames) & (table["stratum"] == ALL)
+    kept = table[shown & (table["target"] == "collisions")]
+    numbers = kept.select_dtypes("number") * 100
+    rows = []
+    for score, row in zip(kept["score"], numbers.to_dict("records")):
+        own = Cell(row["spearman"], row["low"], row["high"])
+        ends = row["difference"], row["difference_low"], row["difference_high"]
+        apart = None if pd.isna(row["difference"]) else Cell(*ends, signed=True)
+        rows.append((score, [own, Cell(row["kendall"]), apart]))
+    columns = ["Spearman", "Kendall", f"beyond {_against(kept)}'s"]
+    count = kept["perceptions"].iloc[0]
+    title = f"Correlation with fewer collisions (x 100), frames {frames}, {count} perceptions"
+    return Table("foretelling", title, "", columns, rows, "score")
+
+
+def _against(table: pd.DataFrame) -> str:
+    """Returns the score that has no difference from itself."""
+    return str(table[table["difference"].isna()]["score"].iloc[0])

@@ -1,0 +1,46 @@
+"""Perceptions that were flown, as files: some voxels right, and as many collisions as one says."""
+
+import pandas as pd
+
+from src.metrics.suite import ScoreSuite
+from src.results.counts import Counts
+from tests.results.scored import predicted, protocol, scene_of, truth
+
+MAPS = ("town-100", "town-101", "town-102")
+WINDOWS = ("", "@before", "@earlier")
+
+
+def write_flown(root, name, right, collides, stratum="damaged", sets=("flown",), before=None):
+    """Two flights a map; ``collides(map number, flight number)`` tells which collide.
+
+    A share ``right`` of the voxels is right, of the windows before a collision ``before``.
+    """
+    rows = []
+    for m, town in enumerate(MAPS):
+        for n in range(2):
+            flight, hit = f"{town}/{n:03d}", collides(m, n)
+            rows.append(
+                {"flight": flight, "map": town, "stratum": "conflict", "perception": name}
+                | {"outcome": "collided" if hit else "arrived", "fault": "missed" if hit else ""}
+                | {"time_s": 12.0, "path_m": 60.0, "truth_s": 12.0, "clearance_m": 1.0}
+                | {"plans": 60, "regret_m": 0.1, "unsafe_plans": 0, "phantom_stops": 0}
+                | {"jerk2": 1.0}
+            )
+            for frames in sets:
+                path = root / stratum / name / frames / "frames" / f"{flight}.npz"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                shares = right, right if before is None else before, right
+                counts_of(flight, shares, seed=10 * m + n).write(path)
+    folder = root / stratum / name / "flown"
+    folder.mkdir(parents=True, exist_ok=True)
+    pd.DataFrame(rows).to_csv(folder / "flights.csv", index=False)
+
+
+def counts_of(flight, shares, seed):
+    """Counts of a flight and its windows, whose frames are right in these shares."""
+    clips, of = [flight + window for window in WINDOWS], protocol()
+    suite = ScoreSuite.of(of, clips)
+    for clip, share in zip(clips, shares):
+        target = truth(2, seed=seed)
+        suite.update(predicted(target, share, seed), scene_of(target, clip))
+    return Counts("flown", of, clips, [2, 2, 2], suite.tables())

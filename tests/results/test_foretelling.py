@@ -1,0 +1,129 @@
+"""Correlations of scores with collisions: by hand, and of perceptions whose order is known."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from src.errors import UserError
+from src.results.foretelling import Perception, foreseen, foretelling, kendall, spearman
+from tests.results.flown import write_flown
+
+SCORES = {"miou_occupied": "high", "kar_miou": "high", "geometric_iou": "high"}
+SCORES |= {"false_free_rate": "low", "object_miss_rate": "low"}
+
+
+def generator():
+    return torch.Generator().manual_seed(0)
+
+
+def table_of(root, scores=SCORES, resamples=50):
+    perceptions = Perception.all_below(root)
+    return foretelling(perceptions, "seen", scores, "kar_miou", resamples, generator())
+
+
+# ------------------------------------------------------------------------------------ by hand
+
+
+def test_spearman_is_that_of_pandas_where_there_is_one_block():
+    rng = np.random.default_rng(0)
+    x, y = rng.integers(0, 6, (5, 12)).astype(float), rng.normal(size=(5, 12))
+    found = spearman(x, y, np.zeros(12))
+    for row in range(5):
+        table = pd.DataFrame({"x": x[row], "y": y[row]})
+        assert found[row] == pytest.approx(table.corr(method="spearman").loc["x", "y"])
+
+
+def test_a_block_that_is_better_as_a_whole_makes_no_correlation():
+    """Within the blocks the order is the opposite."""
+    x = np.array([[1.0, 2.0, 3.0, 11.0, 12.0, 13.0]])
+    y = np.array([[3.0, 2.0, 1.0, 13.0, 12.0, 11.0]])
+    blocks = np.array(["a", "a", "a", "b", "b", "b"])
+    assert spearman(x, y, blocks)[0] == pytest.approx(-1.0)
+    assert spearman(x, y, np.zeros(6))[0] > 0.5
+
+
+def test_what_is_missing_is_left_out():
+    x = np.array([[1.0, math.nan, 2.0, 3.0]])
+    y = np.array([[1.0, 9.0, 2.0, 3.0]])
+    assert spearman(x, y, np.zeros(4))[0] == pytest.approx(1.0)
+    assert math.isnan(spearman(np.ones((1, 4)), y, np.zeros(4))[0])
+    assert kendall(x[0], y[0]) == 1.0
+
+
+def test_kendall_counts_pairs_and_ties():
+    """Of six pairs one is tied in the second and one is the wrong way round."""
+    first, second = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, 3.0, 2.0, 3.0])
+    assert kendall(first, second) == pytest.approx((4 - 1) / math.sqrt(6 * 5))
+    assert math.isnan(kendall(first, np.zeros(4)))
+
+
+# ----------------------------------------------------------------------------- perceptions
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    """The fewer voxels are right, the more flights collide, but for the seen, which hit one too."""
+    root = tmp_path_factory.mktemp("flight")
+    write_flown(root, "seen", 1.0, lambda m, n: m == n == 0, "anchors")
+    for k, right in enumerate((0.9, 0.75, 0.6, 0.45)):
+        few = lambda m, n, k=k: 2 * m + n <= k  # noqa: E731
+        before = 0.1 if k > 1 else None
+        write_flown(root, f"noisy{k}", right, few, sets=("flown", "verge"), before=before)
+    return root
+
+
+def test_scores_that_order_perceptions_as_their_flights_do_have_correlation_one(root):
+    table = table_of(root).set_index(["frames", "stratum", "target", "score"]).sort_index()
+    assert set(table.index.get_level_values("frames")) == {"flown", "verge"}
+    for score in ("miou_occupied", "kar_miou", "geometric_iou", "false_free_rate"):
+        row = table.loc[("verge", "damaged", "collisions", score)]
+        assert (row["spearman"], row["kendall"]) == pytest.approx((1.0, 1.0))
+        assert row["perceptions"] == 4
+        assert row["low"] > 0
+    assert math.isnan(table.loc[("verge", "all", "stuck", "kar_miou"), "spearman"])
+    same = table.loc[("verge", "all", "collisions", "miou_occupied")]
+    assert (same["difference"], same["p"]) == (0.0, 1.0)
+    assert math.isnan(table.loc[("verge", "all", "collisions", "kar_miou"), "difference"])
+
+
+def test_the_better_end_of_a_score_decides_the_sign(root):
+    wrong = SCORES | {"false_free_rate": "high"}
+    table = table_of(root, wrong, resamples=5).set_index(["frames", "stratum", "target", "score"])
+    assert table.loc[("flown", "all", "collisions", "false_free_rate"), "spearman"] == -1.0
+
+
+def test_collisions_of_the_reference_are_no_one_elses(root, tmp_path):
+    """Where all hit what it hits, and no more, there is nothing to foretell."""
+    write_flown(tmp_path, "seen", 1.0, lambda m, n: n == 0, "anchors")
+    for k in range(3):
+        write_flown(tmp_path, f"n{k}", 0.9 - 0.2 * k, lambda m, n: n == 0)
+    table = table_of(tmp_path, resamples=5)
+    assert table[table["target"] == "collisions"]["spearman"].isna().all()
+
+
+def test_the_seconds_before_a_collision_are_told_from_earlier_ones(root):
+    """Only where the prediction was worse right before."""
+    perceptions = [each for each in Perception.all_below(root) if each.name != "seen"]
+    table = foreseen(perceptions, SCORES, 50, generator()).set_index("score")
+    assert table.loc["kar_miou", "collisions"] == 1 + 2 + 3 + 4
+    only = [each for each in perceptions if each.name in ("noisy2", "noisy3")]
+    assert foreseen(only, SCORES, 50, generator()).set_index("score").loc["kar_miou", "auroc"] == 1
+    same = [each for each in perceptions if each.name == "noisy0"]
+    chance = foreseen(same, SCORES, 5, generator()).set_index("score")
+    assert chance.loc["kar_miou", "auroc"] == 0.5
+
+
+def test_nothing_flown_and_an_absent_reference_are_refused(tmp_path):
+    with pytest.raises(UserError, match=r"has no <stratum>/<name>/flown/flights.csv"):
+        Perception.all_below(tmp_path)
+    write_flown(tmp_path, "mine", 0.9, lambda m, n: False)
+    with pytest.raises(UserError, match=r"task.reference: no flights of seen"):
+        table_of(tmp_path)
+
+
+def test_a_score_that_there_is_not_is_told(root):
+    with pytest.raises(UserError, match=r"task.scores.mine: no score of .*; there are .*kar_miou"):
+        table_of(root, SCORES | {"mine": "low"}, resamples=2)

@@ -1,0 +1,43 @@
+"""task=foretell: its files, and mistakes in one line."""
+
+import pandas as pd
+import pytest
+from PIL import Image
+
+from src.errors import UserError
+from src.tasks.foretell import foretell
+from tests.results.flown import write_flown
+from tests.synthetic import sound_config
+
+
+def run(tmp_path, *overrides):
+    cfg = sound_config("task=foretell", f"paths.runs={tmp_path}", "task.resamples=20", *overrides)
+    foretell(cfg, **{key: value for key, value in cfg.task.items() if not key.startswith("_")})
+    return tmp_path / "flight"
+
+
+def test_it_leaves_tables_and_a_picture(tmp_path, capsys):
+    root = tmp_path / "flight"
+    write_flown(root, "seen", 1.0, lambda m, n: False, "anchors")
+    for k in range(3):
+        write_flown(root, f"n{k}", 0.9 - 0.2 * k, lambda m, n, k=k: 2 * m + n < k)
+    folder = run(tmp_path)
+    table = pd.read_csv(folder / "correlations.csv")
+    assert "object_miss_rate" in set(table["score"])
+    assert len(pd.read_csv(folder / "foreseen.csv")) == table["score"].nunique()
+    with Image.open(folder / "correlations.png") as picture:
+        assert picture.width > 500
+    assert "frames flown, 3 perceptions" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("overrides", "match"),
+    [
+        (["task.against=mine"], "task.against: mine is not in task.scores"),
+        (["task.scores.miou=up"], "task.scores.miou: up; say which end is better"),
+        ([], "has no <stratum>/<name>/flown"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(overrides, match, tmp_path):
+    with pytest.raises(UserError, match=match):
+        run(tmp_path, *overrides)
