@@ -38,7 +38,9 @@ def draw_foretelling(table: pd.DataFrame, path: str | Path) -> None:
         over = of_set.loc[ALL].reindex(scores)
         # A percentile interval need not hold its value.
         axes.hlines(range(len(scores)), over["low"], over["high"], color=INK, linewidth=1.2)
-        axes.scatter(over["spearman"], range(len(scores)), s=22, color=INK, marker="D", label="all strata")
+        axes.scatter(
+            over["spearman"], range(len(scores)), s=22, color=INK, marker="D", label="all strata"
+        )
         axes.set_title(f"frames: {frames}", fontsize=10, color=INK)
         axes.set_xlabel("Spearman with fewer collisions", color=INK)
         axes.set_xlim(-1.05, 1.05)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-import numpy as np
 import torch
 
 from ..data.rates import STEP_HZ
@@ -26,8 +25,8 @@ MASK = "voxels that the camera truly sees"
 class FrameScores:
     """Watches a flight, and scores all beliefs against the truth of the scene.
 
-    Counted are the voxels that are in the camera's view and not truly hidden. What is believed of
-    voxels of which nothing is known counts as free. With a ``perception`` its beliefs are scored,
+    Counted are the voxels that are in the camera's view and not truly hidden, also where something
+    is believed that would hide them. With a ``perception`` its beliefs are scored,
     and the flight is another's. ``config`` is the composed configuration.
     """
 
@@ -46,11 +45,10 @@ class FrameScores:
         matrix = world_from_occ(frame.world_from_body)
         truth, _ = self._truth.at(round(frame.time_s * STEP_HZ), matrix, self._grid)
         seen = seen_by(frame, self._grid, truth != FREE)
-        believed = np.where(belief.known, belief.semantics, np.uint8(FREE))
         chain = camera_from_occ(torch.from_numpy(frame.world_from_body), frame.body_from_camera)
         self._frames.append(
             {
-                "preds": torch.from_numpy(believed),
+                "preds": torch.from_numpy(belief.semantics),
                 "semantics": torch.from_numpy(truth),
                 "mask": torch.from_numpy(seen),
                 "visible": torch.from_numpy(seen),

@@ -155,7 +155,7 @@ def _shaping(config: Mapping) -> dict[str, object]:
     sim = {key: value for key, value in config["sim"].items() if key not in NOT_SHAPING}
     task = {key: config["task"][key] for key in ("grid", "rules", "missions", "looks_on", "scored")}
     parts = {key: config[key] for key in ("perception", *OF_MISSIONS)}
-    weights = config["perception"].get("checkpoint")
+    weights = config["ckpt_path"]
     digest = sha256(Path(weights).read_bytes()).hexdigest() if weights else ""
-    code = code_of((*CODE, "models"))
+    code = code_of((*CODE, "models", "faults"))
     return {"sim": sim, "task": task, "code": code, "weights": digest, **parts}

@@ -1,0 +1,116 @@
+"""What each damage to the truth costs of two scores, by its amount.
+
+    python -m benchmarks.damage [--out FOLDER] [OVERRIDE...]
+
+Lets a UAV fly that knows the truth, on maps of their own, while every damage looks on. Writes
+``damage.csv``: kind, amount, mIoU of what is occupied and KAR-mIoU, and prints for each kind the
+amounts at which the first is 80 and 60 %, where it comes so low. benchmarks/flight.yaml has them.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from omegaconf import OmegaConf
+
+from benchmarks.settings import composed, run
+from benchmarks.tables import print_table
+from src.loop.campaign import Campaign, Job
+from src.loop.damage import Damaged
+from src.loop.flight import Moment
+from src.loop.stage import Stage
+from src.provenance import SOURCE
+from src.results.files import write_table
+from src.results.frame_scores import FrameScores
+from src.terminal import tracked
+
+MISSIONS = ["mission.first_seed=500", "mission.maps=4", "mission.conflict=2", "mission.clear=1"]
+SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
+AMOUNTS = {
+    **dict.fromkeys(("voxels", "objects", "thin_structure", "vru", "building"), SHARES),
+    "phantoms": (0.002, 0.01, 0.03, 0.1, 0.3),
+    "near": (4.0, 7.0, 10.0, 14.0, 18.0),
+    "far": (6.0, 10.0, 14.0, 18.0, 22.0),
+    "ahead": (0.5, 1.0, 1.5, 2.0, 3.0),
+    "grown": (0.5, 1.0, 1.5),
+}
+TARGETS = (0.8, 0.6)
+
+
+class Watchers:
+    """Shows a flight to all damages."""
+
+    def __init__(self, stage: Stage, config: dict, campaign: Campaign) -> None:
+        self.of = {
+            (kind, amount): FrameScores(
+                stage, config, Damaged(kind, campaign.grid, kind, amount, seed=0)
+            )
+            for kind, amounts in AMOUNTS.items()
+            for amount in amounts
+        }
+
+    def __call__(self, moment: Moment) -> None:
+        for each in self.of.values():
+            each(moment)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("--out", type=Path, default=SOURCE.parent / "docs/results/flight")
+    options = parser.parse_args()
+
+    words = ["task=fly", "perception=truth", *MISSIONS, *options.overrides]
+    config = OmegaConf.to_container(composed(words), resolve=True)
+    torch.set_num_threads(1)
+    campaign, tables = Campaign(config), {}
+    places = campaign.missions.places()
+    jobs = [Job.of(row) for place in tracked(places, "choosing") for row in campaign.choose(*place)]
+    for job in tracked(jobs, "flying"):
+        watching: list[Watchers] = []
+
+        def watch(stage: Stage, watching: list[Watchers] = watching) -> Watchers:
+            watching.append(Watchers(stage, config, campaign))
+            return watching[0]
+
+        campaign.fly(job, watch)
+        for key, scores in watching[0].of.items():
+            counts = scores.counts(job.mission.flight)
+            metric = counts.suite().metric("occupancy")
+            whole = {name: table[0] for name, table in counts.tables["occupancy"].items()}
+            before = tables.setdefault(key, (metric, {name: 0 for name in whole}))[1]
+            tables[key] = metric, {name: before[name] + whole[name] for name in whole}
+
+    rows = []
+    for (kind, amount), (metric, summed) in tables.items():
+        scores = metric.scores(summed)
+        values = {name: round(float(scores[name]), 4) for name in ("miou_occupied", "kar_miou")}
+        rows.append({"kind": kind, "amount": amount, **values})
+    table = pd.DataFrame(rows)
+    write_table(table, options.out / "damage.csv")
+    columns = ("kind", *(f"{target:.0%}" for target in TARGETS))
+    print_table("amounts at which mIoU of the occupied is so much", columns, _reached(table))
+
+
+def _reached(table: pd.DataFrame) -> list[tuple[str, ...]]:
+    """Returns for each kind the amounts at which the score is at the targets, by straight lines
+    between those that were tried."""
+    rows = []
+    for kind, of_kind in table.groupby("kind", sort=False):
+        # A longer sight and more of what is lost go different ways: the score must rise.
+        ordered = of_kind.sort_values("miou_occupied")
+        scores, amounts = ordered["miou_occupied"].to_numpy(), ordered["amount"].to_numpy()
+        cells = [
+            f"{np.interp(target, scores, amounts):.3g}"
+            if scores[0] <= target <= scores[-1]
+            else "-"
+            for target in TARGETS
+        ]
+        rows.append((str(kind), *cells))
+    return rows
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,85 @@
+"""Flies every perception of a plan, on each of its sets of frames.
+
+    python -m benchmarks.flight [--runs FOLDER] [--out FOLDER] [--only NAME...] [OVERRIDE...]
+
+``flight.yaml`` is the plan; ``--runs`` is the folder of the runs whose checkpoints fly, as
+``<experiment>/seed<k>``. The flights of a perception lie in ``<out>/<stratum>/<name>/<set>``, as
+``task=foretell`` reads them. Each is a call of ``run.py task=fly`` with the plan's overrides and
+those given here. It can be interrupted: flights that are there are not flown again. ``--only``
+names perceptions or strata.
+"""
+
+import argparse
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from pathlib import Path
+
+import yaml
+
+from benchmarks.settings import run
+from src.errors import UserError
+from src.provenance import SOURCE
+from src.terminal import say
+
+CHECKPOINT = "checkpoints/best.ckpt"
+# What may be damaged by so much: the names of the plan say kind and amount.
+Overrides = Sequence[str]
+
+
+def perceptions(plan: Mapping, runs: str) -> Iterator[tuple[str, str, list[str]]]:
+    """Yields stratum, name and overrides of every perception of a plan."""
+    for stratum, members in plan["perceptions"].items():
+        for name, overrides in members.items():
+            yield stratum, name, [each.replace("{runs}", runs) for each in overrides]
+
+    for name, seed in product(plan["learned"]["runs"], plan["learned"]["seeds"]):
+        of_run = [
+            f"name={name}",
+            f"seed={seed}",
+            f"ckpt_path={runs}/{name}/seed{seed}/{CHECKPOINT}",
+        ]
+        yield "learned", f"{name}-seed{seed}", ["perception=learned", *of_run]
+
+    of_run = f"ckpt_path={runs}/skyocc/seed0/{CHECKPOINT}"
+    for kind, amounts in plan["faulty"].items():
+        for amount in amounts:
+            how = [f"perception.fault={kind}", f"perception.amount={amount}", of_run]
+            yield "faulty", f"{kind}_{amount}", ["perception=faulty", *how]
+
+    for kind, amounts in plan["damaged"].items():
+        for amount in amounts:
+            how = [f"perception.kind={kind}", f"perception.amount={amount}"]
+            yield "damaged", f"{kind}_{amount}", ["perception=damaged", *how]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("--runs", default="runs/ladder", help="folder of the runs that fly")
+    parser.add_argument("--out", type=Path, default=Path("runs/flight"))
+    parser.add_argument("--only", nargs="+", default=[], help="perceptions or strata")
+    parser.add_argument("--plan", type=Path, default=Path(__file__).with_suffix(".yaml"))
+    options = parser.parse_args()
+
+    plan = yaml.safe_load(options.plan.read_text())
+    chosen = [
+        each
+        for each in perceptions(plan, options.runs)
+        if not options.only or {each[0], each[1]} & set(options.only)
+    ]
+    if not chosen:
+        raise UserError(f"--only: {', '.join(options.only)} is in no stratum of {options.plan}")
+
+    for (stratum, name, overrides), (frames, of_set) in product(chosen, plan["sets"].items()):
+        out = (options.out / stratum / name / frames).resolve()
+        words = [*plan["overrides"], *of_set, *overrides, f"task.out={out}", *options.overrides]
+        say(f"{stratum} {name}, {frames}")
+        done = subprocess.run([sys.executable, "run.py", *words], cwd=SOURCE.parent)
+        if done.returncode:
+            raise UserError(f"{name}: task=fly ended with {done.returncode}")
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,1 @@
+"""What is at fault with sensors, of flights and of frames."""
