@@ -15,6 +15,7 @@ from ..loop.planner import Plan
 from ..loop.stage import Stage
 from ..ontology import CLASSES, FREE, UNKNOWN
 from .animation import draw_scenes
+from .page import write_page
 from .scene import Labels, VoxelScene
 from .view import Frustum
 
@@ -22,6 +23,8 @@ from .view import Frustum
 SHOWN, FRAME_MS, LAST_MS = 22, 200, 2000
 DOTS, DOT_PIX, DOT_RGB = 24, 1.5, (235, 94, 20)
 BELIEF = "Belief"
+# What the page tells of a flight.
+FACTS = ("town", "stratum", "outcome", "hit", "fault", "time_s", "clearance_m", "regret_m")
 
 
 class Film:
@@ -60,12 +63,17 @@ class Film:
 
     def write(self, path: str | Path, row: Mapping[str, object]) -> None:
         """Writes the end of the flight as a GIF of at most 1 MB, which tells the time and, at the
-        end, the outcome in its ``row``."""
+        end, the outcome in its ``row``; and beside it a page on which it turns and is replayed."""
         shown = self._scenes[-SHOWN:]
         hit = f", {row['hit']}".replace("_", " ") if row["hit"] else ""
         titles = [scene.title for scene in shown[:-1]]
         titles.append(f"{row['time_s']:.1f} s: {row['outcome']}{hit}")
         draw_scenes(shown, [FRAME_MS] * (len(shown) - 1) + [LAST_MS], path, titles)
+        facts = [(name.replace("_", " "), str(row[name])) for name in FACTS if row[name] != ""]
+        heading = f"{row['perception']} on {row['flight']}"
+        # Every second frame, with the last: a page of all would have ten megabytes.
+        scenes = shown[::-2][::-1]
+        write_page(Path(path).with_suffix(".html"), heading, facts, scenes=scenes)
 
 
 def _with_plan(

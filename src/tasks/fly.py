@@ -87,7 +87,7 @@ def _draw_films(
     """Flies some flights once more, before an observer."""
     by_flight = {job.mission.flight: job for job in jobs}
     for name, flight in tracked(films_of(flights).items(), "drawing"):
-        if (folder / f"{name}.gif").exists():
+        if (folder / f"{name}.html").exists():
             continue
         films: list[Film] = []
 

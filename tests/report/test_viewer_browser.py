@@ -194,3 +194,17 @@ def test_the_pointer_names_the_voxel_in_every_view_and_marks_it_in_the_image(pag
     dot = "document.querySelector('.photo i')"
     assert page.evaluate(f"!{dot}.hidden")
     assert page.evaluate(f"parseFloat({dot}.style.left)") < 50, "left in the image as well"
+
+
+def test_play_shows_every_scene_to_the_last_and_then_from_the_first(page):
+    scenes = page.evaluate("document.querySelectorAll('.still').length")
+    assert scenes > 1
+    watch = "new MutationObserver(() => seen.push(box.dataset.scene))"
+    page.evaluate("window.seen = []; window.box = document.querySelector('.viewer'); 0")
+    page.evaluate(f"{watch}.observe(box, {{attributeFilter: ['data-scene']}})")
+    for _ in range(2):
+        click(page, ".play")
+        page.wait("document.querySelector('.play').ariaPressed === 'false'")
+        assert page.evaluate("box.dataset.scene") == str(scenes - 1)
+    shown = page.evaluate("seen.filter((one, n) => one !== seen[n - 1])")
+    assert shown == [str(n) for n in range(1, scenes)] + [str(n) for n in range(scenes)]

@@ -25,6 +25,7 @@ class Viewer {
     [this.select, this.mode] = all("select", box);
     this.select.addEventListener("change", () => this.open());
     this.mode.addEventListener("change", () => this.draw());
+    for (const button of all(".play", box)) button.addEventListener("click", () => this.play(button));
     for (const button of all("[data-key]", box))
       button.addEventListener("click", () => this.command(button.dataset.key));
     for (const button of all("[data-kind]", box))
@@ -55,6 +56,18 @@ class Viewer {
     all(".photo img", this.box)[0].src = all(".still")[index].querySelector("img").src;
     await this.draw();
     this.box.dataset.scene = index;
+  }
+
+  // Shows one scene after the other, from the first if it was at the last, until pressed again.
+  async play(button) {
+    const last = this.select.length - 1;
+    button.ariaPressed = button.ariaPressed !== "true";
+    if (this.select.selectedIndex === last) this.select.selectedIndex = -1;
+    while (button.ariaPressed === "true") {
+      this.select.selectedIndex += 1;
+      await Promise.all([this.open(), new Promise((done) => setTimeout(done, 200))]);
+      if (this.select.selectedIndex === last) button.ariaPressed = false;
+    }
   }
 
   // Draws every view anew, for what the reader has chosen to see.
