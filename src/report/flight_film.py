@@ -68,12 +68,11 @@ class Film:
         hit = f", {row['hit']}".replace("_", " ") if row["hit"] else ""
         titles = [scene.title for scene in shown[:-1]]
         titles.append(f"{row['time_s']:.1f} s: {row['outcome']}{hit}")
-        draw_scenes(shown, [FRAME_MS] * (len(shown) - 1) + [LAST_MS], path, titles)
         facts = [(name.replace("_", " "), str(row[name])) for name in FACTS if row[name] != ""]
         heading = f"{row['perception']} on {row['flight']}"
         # Every second frame, with the last: a page of all would have ten megabytes.
-        scenes = shown[::-2][::-1]
-        write_page(Path(path).with_suffix(".html"), heading, facts, scenes=scenes)
+        write_page(Path(path).with_suffix(".html"), heading, facts, scenes=shown[::-2][::-1])
+        draw_scenes(shown, [FRAME_MS] * (len(shown) - 1) + [LAST_MS], path, titles)
 
 
 def _with_plan(

@@ -1,47 +1,64 @@
 """Missions and flights of one configuration, in worker processes."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, as_completed
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TypeVar
 
 from ..loop.campaign import Campaign, Job
+from ..loop.flight import Watch
 from ..loop.outcome import Row
 from ..loop.stage import Stage
+from ..report.flight_film import Film
 from ..results.frame_scores import FrameScores
 from ..worker_pool import worker_pool
+
+W = TypeVar("W", bound=Watch)
 
 # Where the scores of frames lie in a folder of flights.
 FRAMES = "frames"
 
 
-def chosen(config: Mapping, maps: Sequence[tuple[str, int]], workers: int) -> Iterator[list[Row]]:
-    """Yields the missions of each map as they are found."""
-    jobs = [(number, _choose, place) for number, place in enumerate(maps)]
-    yield from _done(config, jobs, workers)
+class Fleet:
+    """Worker processes for the missions and flights of a configuration, inside a ``with``.
 
+    Each keeps to maps of its own: building a town takes seconds.
+    """
 
-def flown(config: Mapping, jobs: Sequence[Job], workers: int, folder: Path) -> Iterator[Row]:
-    """Yields the rows of flights as they end; the scores of their frames, where they are wanted,
-    are in the folder by then."""
-    maps = {job.mission.map: None for job in jobs}
-    number = {name: index for index, name in enumerate(maps)}
-    yield from _done(
-        config, [(number[job.mission.map], _fly, (job, folder)) for job in jobs], workers
-    )
+    def __init__(self, config: Mapping, workers: int) -> None:
+        self._config, self._count = config, workers
+        self._homes: dict[str, int] = {}
 
+    def __enter__(self) -> "Fleet":
+        with ExitStack() as stack:
+            pools = (worker_pool(1, _start, (self._config,)) for _ in range(self._count))
+            self._pools = [stack.enter_context(pool) for pool in pools]
+            self._stack = stack.pop_all()
+        return self
 
-def _done(config: Mapping, jobs: Iterable[tuple], workers: int) -> Iterator:
-    """Yields results from workers, each of which keeps to maps of its own: building a town takes
-    seconds."""
-    with ExitStack() as stack:
-        pools = [
-            stack.enter_context(worker_pool(1, _start, (config,))) for _ in range(max(workers, 1))
-        ]
-        futures: list[Future] = [
-            pools[number % len(pools)].submit(function, *arguments)
-            for number, function, arguments in jobs
-        ]
+    def __exit__(self, *error: object) -> bool | None:
+        return self._stack.__exit__(*error)
+
+    def chosen(self, places: Iterable[tuple[str, int]]) -> Iterator[list[Row]]:
+        """Yields the missions of each map as they are found."""
+        yield from self._done((f"{town}-{seed}", _choose, (town, seed)) for town, seed in places)
+
+    def flown(self, jobs: Iterable[Job], folder: Path) -> Iterator[Row]:
+        """Yields the rows of flights as they end; the scores of their frames, where they are
+        wanted, are in the folder by then."""
+        yield from self._done((job.mission.map, _fly, (job, folder)) for job in jobs)
+
+    def drawn(self, films: Mapping[Path, Job]) -> Iterator[None]:
+        """Flies some missions once more before a camera; yields as their films are written."""
+        yield from self._done((str(path), _film, (path, job)) for path, job in films.items())
+
+    def _done(self, jobs: Iterable[tuple[str, Callable, tuple]]) -> Iterator:
+        """Yields the results of calls as they come; those of one name are made in one process."""
+        futures: list[Future] = []
+        for name, function, arguments in jobs:
+            home = self._homes.setdefault(name, len(self._homes) % self._count)
+            futures.append(self._pools[home].submit(function, *arguments))
         for future in as_completed(futures):
             yield future.result()
 
@@ -65,16 +82,28 @@ def _fly(job: Job, folder: Path) -> Row:
     if not _config["task"]["scored"]:
         return _campaign.fly(job)
 
-    watching: list[FrameScores] = []
     # Who does not fly looks on: it has a belief of its own.
     looks_on = _campaign.perception if _config["task"]["looks_on"] else None
 
-    def watch(stage: Stage) -> FrameScores:
-        watching.append(FrameScores(stage, _config, looks_on))
-        return watching[0]
-
-    row = _campaign.fly(job, watch)
+    row, scores = _watched(job, lambda stage: FrameScores(stage, _config, looks_on))
     path = folder / FRAMES / f"{job.mission.flight}.npz"
     path.parent.mkdir(parents=True, exist_ok=True)
-    watching[0].counts(str(row["flight"])).write(path)
+    scores.counts(str(row["flight"])).write(path)
     return row
+
+
+def _film(path: Path, job: Job) -> None:
+    threshold = _campaign.planner.threshold
+    row, film = _watched(job, lambda stage: Film(stage, _campaign.grid, threshold), draws=True)
+    film.write(path, row)
+
+
+def _watched(job: Job, make: Callable[[Stage], W], draws: bool = False) -> tuple[Row, W]:
+    """Flies a mission, and returns its row and who watched it."""
+    watching: list[W] = []
+
+    def watch(stage: Stage) -> W:
+        watching.append(make(stage))
+        return watching[0]
+
+    return _campaign.fly(job, watch, draws), watching[0]

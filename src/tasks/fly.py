@@ -1,6 +1,7 @@
 """task=fly: a UAV flies missions on what a perception believes; a row a flight."""
 
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
 
@@ -12,15 +13,13 @@ from ..data.manifest import NOT_SHAPING
 from ..errors import UserError
 from ..loop.campaign import ROUTE, Campaign, Job
 from ..loop.mission import ROOM_M, in_the_open
-from ..loop.stage import Stage
 from ..provenance import code_of, digest_of
-from ..report.flight_film import Film
 from ..results.files import write_table
 from ..results.flights import FLIGHTS
 from ..run_folder import CONFIG, VERSION
 from ..terminal import say, tracked
 from ..worker_pool import default_workers
-from .fleet import chosen, flown
+from .fleet import Fleet
 from .flights import print_scores
 
 MISSIONS = "missions.csv"
@@ -52,21 +51,28 @@ def fly(
     folder = Path(out)
     _require_same(folder, config)
 
-    table = _given(Path(missions)) if missions else _missions(config, campaign, count)
-    jobs = list(map(Job.of, table.to_dict("records")))
+    with Fleet(config, count) as fleet:
+        table = _given(Path(missions)) if missions else _missions(config, campaign, fleet)
+        jobs = {row["flight"]: Job.of(row) for row in table.to_dict("records")}
+        table = _flown(fleet, jobs, folder, campaign.pilot.name)
+        if films:
+            wanted = {folder / f"{stem}.gif": jobs[each] for stem, each in films_of(table).items()}
+            missing = {path: job for path, job in wanted.items() if not path.exists()}
+            deque(tracked(fleet.drawn(missing), "drawing", len(missing)), maxlen=0)
+    print_scores({campaign.pilot.name: table}, None, RESAMPLES)
+    say(folder / FLIGHTS)
+
+
+def _flown(fleet: Fleet, jobs: Mapping[str, Job], folder: Path, name: str) -> pd.DataFrame:
+    """Returns the rows of all flights; those that have none yet are flown."""
     path = folder / FLIGHTS
     table = pd.read_csv(path, keep_default_na=False) if path.is_file() else pd.DataFrame()
     known = set(table["flight"]) if len(table) else set()
-    missing = [job for job in jobs if job.mission.flight not in known]
-    name = campaign.pilot.name
-    rows = flown(config, missing, min(count, len(jobs)), folder)
-    for row in tracked(rows, f"flying {name}", len(missing)):
+    missing = [job for flight, job in jobs.items() if flight not in known]
+    for row in tracked(fleet.flown(missing, folder), f"flying {name}", len(missing)):
         table = pd.concat([table, pd.DataFrame([row])]).sort_values("flight", ignore_index=True)
         write_table(table, path)
-    if films:
-        _draw_films(campaign, jobs, table, folder)
-    print_scores({name: table}, None, RESAMPLES)
-    say(path)
+    return table
 
 
 def films_of(flights: pd.DataFrame) -> dict[str, str]:
@@ -81,25 +87,7 @@ def films_of(flights: pd.DataFrame) -> dict[str, str]:
     return {name: flight for name, found in films.items() for flight in found}
 
 
-def _draw_films(
-    campaign: Campaign, jobs: Sequence[Job], flights: pd.DataFrame, folder: Path
-) -> None:
-    """Flies some flights once more, before an observer."""
-    by_flight = {job.mission.flight: job for job in jobs}
-    for name, flight in tracked(films_of(flights).items(), "drawing"):
-        if (folder / f"{name}.html").exists():
-            continue
-        films: list[Film] = []
-
-        def watch(stage: Stage, films: list[Film] = films) -> Film:
-            films.append(Film(stage, campaign.grid, campaign.planner.threshold))
-            return films[0]
-
-        row = campaign.fly(by_flight[flight], watch, draws=True)
-        films[0].write(folder / f"{name}.gif", row)
-
-
-def _missions(config: Mapping, campaign: Campaign, workers: int) -> pd.DataFrame:
+def _missions(config: Mapping, campaign: Campaign, fleet: Fleet) -> pd.DataFrame:
     """Returns the missions of a configuration, drawn where they are not there."""
     keys = {key: config[key] for key in OF_MISSIONS}
     keys |= {key: config["task"][key] for key in ("grid", "rules")}
@@ -111,7 +99,7 @@ def _missions(config: Mapping, campaign: Campaign, workers: int) -> pd.DataFrame
     places = campaign.missions.places()
     known = set(zip(table["town"], table["seed"]))
     missing = [place for place in places if place not in known]
-    for rows in tracked(chosen(config, missing, workers), "choosing missions", len(missing)):
+    for rows in tracked(fleet.chosen(missing), "choosing missions", len(missing)):
         parts = [pd.DataFrame(rows)] if table.empty else [table, pd.DataFrame(rows)]
         table = pd.concat(parts).sort_values("flight", ignore_index=True)
         write_table(table, path)
