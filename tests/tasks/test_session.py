@@ -17,6 +17,7 @@ from src.tasks.attitude import attitude
 from src.tasks.dataset import root_of
 from src.tasks.export import export, made_up_flight
 from src.tasks.predict import predict
+from src.tasks.scoring import score_settings
 from src.tasks.session import Session, adopted
 from tests.synthetic import compose_config
 
@@ -62,6 +63,15 @@ def test_its_own_configuration_is_used_where_the_command_says_nothing(configured
     assert own.paths.run.endswith("/runs/tiny/skyocc/seed0")
     assert root_of(own).name == root_of(cfg).name
     assert Session(own).checkpoint("predict").path == checkpoint
+
+
+def test_weights_of_an_older_suite_are_scored_with_all_of_todays_metrics():
+    """Those that are published here are of some earlier day; of a metric that they do not know,
+    they do not know the settings either."""
+    (weights,) = Path("weights").glob("*.ckpt")
+    command = ["task=test", f"ckpt_path={weights}"]
+    _, suite = score_settings(adopted(compose_config(*command), command))
+    assert set(suite["metrics"]) == set(compose_config("task=test").suite.metrics)
 
 
 @pytest.mark.parametrize(
