@@ -54,11 +54,13 @@ class Campaign:
                 f"task.rules.plan_hz: {self.rules.plan_hz}; the camera takes sim.capture_hz="
                 f"{sim['capture_hz']} frames a second, and each plan wants a new one"
             )
+
         # Traffic is not told where the UAV flies: nobody is left out who comes near it.
         self.traffic = TrafficConfig(**{**sim["traffic"], "uav_gap_m": 0.0})
         self.missions = instantiate(config["mission"])
         self.planner = instantiate(config["planner"])
         self.airframe = instantiate(config["airframe"])
+
         self.perception = instantiate(config["perception"], _partial_=True)(grid=self.grid)
         truth = Truth("truth", self.grid, in_sight=False)
         self.pilot = truth if task["looks_on"] else self.perception

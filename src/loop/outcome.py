@@ -29,6 +29,7 @@ def row_of(stage: Stage, flown: Flown, threshold: float) -> Row:
     nearest = flown.nearest
     speeds_mps = np.linalg.norm(flown.states[:, VELOCITY], axis=1)
     thrust_axis = flown.states[:, ROTATION.start + 8]
+
     return {
         "outcome": flown.outcome,
         "time_s": round(flown.time_s, 3),

@@ -60,6 +60,7 @@ class PrimitiveMetric(VoxelMetric):
         codes = self.codes(preds, target, mask)
         F.require_directions(velocity, len(target), "a primitive")
         speeds_mps = F.speeds(velocity, batch=len(target))
+
         swept = []
         for n, frame in enumerate(codes):
             paths_m = F.primitive_paths(

@@ -22,10 +22,12 @@ def draw_foretelling(table: pd.DataFrame, path: str | Path) -> None:
     """
     table = table[table["target"] == "collisions"]
     sets, scores = table["frames"].unique(), list(table["score"].unique())
+
     size = WIDTH_INCHES * (len(sets) + 0.5), ROW_INCHES * len(scores) + 1.2
     figure = Figure(figsize=size, dpi=DPI, layout="constrained")
     all_axes = figure.subplots(1, len(sets), sharey=True, squeeze=False)[0]
     strata = [name for name in table["stratum"].unique() if name != ALL]
+
     for axes, frames in zip(all_axes, sets):
         of_set = table[table["frames"] == frames].set_index(["stratum", "score"])
         axes.axvline(0, color=MUTED, linewidth=1, zorder=0)
@@ -41,11 +43,13 @@ def draw_foretelling(table: pd.DataFrame, path: str | Path) -> None:
         axes.scatter(
             over["spearman"], range(len(scores)), s=22, color=INK, marker="D", label="all strata"
         )
+
         axes.set_title(f"frames: {frames}", fontsize=10, color=INK)
         axes.set_xlabel("Spearman with fewer collisions", color=INK)
         axes.set_xlim(-1.05, 1.05)
         axes.spines[["top", "right", "left"]].set_visible(False)
         axes.tick_params(left=False)
+
     all_axes[0].set_yticks(range(len(scores)), scores, fontsize=8)
     all_axes[0].invert_yaxis()
     handles, labels = all_axes[0].get_legend_handles_labels()

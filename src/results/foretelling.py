@@ -86,6 +86,7 @@ def foretelling(
     rows = []
     for frames in sorted({name for each in compared for name in each.frames}):
         members = [each for each in compared if frames in each.frames]
+
         values = _scores([each.frames[frames] for each in members], weights)
         for score in scores:
             if score not in values:
@@ -94,6 +95,7 @@ def foretelling(
                     f"{', '.join(values)}"
                 )
         targets = _targets([each.flights for each in members], flown[reference], weights)
+
         of_member = np.array([each.stratum for each in members])
         for stratum in (*sorted(set(of_member)), ALL):
             kept = np.flatnonzero((of_member == stratum) | (stratum == ALL))
@@ -178,6 +180,7 @@ def _correlations(
     take = np.arange(len(drawn))[:, None], drawn
     blocks, y = strata[drawn[0]], good[take]
     rhos = {name: torch.from_numpy(spearman(x[take], y, blocks)) for name, x in goods.items()}
+
     rows = []
     for name, sample in rhos.items():
         value, low, high = interval_of(sample)
@@ -281,6 +284,7 @@ def _windows(perception: Perception) -> list[dict[str, object]]:
         suite, scores = counts.suite(), {}
         for metric, tables in counts.tables.items():
             scores |= suite.metric(metric).scores(tables)
+
         for row, clip in enumerate(counts.clips[1:], start=1):
             values = {name: float(each[row]) for name, each in scores.items()}
             rows.append({"map": flight["map"], "window": clip.partition("@")[2], **values})

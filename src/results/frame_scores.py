@@ -45,6 +45,7 @@ class FrameScores:
         matrix = world_from_occ(frame.world_from_body)
         truth, _ = self._truth.at(round(frame.time_s * STEP_HZ), matrix, self._grid)
         seen = seen_by(frame, self._grid, truth != FREE)
+
         chain = camera_from_occ(torch.from_numpy(frame.world_from_body), frame.body_from_camera)
         self._frames.append(
             {

@@ -111,6 +111,7 @@ def _given(path: Path) -> pd.DataFrame:
     if not path.is_file():
         raise UserError(f"task.missions: no file {path}; give one like {MISSIONS}")
     table = pd.read_csv(path)
+
     if missing := sorted({"stratum", "truth_s", *ROUTE} - set(table)):
         raise UserError(f"task.missions: {path} has no column {', '.join(missing)}")
     for row in table.to_dict("records"):

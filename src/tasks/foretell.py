@@ -57,12 +57,14 @@ def _printed(table: pd.DataFrame, frames: str) -> Table:
     shown = (table["frames"] == frames) & (table["stratum"] == ALL)
     kept = table[shown & (table["target"] == "collisions")]
     numbers = kept.select_dtypes("number") * 100
+
     rows = []
     for score, row in zip(kept["score"], numbers.to_dict("records")):
         own = Cell(row["spearman"], row["low"], row["high"])
         ends = row["difference"], row["difference_low"], row["difference_high"]
         apart = None if pd.isna(row["difference"]) else Cell(*ends, signed=True)
         rows.append((score, [own, Cell(row["kendall"]), apart]))
+
     columns = ["Spearman", "Kendall", f"beyond {_against(kept)}'s"]
     count = kept["perceptions"].iloc[0]
     title = f"Correlation with fewer collisions (x 100), frames {frames}, {count} perceptions"

@@ -102,6 +102,7 @@ def count_objects(codes, near, around, free_index, ground_index, objects):
             continue
         if true in (free_index, ground_index):
             continue
+
         is_seen = False
         done[first] = True
         waiting = [first]
@@ -115,6 +116,7 @@ def count_objects(codes, near, around, free_index, ground_index, objects):
                         if code >> 4 == true and code != UNCOUNTED and not done[i, j, k]:
                             done[i, j, k] = True
                             waiting.append((i, j, k))
+
         objects[true, 0 if is_seen else 1] += 1
 
 
