@@ -5,12 +5,14 @@ from pathlib import Path
 
 import pandas as pd
 import torch
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from ..errors import UserError
+from ..report.threshold_figure import draw_thresholds
 from ..results.files import write_table
 from ..results.flights import ALL, FLIGHTS, flight_scores
 from ..results.render import Cell, Table, print_table
+from ..run_folder import CONFIG
 from ..terminal import say
 
 BEST = {
@@ -24,13 +26,23 @@ def flights(cfg: DictConfig, flights: list[str], reference: str, resamples: int,
     """Writes ``scores.csv`` to ``out``, and prints the main ones.
 
     ``flights`` are folders of `task=fly`, ``reference`` the name of the perception that others are
-    compared with. Raises `UserError` without a folder, for one without flights, and for flights of
-    other missions.
+    compared with. One that flew with several thresholds is named with each, and drawn over them to
+    ``thresholds.png``. Raises `UserError` without a folder, for one without flights, for one given
+    twice, and for flights of other missions.
     """
     if not flights:
         raise UserError("task.flights: name a folder or more, as task.flights=[runs/flights/seen]")
-    table = print_scores(dict(map(_read, flights)), reference, resamples)
+    flown = list(map(_read, flights))
+    names = _named([name for name, _, _ in flown], [threshold for _, threshold, _ in flown])
+    tables = dict(zip(names, (table for _, _, table in flown)))
+    table = print_scores(tables, reference, resamples)
     write_table(table, Path(out) / "scores.csv")
+
+    curves: dict[str, dict[float, str]] = {}
+    for label, (name, threshold, _) in zip(names, flown):
+        curves.setdefault(name, {})[threshold] = label
+    if curves := {name: of for name, of in curves.items() if len(of) > 1}:
+        draw_thresholds(table, curves, Path(out) / "thresholds.png")
     say(Path(out) / "scores.csv")
 
 
@@ -45,13 +57,26 @@ def print_scores(
     return table
 
 
-def _read(folder: str) -> tuple[str, pd.DataFrame]:
-    """Returns the perception's name, and its flights."""
+def _named(names: list[str], thresholds: list[float]) -> list[str]:
+    """Returns a name for each: with its threshold, where a perception flew more than once."""
+    labels = [
+        f"{name} at {threshold:g}" if names.count(name) > 1 else name
+        for name, threshold in zip(names, thresholds)
+    ]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise UserError(f"task.flights: {label} is there twice; name each folder once")
+    return labels
+
+
+def _read(folder: str) -> tuple[str, float, pd.DataFrame]:
+    """Returns the perception's name, the planner's threshold, and the flights."""
     path = Path(folder) / FLIGHTS
     if not path.is_file():
         raise UserError(f"task.flights: {folder} has no {FLIGHTS}; make it by task=fly")
     table = pd.read_csv(path, keep_default_na=False)
-    return str(table["perception"].iloc[0]), table
+    threshold = OmegaConf.load(Path(folder) / CONFIG).planner.threshold
+    return str(table["perception"].iloc[0]), float(threshold), table
 
 
 def _printed(table: pd.DataFrame, stratum: str) -> Table:

@@ -1,0 +1,57 @@
+"""task=flights: perceptions side by side, thresholds as a curve, mistakes in one line."""
+
+import pandas as pd
+import pytest
+from PIL import Image
+
+from src.errors import UserError
+from src.tasks.flights import flights
+from tests.results.test_flights import table
+from tests.synthetic import sound_config
+
+
+def write(folder, outcomes, perception, threshold=0.5, **changes):
+    folder.mkdir(parents=True)
+    table(outcomes, perception, **changes).to_csv(folder / "flights.csv", index=False)
+    (folder / "config.yaml").write_text(f"planner: {{threshold: {threshold}}}\n")
+    return str(folder)
+
+
+def run(tmp_path, folders, reference="seen"):
+    cfg = sound_config("task=flights")
+    flights(cfg, folders, reference, 50, str(tmp_path / "out"))
+    return pd.read_csv(tmp_path / "out" / "scores.csv")
+
+
+@pytest.fixture
+def seen(tmp_path):
+    return write(tmp_path / "seen", ["arrived"] * 3, "seen")
+
+
+def test_a_perception_is_compared_with_the_reference(tmp_path, seen, capsys):
+    model = write(tmp_path / "model", ["arrived", "collided", "arrived"], "model")
+    scores = run(tmp_path, [seen, model]).set_index(["perception", "stratum", "score"])
+    assert scores.loc[("model", "all", "excess_collisions"), "value"] == pytest.approx(1 / 3)
+    assert not (tmp_path / "out" / "thresholds.png").exists()
+    assert "+33.3" in capsys.readouterr().out
+
+
+def test_one_that_flew_with_several_thresholds_is_a_curve(tmp_path, seen):
+    bold = write(tmp_path / "bold", ["arrived", "collided", "arrived"], "model", 0.7)
+    careful = write(tmp_path / "careful", ["arrived", "stuck", "arrived"], "model", 0.3)
+    scores = run(tmp_path, [seen, bold, careful])
+    assert set(scores["perception"]) == {"seen", "model at 0.7", "model at 0.3"}
+    with Image.open(tmp_path / "out" / "thresholds.png") as picture:
+        assert picture.width > 500
+
+
+def test_mistakes_are_told_in_one_line(tmp_path, seen):
+    with pytest.raises(UserError, match="name a folder or more"):
+        run(tmp_path, [])
+    with pytest.raises(UserError, match=r"seen at 0\.5 is there twice"):
+        run(tmp_path, [seen, seen])
+    with pytest.raises(UserError, match=r"has no flights.csv; make it by task=fly"):
+        run(tmp_path, [str(tmp_path)])
+    other = write(tmp_path / "other", ["arrived"] * 3, "model", maps=2)
+    with pytest.raises(UserError, match="model did not fly the missions of seen"):
+        run(tmp_path, [seen, other])
