@@ -44,7 +44,8 @@ def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
     jaccard = MulticlassJaccardIndex(NUM_CLASSES, ignore_index=UNKNOWN)
     plain, compiled = (metrics.OccupancyScores(grid, backend=name) for name in ("torch", "numba"))
     breakdown, safety = metrics.KARBreakdown(grid), metrics.SafetyScores(grid)
-    primitives = metrics.PrimitiveMiss(grid)
+    primitives, plans = metrics.PrimitiveMiss(grid), metrics.PlanRegret(grid)
+    objects = metrics.ObjectMiss(grid)
     calibration = metrics.Calibration(grid)
     ray_iou, sensitivity = metrics.RayIoU(grid), metrics.KARSensitivity(grid)
     subject = f"{'x'.join(map(str, grid.shape))} voxels, {clip} frame {frame} of {source.name}"
@@ -58,6 +59,8 @@ def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
         "KARBreakdown": lambda: breakdown.update(preds, target, velocity, visible=visible),
         "SafetyScores": lambda: safety.update(preds, target, velocity),
         "PrimitiveMiss, logits": lambda: primitives.update(preds, target, velocity, logits=logits),
+        "PlanRegret": lambda: plans.update(preds, target, velocity),
+        "ObjectMiss": lambda: objects.update(preds, target, velocity),
         f"RayIoU, {RAYS[0]}x{RAYS[1]} rays": lambda: ray_iou.update(preds, target, *rays),
         "Calibration, logits": lambda: calibration.update(logits, target, velocity),
         "KARSensitivity, 81 settings": lambda: sensitivity.update(preds, target, velocity),
