@@ -4,15 +4,15 @@
 
 ``flight.yaml`` is the plan; ``--runs`` is the folder of the runs whose checkpoints fly, as
 ``<experiment>/seed<k>``. The flights of a perception lie in ``<out>/<stratum>/<name>/<set>``, as
-``task=foretell`` reads them. Each is a call of ``run.py task=fly`` with the plan's overrides and
-those given here. It can be interrupted: flights that are there are not flown again. ``--only``
-names perceptions or strata.
+``task=foretell`` reads them; beside those of a run are its scores on the test split. Each is a call
+of ``run.py task=fly`` with the plan's overrides and those given here. It can be interrupted:
+flights that are there are not flown again. ``--only`` names perceptions or strata.
 """
 
 import argparse
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
 
@@ -21,11 +21,11 @@ import yaml
 from benchmarks.settings import run
 from src.errors import UserError
 from src.provenance import SOURCE
+from src.results.counts import Counts
+from src.run_folder import TALLIES
 from src.terminal import say
 
 CHECKPOINT = "checkpoints/best.ckpt"
-# What may be damaged by so much: the names of the plan say kind and amount.
-Overrides = Sequence[str]
 
 
 def perceptions(plan: Mapping, runs: str) -> Iterator[tuple[str, str, list[str]]]:
@@ -79,6 +79,20 @@ def main() -> None:
         done = subprocess.run([sys.executable, "run.py", *words], cwd=SOURCE.parent)
         if done.returncode:
             raise UserError(f"{name}: task=fly ended with {done.returncode}")
+        if stratum == "learned":
+            write_test(SOURCE.parent / options.runs, name, options.out / stratum / name)
+
+
+def write_test(runs: Path, name: str, folder: Path) -> None:
+    """Writes the counts of a run's test split, clip by clip, as those of flights."""
+    experiment, _, seed = name.rpartition("-")
+    counts = Counts.read(runs / experiment / seed / TALLIES / f"{experiment}.npz")
+    for clip in counts.clips:
+        one = counts.of_clips(lambda each, clip=clip: each == clip)
+        path = folder / "test/frames" / f"{clip}.npz"
+        if one.clips and not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            one.write(path)
 
 
 if __name__ == "__main__":

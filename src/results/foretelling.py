@@ -73,8 +73,9 @@ def foretelling(
     none of the compared.
 
     Over all strata ranks are taken within each, so that no stratum's level makes a correlation.
-    Maps and, within the strata, perceptions are resampled together. Raises `UserError` without the
-    reference, for a score that there is not, and for a set of frames without a map.
+    Maps and, within the strata, perceptions are resampled together; of frames from elsewhere, as
+    those of a test split, their own parts are. Raises `UserError` without the
+    reference, for a score that there is not, and for perceptions scored on frames of other maps.
     """
     flown = {each.name: each.flights for each in perceptions}
     if reference not in flown:
@@ -87,7 +88,10 @@ def foretelling(
     for frames in sorted({name for each in compared for name in each.frames}):
         members = [each for each in compared if frames in each.frames]
 
-        values = _scores([each.frames[frames] for each in members], weights)
+        folders = [each.frames[frames] for each in members]
+        units = _units(folders)
+        own = weights if units == maps else resamplings(len(units), resamples, generator)
+        values = _scores(folders, own)
         for score in scores:
             if score not in values:
                 raise UserError(
@@ -110,14 +114,22 @@ def foretelling(
     return pd.DataFrame(rows)
 
 
+def _units(folders: Sequence[Path]) -> list[str]:
+    """Returns the maps of the frames in each folder, which all have the same. Raises `UserError`
+    for others."""
+    units = [sorted(each.name for each in folder.iterdir() if each.is_dir()) for folder in folders]
+    for folder, own in zip(folders, units):
+        if own != units[0]:
+            raise UserError(f"{folder}: has other maps than {folders[0]}; give task=fly again")
+    return units[0]
+
+
 def _scores(folders: Sequence[Path], weights: Float[Tensor, "r m"]) -> dict[str, Samples]:
     """Returns every score of the frames in each folder, whole and by resampled maps."""
     of_folder = []
     for folder in folders:
         counts, tables = counts_by_map(folder)
         suite, samples = ScoreSuite.of(counts.protocol, counts.clips), {}
-        if len(next(iter(next(iter(tables.values())).values()))) != weights.shape[1]:
-            raise UserError(f"{folder}: not the scores of all maps; give task=fly again")
         for metric, of_metric in tables.items():
             samples |= score_samples(suite.metric(metric), of_metric, weights)
         of_folder.append(samples)

@@ -1,5 +1,7 @@
 """Perceptions that were flown, as files: some voxels right, and as many collisions as one says."""
 
+from itertools import product
+
 import pandas as pd
 
 from src.metrics.suite import ScoreSuite
@@ -10,10 +12,13 @@ MAPS = ("town-100", "town-101", "town-102")
 WINDOWS = ("", "@before", "@earlier")
 
 
+OTHERS = ("town-300", "town-301")
+
+
 def write_flown(root, name, right, collides, stratum="damaged", sets=("flown",), before=None):
     """Two flights a map; ``collides(map number, flight number)`` tells which collide.
 
-    A share ``right`` of the voxels is right, of the windows before a collision ``before``.
+    The set ``verge`` is of `OTHERS`. A share ``right`` of the voxels is right, of the windows before a collision ``before``.
     """
     rows = []
     for m, town in enumerate(MAPS):
@@ -26,11 +31,14 @@ def write_flown(root, name, right, collides, stratum="damaged", sets=("flown",),
                 | {"plans": 60, "regret_m": 0.1, "unsafe_plans": 0, "phantom_stops": 0}
                 | {"jerk2": 1.0}
             )
-            for frames in sets:
-                path = root / stratum / name / frames / "frames" / f"{flight}.npz"
-                path.parent.mkdir(parents=True, exist_ok=True)
-                shares = right, right if before is None else before, right
-                counts_of(flight, shares, seed=10 * m + n).write(path)
+    for frames, (m, n) in product(sets, product(range(len(MAPS)), range(2))):
+        maps = OTHERS if frames == "verge" else MAPS
+        if m < len(maps):
+            flight = f"{maps[m]}/{n:03d}"
+            path = root / stratum / name / frames / "frames" / f"{flight}.npz"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shares = right, right if before is None else before, right
+            counts_of(flight, shares, seed=10 * m + n).write(path)
     folder = root / stratum / name / "flown"
     folder.mkdir(parents=True, exist_ok=True)
     pd.DataFrame(rows).to_csv(folder / "flights.csv", index=False)

@@ -1,6 +1,7 @@
 """Correlations of scores with collisions: by hand, and of perceptions whose order is known."""
 
 import math
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -122,6 +123,13 @@ def test_nothing_flown_and_an_absent_reference_are_refused(tmp_path):
     write_flown(tmp_path, "mine", 0.9, lambda m, n: False)
     with pytest.raises(UserError, match=r"task.reference: no flights of seen"):
         table_of(tmp_path)
+
+
+def test_perceptions_scored_on_other_maps_are_refused(root, tmp_path):
+    shutil.copytree(root, tmp_path / "flight")
+    shutil.rmtree(tmp_path / "flight/damaged/noisy1/verge/frames/town-300")
+    with pytest.raises(UserError, match=r"noisy1/verge/frames: has other maps than .*noisy0"):
+        table_of(tmp_path / "flight", resamples=2)
 
 
 def test_a_score_that_there_is_not_is_told(root):
