@@ -18,7 +18,8 @@ OTHERS = ("town-300", "town-301")
 def write_flown(root, name, right, collides, stratum="damaged", sets=("flown",), before=None):
     """Two flights a map; ``collides(map number, flight number)`` tells which collide.
 
-    The set ``verge`` is of `OTHERS`. A share ``right`` of the voxels is right, of the windows before a collision ``before``.
+    The set ``verge`` is of `OTHERS`. A share ``right`` of the voxels is right, of the windows
+    before a collision ``before``.
     """
     rows = []
     for m, town in enumerate(MAPS):
