@@ -17,8 +17,8 @@ from omegaconf import OmegaConf
 
 from benchmarks.settings import composed, run
 from benchmarks.tables import print_table
+from src.faults.damage import Damaged
 from src.loop.campaign import Campaign, Job
-from src.loop.damage import Damaged
 from src.loop.flight import Moment
 from src.loop.stage import Stage
 from src.provenance import SOURCE

@@ -232,7 +232,8 @@ def _quintic(position, velocity, acceleration, end, end_velocity, duration):
 def _judge(
     ends, position, velocity, acceleration, target, field, seen, lower, cell, limits, prices
 ):
-    """Returns the price of every primitive, inf where it is not admissible, and its clearance."""
+    """Returns the price of every primitive, inf where it is not admissible, and its clearance,
+    which of those that go on is looked at no further then."""
     costs, clearances = np.full(len(ends), np.inf), np.zeros(len(ends))
     fastest, hardest, brake, need = limits
     cruise, of_height, of_closeness, of_unknown, of_jerk, of_detour = prices
@@ -245,6 +246,7 @@ def _judge(
         duration, end, end_velocity = ends[n, 0], ends[n, 1:4], ends[n, 4:]
         c = _quintic(position, velocity, acceleration, end, end_velocity, duration)
         price, nearest, possible = 0.0, np.inf, True
+        pace = np.sqrt(_square(end_velocity))
         for s in range(1, SAMPLES + 1):
             t = duration * s / SAMPLES
             for a in range(3):
@@ -263,6 +265,8 @@ def _judge(
             nearest = min(nearest, clearance)
             if clearance < min(need, first + 0.5 * np.sqrt(_square(place - position))):
                 possible = False
+            if not possible and pace > 0:
+                break
             step = duration / SAMPLES
             price += of_jerk * _square(jerk) * step
             price += of_closeness * max(0.0, 1.0 - (clearance - need) / 1.5) ** 2 * step
@@ -270,7 +274,6 @@ def _judge(
                 price += of_unknown * step
 
         # After its end it must be able to stop straight on.
-        pace = np.sqrt(_square(end_velocity))
         way = pace * pace / (2 * brake)
         for s in range(1, int(np.ceil(way / STOP_SAMPLE_M)) + 1):
             index = (end + end_velocity / pace * min(s * STOP_SAMPLE_M, way) - lower) / cell

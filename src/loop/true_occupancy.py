@@ -39,7 +39,11 @@ class TrueOccupancy:
         triangles_m, class_id = triangles_m[near], class_id[near]
         points_m, face = points_on(triangles_m)
         near = ((points_m > lower_m) & (points_m < upper_m)).all(axis=1)
-        self._static = np.ascontiguousarray(points_m[near]), class_id[face[near]]
+        points_m, class_id = points_m[near], class_id[face[near]]
+        # In the order of one axis, so that those of a grid are found at once.
+        self._axis = int(np.argmax(upper_m - lower_m))
+        order = np.argsort(points_m[:, self._axis], kind="stable")
+        self._static = np.ascontiguousarray(points_m[order]), class_id[order]
         self._actors, self._last = [], None
         for actor in scene.actors:
             points_m, _ = points_on(actor.triangles_m)
@@ -81,9 +85,19 @@ class TrueOccupancy:
         moving = np.zeros_like(votes)
         for actor, *points in self._actors:
             count_votes(moving, lattice, occ_from_world @ actor.world_from_actor[step], *points)
-        count_votes(votes, lattice, occ_from_world, *self._static)
+        near = self._around(world_from_occ, grid)
+        count_votes(votes, lattice, occ_from_world, *(each[near] for each in self._static))
         self._last = key, (elect(votes + moving, free), moving.any(axis=-1))
         return self._last[1]
+
+    def _around(self, world_from_occ: Matrix, grid: VoxelGrid) -> slice:
+        """Returns the static points that are no farther from the grid's middle, along the axis,
+        than its corners."""
+        low, high = np.array(grid.lower_m), np.array(grid.upper_m)
+        middle_m = (world_from_occ @ [*(low + high) / 2, 1.0])[self._axis]
+        reach_m = np.linalg.norm(high - low) / 2
+        ends_m = middle_m - reach_m, middle_m + reach_m
+        return slice(*np.searchsorted(self._static[0][:, self._axis], ends_m))
 
 
 def points_on(

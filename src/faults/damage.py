@@ -9,11 +9,11 @@ from jaxtyping import Float, UInt8
 from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..loop.belief import Belief
+from ..loop.perception import Truth, seen_by
+from ..loop.true_occupancy import TrueOccupancy
 from ..models.stream import StreamFrame
 from ..ontology import CLASSES, FREE, GENERAL, GROUND
-from .belief import Belief
-from .perception import Truth, seen_by
-from .true_occupancy import TrueOccupancy
 
 # Damages of a share, from 0 to 1, and those of a length in metres.
 SHARES = ("voxels", "objects", *CLASSES[:FREE], "phantoms")

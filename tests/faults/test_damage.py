@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from src.errors import UserError
+from src.faults.damage import LENGTHS, SHARES, Damaged, distances_m
 from src.geometry import VoxelGrid
-from src.loop.damage import LENGTHS, SHARES, Damaged, distances_m
 from src.loop.true_occupancy import TrueOccupancy, connected
 from src.models.stream import StreamFrame
 from src.ontology import BUILDING, GROUND, THIN_STRUCTURE, VRU
