@@ -10,7 +10,7 @@ from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..loop.belief import Belief
-from ..loop.perception import Truth, seen_by
+from ..loop.perception import MOVABLE, Truth, seen_by
 from ..loop.true_occupancy import TrueOccupancy
 from ..models.stream import StreamFrame
 from ..ontology import CLASSES, FREE, GENERAL, GROUND
@@ -63,6 +63,8 @@ class Damaged:
         belief = self._truth(frame)
         semantics = self._damaged(belief.semantics)
         known = seen_by(frame, self.grid, semantics != FREE)
+        if self.kind in ("ahead", "grown"):
+            return Belief.sure(semantics, known, np.isin(semantics, MOVABLE))
         return Belief.sure(semantics, known, belief.movable & (semantics != FREE))
 
     def _damaged(self, semantics: Semantics) -> Semantics:

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..jit import njit
-from .belief import BeliefMap
+from .belief import LEAST, MOST, BeliefMap
 from .distance_field import distance_at, distances
 
 Vector = Float[np.ndarray, "3"]
@@ -119,8 +119,12 @@ class QuinticPlanner:
         require_choice("planner.unknown", self.unknown, get_args(Unknown))
         numbers = {name: value for name, value in vars(self).items() if isinstance(value, float)}
         require_at_least(0, "planner", numbers, *numbers)
-        if not 0 < self.threshold < 1:
-            raise UserError(f"planner.threshold: {self.threshold}; give a number between 0 and 1")
+        least, most = (1 / (1 + math.exp(-odds)) for odds in (LEAST, MOST))
+        if not least <= self.threshold < most:
+            raise UserError(
+                f"planner.threshold: {self.threshold}; the map knows no probabilities outside "
+                f"{least:.2f} to {most:.2f}, give one between"
+            )
         if not self.cruise_mps > 0:
             raise UserError(f"planner.cruise_mps: {self.cruise_mps}; give a speed above 0")
 

@@ -55,6 +55,15 @@ class Perception:
         return found
 
 
+def compared_with(reference: str, perceptions: Sequence[Perception]) -> list[Perception]:
+    """Returns the perceptions of all strata but the reference's, which has the anchors. Raises
+    `UserError` without the reference."""
+    strata = [each.stratum for each in perceptions if each.name == reference]
+    if not strata:
+        raise UserError(f"task.reference: no flights of {reference}; fly them, or name another")
+    return [each for each in perceptions if each.stratum != strata[0]]
+
+
 def foretelling(
     perceptions: Sequence[Perception],
     reference: str,
@@ -69,20 +78,17 @@ def foretelling(
     frames, the stratum, the score, the target, Spearman's correlation with its interval, Kendall's
     tau-b, the difference of Spearman's from that of the score ``against`` with its interval and
     ``p``, and the power to tell a difference of 0.2. A correlation is positive where better scores
-    go with less of the target. Collisions are those beyond the perception ``reference``, which is
-    none of the compared.
+    go with less of the target. Collisions are those beyond the perception ``reference``.
 
     Over all strata ranks are taken within each, so that no stratum's level makes a correlation.
     Maps and, within the strata, perceptions are resampled together; of frames from elsewhere, as
     those of a test split, their own parts are. Raises `UserError` without the
     reference, for a score that there is not, and for perceptions scored on frames of other maps.
     """
-    flown = {each.name: each.flights for each in perceptions}
-    if reference not in flown:
-        raise UserError(f"task.reference: no flights of {reference}; fly them, or name another")
-    maps = sorted(set(flown[reference]["map"]))
+    compared = compared_with(reference, perceptions)
+    flown = next(each.flights for each in perceptions if each.name == reference)
+    maps = sorted(set(flown["map"]))
     weights = resamplings(len(maps), resamples, generator)
-    compared = [each for each in perceptions if each.name != reference]
 
     rows = []
     for frames in sorted({name for each in compared for name in each.frames}):
@@ -98,7 +104,7 @@ def foretelling(
                     f"task.scores.{score}: no score of {members[0].frames[frames]}; there are "
                     f"{', '.join(values)}"
                 )
-        targets = _targets([each.flights for each in members], flown[reference], weights)
+        targets = _targets([each.flights for each in members], flown, weights)
 
         of_member = np.array([each.stratum for each in members])
         for stratum in (*sorted(set(of_member)), ALL):

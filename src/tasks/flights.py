@@ -35,6 +35,9 @@ def flights(cfg: DictConfig, flights: list[str], reference: str, resamples: int,
     flown = list(map(_read, flights))
     names = _named([name for name, _, _ in flown], [threshold for _, threshold, _ in flown])
     tables = dict(zip(names, (table for _, _, table in flown)))
+    if reference not in tables and reference in (name for name, _, _ in flown):
+        several = ", ".join(label for label in names if label.startswith(f"{reference} at "))
+        raise UserError(f"task.reference: {reference} flew more than once; name one of {several}")
     table = print_scores(tables, reference, resamples)
     write_table(table, Path(out) / "scores.csv")
 

@@ -53,7 +53,7 @@ def fly(
 
     with Fleet(config, count) as fleet:
         table = _given(Path(missions)) if missions else _missions(config, campaign, fleet)
-        jobs = {row["flight"]: Job.of(row) for row in table.to_dict("records")}
+        jobs = {job.mission.flight: job for job in map(Job.of, table.to_dict("records"))}
         table = _flown(fleet, jobs, folder, campaign.pilot.name)
         if films:
             wanted = {folder / f"{stem}.gif": jobs[each] for stem, each in films_of(table).items()}
@@ -89,7 +89,9 @@ def films_of(flights: pd.DataFrame) -> dict[str, str]:
 
 def _missions(config: Mapping, campaign: Campaign, fleet: Fleet) -> pd.DataFrame:
     """Returns the missions of a configuration, drawn where they are not there."""
-    keys = {key: config[key] for key in OF_MISSIONS}
+    keys = {key: dict(config[key]) for key in OF_MISSIONS}
+    # Who knows the truth has no doubt that a threshold could decide.
+    keys["planner"].pop("threshold", None)
     keys |= {key: config["task"][key] for key in ("grid", "rules")}
     keys |= {"traffic": config["sim"]["traffic"], "code": code_of(CODE)}
     folder = Path(config["paths"]["data"]) / f"missions-{digest_of(keys)}"
@@ -144,6 +146,8 @@ def _shaping(config: Mapping) -> dict[str, object]:
     sim = {key: value for key, value in config["sim"].items() if key not in NOT_SHAPING}
     task = {key: config["task"][key] for key in ("grid", "rules", "missions", "looks_on", "scored")}
     parts = {key: config[key] for key in ("perception", *OF_MISSIONS)}
+    if config["task"]["scored"]:
+        parts |= {key: config[key] for key in ("metric", "suite")}
     weights = config["ckpt_path"]
     digest = sha256(Path(weights).read_bytes()).hexdigest() if weights else ""
     code = code_of((*CODE, "models", "faults"))

@@ -10,7 +10,7 @@ from omegaconf import DictConfig
 from ..errors import UserError
 from ..report.foretell_figure import draw_foretelling
 from ..results.files import write_table
-from ..results.foretelling import ALL, Perception, foreseen, foretelling
+from ..results.foretelling import ALL, Perception, compared_with, foreseen, foretelling
 from ..results.render import Cell, Table, print_table
 from ..terminal import say
 
@@ -44,7 +44,8 @@ def foretell(
 
     folder = Path(out)
     write_table(table, folder / "correlations.csv")
-    flown = [each for each in perceptions if "flown" in each.frames]
+    compared = compared_with(reference, perceptions)
+    flown = [each for each in compared if "flown" in each.frames]
     write_table(foreseen(flown, scores, resamples, generator), folder / "foreseen.csv")
     draw_foretelling(table, folder / "correlations.png")
     for frames in dict.fromkeys(table["frames"]):

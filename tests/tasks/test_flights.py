@@ -52,6 +52,10 @@ def test_mistakes_are_told_in_one_line(tmp_path, seen):
         run(tmp_path, [seen, seen])
     with pytest.raises(UserError, match=r"has no flights.csv; make it by task=fly"):
         run(tmp_path, [str(tmp_path)])
+    again = write(tmp_path / "again", ["arrived"] * 3, "seen", 0.3)
+    with pytest.raises(UserError, match=r"name one of seen at 0\.5, seen at 0\.3"):
+        run(tmp_path, [seen, again])
+    run(tmp_path, [seen, again], reference="seen at 0.5")
     other = write(tmp_path / "other", ["arrived"] * 3, "model", maps=2)
     with pytest.raises(UserError, match="model did not fly the missions of seen"):
         run(tmp_path, [seen, other])
