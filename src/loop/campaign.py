@@ -13,9 +13,12 @@ from .flight import Flown, Rules, Watch, fly
 from .mission import Mission
 from .outcome import Row, row_of
 from .perception import Perception, Truth
+from .planner import Planner
 from .stage import Stage
 from .twin import Twin
 
+# The planner's threshold, where it is seen whether one that knows the truth arrives.
+CHOOSING = 0.5
 ROUTE = tuple(field.name for field in fields(Mission))
 
 
@@ -59,6 +62,9 @@ class Campaign:
         self.traffic = TrafficConfig(**{**sim["traffic"], "uav_gap_m": 0.0})
         self.missions = instantiate(config["mission"])
         self.planner = instantiate(config["planner"])
+        # Missions are the same for every threshold.
+        same = {"threshold": CHOOSING} if "threshold" in config["planner"] else {}
+        self.chooser = instantiate(config["planner"], **same)
         self.airframe = instantiate(config["airframe"])
 
         self.perception = instantiate(config["perception"], _partial_=True)(grid=self.grid)
@@ -80,7 +86,7 @@ class Campaign:
             hits = stage.blind_hits(self.planner.cruise_mps, self.rules.radius_m)
             stratum = "conflict" if hits else "clear"
             if counts[stratum] < wanted[stratum]:
-                flown = self._fly(stage, Truth("truth", self.grid, in_sight=False))
+                flown = self._fly(stage, Truth("truth", self.grid, False), self.chooser)
                 if flown.outcome == "arrived":
                     counts[stratum] += 1
                     row = {"flight": mission.flight, "stratum": stratum, **asdict(mission)}
@@ -107,7 +113,7 @@ class Campaign:
         stage = self._stage(job.mission, draws)
         twin = Twin(self.grid, self.planner, self.rules, stage.truth)
         watches = [twin] if watch is None else [twin, watch(stage)]
-        flown = self._fly(stage, self.pilot, watches, draws)
+        flown = self._fly(stage, self.pilot, self.planner, watches, draws)
 
         row = row_of(stage, flown, self.planner.threshold) | twin.row()
         of_job = {"stratum": job.stratum, "perception": self.pilot.name}
@@ -122,8 +128,9 @@ class Campaign:
         self,
         stage: Stage,
         perception: Perception,
+        planner: Planner,
         watches: Sequence[Watch] = (),
         draws: bool = False,
     ) -> Flown:
-        parts = perception, self.planner, self.airframe, self.camera, self.rules
+        parts = perception, planner, self.airframe, self.camera, self.rules
         return fly(stage, *parts, watches, draws)

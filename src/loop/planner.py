@@ -142,7 +142,9 @@ class QuinticPlanner:
     def prices(
         self, plans: Sequence[Plan], motion: Motion, belief: BeliefMap, target_m: Vector
     ) -> list[float]:
-        last = [plan.at(np.array([plan.duration_s]))[0, :6] for plan in plans]
+        last = np.stack([plan.at(np.array([plan.duration_s]))[0, :6] for plan in plans])
+        # A polynomial stops to fifteen digits, and whether one stops decides.
+        last[[plan.stops for plan in plans], 3:] = 0.0
         ends = np.column_stack([[plan.duration_s for plan in plans], last])
         return self._judged(ends, motion, belief, target_m)[0].tolist()
 

@@ -22,7 +22,8 @@ class ObjectMiss(VoxelMetric):
     An object is a set of true voxels of one class that touch, be it by a corner; the ground is
     none. The UAV comes near it if the center of a voxel of it is within ``near_m`` of the straight
     path of the next ``seconds`` at the current velocity. It is missed if no voxel within
-    ``tolerance_m`` of it is predicted occupied, of whatever class; distances are between centers.
+    ``tolerance_m`` of it is predicted, of any class but the ground; voxels that truly hold another
+    class speak for that one alone. Distances are between centers.
     `compute` gives
 
     - ``object_miss_rate``: the share of the objects near in their frame that are missed,

@@ -56,7 +56,7 @@ def flight_scores(
 
     Raises `UserError` for perceptions that flew other missions.
     """
-    _require_same_flights(flights)
+    require_same_flights(flights)
     rows = []
     for stratum in (*sorted(set(next(iter(flights.values()))["stratum"])), ALL):
         kept = {
@@ -112,8 +112,9 @@ def _of_stratum(
 def p_value(sample: Float[Tensor, "1+r"]) -> float:
     """Returns the p-value of a difference, whole and resampled: that it is none."""
     drawn = sample[1:][~sample[1:].isnan()]
-    sides = (drawn <= 0).double().mean(), (drawn >= 0).double().mean()
-    return min(2 * float(min(sides)), 1.0)
+    fewer = min(int((drawn <= 0).sum()), int((drawn >= 0).sum()))
+    # One more, as the whole may be one of them: no p-value is 0.
+    return min(2 * (fewer + 1) / (len(drawn) + 1), 1.0)
 
 
 def samples_of(
@@ -149,11 +150,12 @@ def _completed_by_both(*tables: pd.DataFrame) -> list[pd.DataFrame]:
     return indexed
 
 
-def _require_same_flights(flights: Mapping[str, pd.DataFrame]) -> None:
+def require_same_flights(flights: Mapping[str, pd.DataFrame]) -> None:
+    """Raises `UserError` for perceptions that flew other missions than the first."""
     first, *others = flights
     for name in others:
         if set(flights[name]["flight"]) != set(flights[first]["flight"]):
             raise UserError(
-                f"task.flights: {name} did not fly the missions of {first}; fly them with the same "
+                f"{name} did not fly the missions of {first}; fly them with the same "
                 "mission, planner, airframe and task.rules, to the end"
             )

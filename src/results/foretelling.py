@@ -1,7 +1,8 @@
 """Which score foretells collisions: rank correlations over many perceptions, with intervals."""
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from ..metrics.suite import ScoreSuite
 from ..metrics.tables import Tables
 from .bootstrap import interval_of, resamplings, score_samples
 from .counts import Counts
-from .flights import FLIGHTS, p_value, samples_of
+from .flights import FLIGHTS, p_value, require_same_flights, samples_of
 
 # The first row is of all maps and perceptions, the others are resampled; a column a perception.
 Samples = Float[np.ndarray, "1+r k"]
@@ -28,15 +29,24 @@ ALL = "all"
 DIFFERENCE, BOUND = 0.2, 1.96
 
 
+# What tells perceptions of one family apart: the seed of a training, the amount of a damage.
+MEMBER = re.compile(r"(-seed|_)[\d.]+$")
+
+
 @dataclass(frozen=True)
 class Perception:
     """One of those that are compared: its name, its ``stratum``, its flights, and folders with the
-    counts of frames, by the name of their set."""
+    counts of frames, by the name of their set. Those of one ``family``, as the seeds of a model,
+    are no independent evidence."""
 
     name: str
     stratum: str
     flights: pd.DataFrame = field(repr=False)
     frames: Mapping[str, Path]
+
+    @property
+    def family(self) -> str:
+        return MEMBER.sub("", self.name)
 
     @classmethod
     def all_below(cls, folder: Path) -> list["Perception"]:
@@ -81,12 +91,14 @@ def foretelling(
     go with less of the target. Collisions are those beyond the perception ``reference``.
 
     Over all strata ranks are taken within each, so that no stratum's level makes a correlation.
-    Maps and, within the strata, perceptions are resampled together; of frames from elsewhere, as
-    those of a test split, their own parts are. Raises `UserError` without the
-    reference, for a score that there is not, and for perceptions scored on frames of other maps.
+    Maps and, within the strata, families of perceptions are resampled together; of frames from
+    elsewhere, as those of a test split, their own parts are. Raises `UserError` without the
+    reference, for a score that there is not, and for perceptions that flew other missions or are
+    scored on other frames.
     """
     compared = compared_with(reference, perceptions)
     flown = next(each.flights for each in perceptions if each.name == reference)
+    require_same_flights({reference: flown} | {each.name: each.flights for each in compared})
     maps = sorted(set(flown["map"]))
     weights = resamplings(len(maps), resamples, generator)
 
@@ -111,23 +123,26 @@ def foretelling(
             kept = np.flatnonzero((of_member == stratum) | (stratum == ALL))
             if len(kept) < 3:
                 continue
-            drawn = kept[_drawn(of_member[kept], resamples, generator)]
+            families = [members[place].family for place in kept]
+            drawn = _drawn(kept, of_member[kept], np.array(families), resamples, generator)
             key = {"frames": frames, "stratum": stratum, "perceptions": len(kept)}
             for target, of_target in targets.items():
                 goods = {s: values[s] * (1 if end == "high" else -1) for s, end in scores.items()}
-                found = _correlations(goods, -of_target, of_member, drawn, against)
+                found = _correlations(goods, -of_target, drawn, against)
                 rows += [{**key, "target": target, **row} for row in found]
     return pd.DataFrame(rows)
 
 
 def _units(folders: Sequence[Path]) -> list[str]:
-    """Returns the maps of the frames in each folder, which all have the same. Raises `UserError`
-    for others."""
-    units = [sorted(each.name for each in folder.iterdir() if each.is_dir()) for folder in folders]
-    for folder, own in zip(folders, units):
-        if own != units[0]:
-            raise UserError(f"{folder}: has other maps than {folders[0]}; give task=fly again")
-    return units[0]
+    """Returns the maps of the frames in each folder, which all have the same frames. Raises
+    `UserError` for others."""
+    flights = [
+        sorted(each.relative_to(folder) for each in folder.glob("*/*")) for folder in folders
+    ]
+    for folder, own in zip(folders, flights):
+        if own != flights[0]:
+            raise UserError(f"{folder}: has other frames than {folders[0]}; give task=fly again")
+    return sorted({flight.parent.name for flight in flights[0]})
 
 
 def _scores(folders: Sequence[Path], weights: Float[Tensor, "r m"]) -> dict[str, Samples]:
@@ -139,7 +154,7 @@ def _scores(folders: Sequence[Path], weights: Float[Tensor, "r m"]) -> dict[str,
         for metric, of_metric in tables.items():
             samples |= score_samples(suite.metric(metric), of_metric, weights)
         of_folder.append(samples)
-    names = of_folder[0]
+    names = [name for name in of_folder[0] if all(name in each for each in of_folder)]
     return {s: np.stack([each[s].numpy() for each in of_folder], axis=1) for s in names}
 
 
@@ -176,34 +191,45 @@ def _targets(
 
 
 def _drawn(
-    strata: Shaped[np.ndarray, "k"], resamples: int, generator: Generator
-) -> Int[np.ndarray, "1+r k"]:
-    """Returns which perceptions each resample has, as many of a stratum as there are; first all."""
-    drawn = np.tile(np.arange(len(strata)), (resamples + 1, 1))
+    places: Int[np.ndarray, "k"],
+    strata: Shaped[np.ndarray, "k"],
+    families: Shaped[np.ndarray, "k"],
+    resamples: int,
+    generator: Generator,
+) -> dict[str, Int[np.ndarray, "1+r n"]]:
+    """Returns for each stratum which perceptions each resample has, as many families as there are;
+    first all. Where families are small, -1 stands for none."""
+    drawn = {}
     for stratum in sorted(set(strata)):
-        own = np.flatnonzero(strata == stratum)
+        own = [places[(strata == stratum) & (families == f)] for f in dict.fromkeys(families)]
+        own = [family for family in own if len(family)]
+        padded = np.full((len(own), max(map(len, own))), -1)
+        for row, family in zip(padded, own):
+            row[: len(family)] = family
         picked = torch.randint(len(own), (resamples, len(own)), generator=generator).numpy()
-        drawn[1:, own] = own[picked]
+        picked = np.concatenate([np.arange(len(own))[None], picked])
+        drawn[stratum] = padded[picked].reshape(resamples + 1, -1)
     return drawn
 
 
 def _correlations(
     goods: Mapping[str, Samples],
     good: Samples,
-    strata: Shaped[np.ndarray, "k"],
-    drawn: Int[np.ndarray, "1+r n"],
+    drawn: Mapping[str, Int[np.ndarray, "1+r n"]],
     against: str,
 ) -> list[dict[str, object]]:
     """Returns a row a score: how its order of the drawn perceptions is that of what is good."""
-    take = np.arange(len(drawn))[:, None], drawn
-    blocks, y = strata[drawn[0]], good[take]
+    places = np.concatenate(list(drawn.values()), axis=1)
+    blocks = np.concatenate([[stratum] * each.shape[1] for stratum, each in drawn.items()])
+    take = np.arange(len(places))[:, None], places
+    y = np.where(places < 0, np.nan, good[take])
     rhos = {name: torch.from_numpy(spearman(x[take], y, blocks)) for name, x in goods.items()}
 
     rows = []
     for name, sample in rhos.items():
         value, low, high = interval_of(sample)
         row = {"score": name, "spearman": value, "low": low, "high": high}
-        row["kendall"] = kendall(goods[name][0, drawn[0]], y[0])
+        row["kendall"] = kendall(goods[name][0, places[0]], y[0], blocks)
         apart = sample - rhos[against]
         if name != against:
             value, low, high = interval_of(apart)
@@ -245,12 +271,17 @@ def _ranks(values: Samples, blocks: Shaped[np.ndarray, "k"]) -> Samples:
     return ranks
 
 
-def kendall(first: Float[np.ndarray, "k"], second: Float[np.ndarray, "k"]) -> float:
-    """Returns Kendall's tau-b; NaN without any difference."""
+def kendall(
+    first: Float[np.ndarray, "k"],
+    second: Float[np.ndarray, "k"],
+    blocks: Shaped[np.ndarray, "k"],
+) -> float:
+    """Returns Kendall's tau-b over the pairs within the blocks; NaN without any difference."""
     kept = ~(np.isnan(first) | np.isnan(second))
     x, y = (np.sign(each[kept][:, None] - each[kept][None]) for each in (first, second))
-    scale = math.sqrt((x**2).sum() * (y**2).sum())
-    return float((x * y).sum() / scale) if scale else math.nan
+    same = blocks[kept][:, None] == blocks[kept][None]
+    scale = math.sqrt((same * x**2).sum() * (same * y**2).sum())
+    return float((same * x * y).sum() / scale) if scale else math.nan
 
 
 def foreseen(
@@ -262,48 +293,43 @@ def foreseen(
     """Returns how well each score tells the last seconds before a collision from earlier ones.
 
     A row has a score, and the area under the curve (AUROC) of its values 1 to 3 s before the
-    collisions by those 6 to 8 s before the same ones, with its interval by resampled maps: 0.5 is
-    chance, 1 says that it was always worse right before. The flights are those of all perceptions.
+    collisions by those 6 to 8 s before, each against the same flight's: the share of the collisions
+    before which it was worse, ties counting half. 0.5 is chance. The interval is of resampled maps,
+    and the flights are those of all perceptions.
     """
-    windows = pd.DataFrame([row for each in perceptions for row in _windows(each)])
-    if windows.empty:
+    collisions = pd.DataFrame([row for each in perceptions for row in _collisions(each, scores)])
+    if collisions.empty:
         return pd.DataFrame(columns=["score", "collisions", "auroc", "low", "high"])
-    maps = sorted(set(windows["map"]))
-    place = windows["map"].map(maps.index).to_numpy()
-    before = (windows["window"] == "before").to_numpy()
-    weights = resamplings(len(maps), resamples, generator)
+    maps = collisions["map"]
+    weights = resamplings(maps.nunique(), resamples, generator)
     weights = torch.cat([torch.ones_like(weights[:1]), weights])
 
     rows = []
     for name, end in scores.items():
-        bad = windows[name].to_numpy() * (-1 if end == "high" else 1)
-        cases, controls = (np.flatnonzero(each & ~np.isnan(bad)) for each in (before, ~before))
-        wins = np.sign(bad[cases][:, None] - bad[controls][None]) / 2 + 0.5
-        of_maps = np.zeros((len(maps), len(maps), 2))
-        pairs = place[cases][:, None], place[controls][None]
-        np.add.at(of_maps, pairs, np.stack([wins, np.ones_like(wins)], axis=-1))
-        won, all_pairs = torch.einsum("ri,ijk,rj->kr", weights, torch.from_numpy(of_maps), weights)
-        value, low, high = interval_of(won / all_pairs)
-        rows.append(
-            {"score": name, "collisions": len(cases), "auroc": value, "low": low, "high": high}
-        )
+        worse = collisions[name] * (-1 if end == "high" else 1)
+        sums = pd.DataFrame({"worse": np.sign(worse) / 2 + 0.5, "all": worse.notna()})
+        of_maps = torch.tensor(sums.groupby(maps).sum().to_numpy(float))
+        won, drawn = (weights @ of_maps).T
+        value, low, high = interval_of(won / drawn)
+        count = int(sums["all"].sum())
+        rows.append({"score": name, "collisions": count, "auroc": value, "low": low, "high": high})
     return pd.DataFrame(rows)
 
 
-def _windows(perception: Perception) -> list[dict[str, object]]:
-    """Returns the scores of both windows of every flight that collided, where it was long enough
-    to have both."""
+def _collisions(perception: Perception, names: Iterable[str]) -> list[dict[str, object]]:
+    """Returns for every flight that collided by how much the scores were higher right before it
+    than earlier, where it was long enough to have both windows."""
     rows = []
     flights = perception.flights
     for flight in flights[flights["outcome"] == "collided"].to_dict("records"):
         counts = Counts.read(perception.frames["flown"] / f"{flight['flight']}.npz")
-        if not all(counts.frames):
+        _, before, earlier = counts.frames
+        if not before or before != earlier:
             continue
+
         suite, scores = counts.suite(), {}
         for metric, tables in counts.tables.items():
             scores |= suite.metric(metric).scores(tables)
-
-        for row, clip in enumerate(counts.clips[1:], start=1):
-            values = {name: float(each[row]) for name, each in scores.items()}
-            rows.append({"map": flight["map"], "window": clip.partition("@")[2], **values})
+        apart = {name: float(scores[name][1] - scores[name][2]) for name in names}
+        rows.append({"map": flight["map"], **apart})
     return rows

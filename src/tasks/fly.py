@@ -90,7 +90,7 @@ def films_of(flights: pd.DataFrame) -> dict[str, str]:
 def _missions(config: Mapping, campaign: Campaign, fleet: Fleet) -> pd.DataFrame:
     """Returns the missions of a configuration, drawn where they are not there."""
     keys = {key: dict(config[key]) for key in OF_MISSIONS}
-    # Who knows the truth has no doubt that a threshold could decide.
+    # They are chosen with one threshold.
     keys["planner"].pop("threshold", None)
     keys |= {key: config["task"][key] for key in ("grid", "rules")}
     keys |= {"traffic": config["sim"]["traffic"], "code": code_of(CODE)}
@@ -149,6 +149,8 @@ def _shaping(config: Mapping) -> dict[str, object]:
     if config["task"]["scored"]:
         parts |= {key: config[key] for key in ("metric", "suite")}
     weights = config["ckpt_path"]
+    if weights and not Path(weights).is_file():
+        raise UserError(f"ckpt_path: no file {weights}; give the file of a checkpoint")
     digest = sha256(Path(weights).read_bytes()).hexdigest() if weights else ""
-    code = code_of((*CODE, "models", "faults"))
+    code = code_of((*CODE, "models", "faults", "metrics", "results/frame_scores.py"))
     return {"sim": sim, "task": task, "code": code, "weights": digest, **parts}

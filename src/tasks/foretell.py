@@ -49,11 +49,11 @@ def foretell(
     write_table(foreseen(flown, scores, resamples, generator), folder / "foreseen.csv")
     draw_foretelling(table, folder / "correlations.png")
     for frames in dict.fromkeys(table["frames"]):
-        print_table(_printed(table, frames))
+        print_table(_printed(table, frames, against))
     say(folder)
 
 
-def _printed(table: pd.DataFrame, frames: str) -> Table:
+def _printed(table: pd.DataFrame, frames: str, against: str) -> Table:
     """Returns the correlations of a set of frames with collisions, over all strata, times 100."""
     shown = (table["frames"] == frames) & (table["stratum"] == ALL)
     kept = table[shown & (table["target"] == "collisions")]
@@ -63,15 +63,10 @@ def _printed(table: pd.DataFrame, frames: str) -> Table:
     for score, row in zip(kept["score"], numbers.to_dict("records")):
         own = Cell(row["spearman"], row["low"], row["high"])
         ends = row["difference"], row["difference_low"], row["difference_high"]
-        apart = None if pd.isna(row["difference"]) else Cell(*ends, signed=True)
+        apart = None if score == against else Cell(*ends, signed=True)
         rows.append((score, [own, Cell(row["kendall"]), apart]))
 
-    columns = ["Spearman", "Kendall", f"beyond {_against(kept)}'s"]
+    columns = ["Spearman", "Kendall", f"beyond {against}'s"]
     count = kept["perceptions"].iloc[0]
     title = f"Correlation with fewer collisions (x 100), frames {frames}, {count} perceptions"
     return Table("foretelling", title, "", columns, rows, "score")
-
-
-def _against(table: pd.DataFrame) -> str:
-    """Returns the score that has no difference from itself."""
-    return str(table[table["difference"].isna()]["score"].iloc[0])

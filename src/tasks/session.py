@@ -97,7 +97,7 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
     # The trainer is this machine's, but scores depend on the precision.
     adopted.trainer.precision = own["trainer"]["precision"]
     # A metric that is newer than the checkpoint, and its settings, are of the command's suite.
-    adopted.suite = OmegaConf.merge(cfg.suite, own["suite"])
+    adopted.suite = OmegaConf.merge({}, cfg.suite, own["suite"])
     # Arguments of metrics refer to shared settings, which the command may set: not their values.
     adopted.suite.metrics = OmegaConf.merge(own["suite"].get("metrics", {}), cfg.suite.metrics)
 

@@ -52,7 +52,8 @@ def flooded(codes_true, codes_said, near, tolerance):
             sum((a - b) ** 2 for a, b in zip(c, other)) <= tolerance**2
             for c in whole
             for other in product(*map(range, codes_true.shape))
-            if codes_true[other] != 255 and codes_said[other] != FREE
+            if codes_true[other] in (codes_true[c], FREE)
+            and codes_said[other] not in (FREE, GROUND)
         )
         counts[int(codes_true[next(iter(whole))]), int(not said)] += 1
     return counts
@@ -108,6 +109,14 @@ def test_the_ground_is_no_object_and_what_is_not_met_does_not_count():
 def test_a_voxel_without_a_label_parts_objects_and_saves_none():
     target = volume(x3=CAR, x4=255, x5=CAR)
     assert counted(volume(x4=CAR), target)[CAR].tolist() == [0, 2]
+
+
+def test_what_is_seen_of_the_ground_or_of_another_thing_saves_none():
+    """A wire on the ground, beside a car that is seen."""
+    target = volume(x3=GROUND, x4=THIN_STRUCTURE, x5=CAR)
+    assert counted(volume(x3=GROUND, x5=CAR), target)[THIN_STRUCTURE].tolist() == [0, 1]
+    assert counted(volume(x4=GROUND, x5=CAR), target)[THIN_STRUCTURE].tolist() == [0, 1]
+    assert counted(volume(x4=CAR), target)[THIN_STRUCTURE].tolist() == [1, 0]
 
 
 def test_rates_are_shares_of_the_objects_met():

@@ -71,7 +71,8 @@ def test_p_values_of_several_perceptions_are_corrected_together():
     worse = table(["arrived", "collided"])
     flights = {"seen": table(["arrived", "arrived"]), "one": worse, "other": worse}
     p = scores(flights).xs("excess_collisions", level="score")
-    assert p.xs("conflict", level="stratum")["p_holm"].tolist() == [0.0, 0.0]
+    # The least of 200 resamples, twice.
+    assert p.xs("conflict", level="stratum")["p_holm"].tolist() == pytest.approx([4 / 201] * 2)
     assert p.xs("clear", level="stratum")["p_holm"].tolist() == [1.0, 1.0]
     same = {"seen": worse, "one": worse}
     row = scores(same).loc[("one", "all", "excess_collisions")]

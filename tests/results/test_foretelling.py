@@ -9,7 +9,14 @@ import pytest
 import torch
 
 from src.errors import UserError
-from src.results.foretelling import Perception, foreseen, foretelling, kendall, spearman
+from src.results.foretelling import (
+    Perception,
+    _drawn,
+    foreseen,
+    foretelling,
+    kendall,
+    spearman,
+)
 from tests.results.flown import write_flown
 
 SCORES = {"miou_occupied": "high", "kar_miou": "high", "geometric_iou": "high"}
@@ -51,14 +58,17 @@ def test_what_is_missing_is_left_out():
     y = np.array([[1.0, 9.0, 2.0, 3.0]])
     assert spearman(x, y, np.zeros(4))[0] == pytest.approx(1.0)
     assert math.isnan(spearman(np.ones((1, 4)), y, np.zeros(4))[0])
-    assert kendall(x[0], y[0]) == 1.0
+    assert kendall(x[0], y[0], np.zeros(4)) == 1.0
 
 
 def test_kendall_counts_pairs_and_ties():
-    """Of six pairs one is tied in the second and one is the wrong way round."""
+    """Of six pairs one is tied in the second and one is the wrong way round; of blocks there are
+    two pairs."""
     first, second = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, 3.0, 2.0, 3.0])
-    assert kendall(first, second) == pytest.approx((4 - 1) / math.sqrt(6 * 5))
-    assert math.isnan(kendall(first, np.zeros(4)))
+    one, two = np.zeros(4), np.array([0, 0, 1, 1])
+    assert kendall(first, second, one) == pytest.approx((4 - 1) / math.sqrt(6 * 5))
+    assert kendall(first, -second, two) == -1.0
+    assert math.isnan(kendall(first, np.zeros(4), one))
 
 
 # ----------------------------------------------------------------------------- perceptions
@@ -125,10 +135,29 @@ def test_nothing_flown_and_an_absent_reference_are_refused(tmp_path):
         table_of(tmp_path)
 
 
-def test_perceptions_scored_on_other_maps_are_refused(root, tmp_path):
+def test_perceptions_that_flew_other_missions_are_refused(root, tmp_path):
     shutil.copytree(root, tmp_path / "flight")
-    shutil.rmtree(tmp_path / "flight/damaged/noisy1/verge/frames/town-300")
-    with pytest.raises(UserError, match=r"noisy1/verge/frames: has other maps than .*noisy0"):
+    path = tmp_path / "flight/damaged/noisy1/flown/flights.csv"
+    pd.read_csv(path)[1:].to_csv(path, index=False)
+    with pytest.raises(UserError, match="noisy1 did not fly the missions of seen"):
+        table_of(tmp_path / "flight", resamples=2)
+
+
+def test_a_family_is_drawn_as_a_whole():
+    """Two seeds of one model come together, and a single one leaves room."""
+    places, strata = np.arange(5), np.array(["a", "a", "a", "b", "b"])
+    families = np.array(["x", "x", "y", "z", "w"])
+    drawn = _drawn(places, strata, families, 200, generator())
+    assert drawn["a"].shape == (201, 4)
+    assert drawn["a"][0].tolist() == [0, 1, 2, -1]
+    assert {tuple(row) for row in drawn["a"].reshape(-1, 2)} == {(0, 1), (2, -1)}
+    assert {tuple(row) for row in drawn["b"]} == {(3, 4), (4, 3), (3, 3), (4, 4)}
+
+
+def test_perceptions_scored_on_other_frames_are_refused(root, tmp_path):
+    shutil.copytree(root, tmp_path / "flight")
+    (tmp_path / "flight/damaged/noisy1/verge/frames/town-300/001.npz").unlink()
+    with pytest.raises(UserError, match=r"noisy1/verge/frames: has other frames than .*noisy0"):
         table_of(tmp_path / "flight", resamples=2)
 
 

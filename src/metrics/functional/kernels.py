@@ -94,7 +94,8 @@ def sweep(codes, logits, paths, ball, radius, free_index, met, known, said, log_
 @njit(nogil=True)
 def count_objects(codes, near, around, free_index, ground_index, objects):
     """Counts in ``objects`` [class, whether missed] those with a voxel that is ``near``
-    (`ObjectMiss`). ``around`` are the offsets of all voxels in which a prediction counts."""
+    (`ObjectMiss`). ``around`` are the offsets of all voxels in which a prediction counts, unless it
+    is of the ground or there truly is something else."""
     done = np.zeros(codes.shape, np.bool_)
     for first in np.ndindex(codes.shape):
         true = codes[first] >> 4
@@ -108,7 +109,7 @@ def count_objects(codes, near, around, free_index, ground_index, objects):
         waiting = [first]
         while waiting:
             x, y, z = waiting.pop()
-            is_seen = is_seen or _says(codes, around, x, y, z, free_index)
+            is_seen = is_seen or _says(codes, around, x, y, z, true, free_index, ground_index)
             for i in range(max(x - 1, 0), min(x + 2, codes.shape[0])):
                 for j in range(max(y - 1, 0), min(y + 2, codes.shape[1])):
                     for k in range(max(z - 1, 0), min(z + 2, codes.shape[2])):
@@ -121,12 +122,15 @@ def count_objects(codes, near, around, free_index, ground_index, objects):
 
 
 @njit
-def _says(codes, around, x, y, z, free_index):
-    """Tells whether a voxel near this one is predicted occupied."""
+def _says(codes, around, x, y, z, own, free_index, ground_index):
+    """Tells whether a voxel near this one, which is truly of its class or free, is predicted."""
     for offset in around:
         i, j, k = x + offset[0], y + offset[1], z + offset[2]
         code = codes[i, j, k] if _holds(codes.shape, i, j, k) else UNCOUNTED
-        if code != UNCOUNTED and code & 15 != free_index:
+        true, predicted = code >> 4, code & 15
+        if code == UNCOUNTED or (true != own and true != free_index):
+            continue
+        if predicted != free_index and predicted != ground_index:
             return True
     return False
 
