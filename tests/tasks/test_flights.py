@@ -6,7 +6,7 @@ from PIL import Image
 
 from src.errors import UserError
 from src.tasks.flights import flights
-from tests.results.test_flights import table
+from tests.results.test_flight_scores import table
 from tests.synthetic import sound_config
 
 
