@@ -69,14 +69,8 @@ def main() -> None:
     places = campaign.missions.places()
     jobs = [Job.of(row) for place in tracked(places, "choosing") for row in campaign.choose(*place)]
     for job in tracked(jobs, "flying"):
-        watching: list[Watchers] = []
-
-        def watch(stage: Stage, watching: list[Watchers] = watching) -> Watchers:
-            watching.append(Watchers(stage, config, campaign))
-            return watching[0]
-
-        campaign.fly(job, watch)
-        for key, scores in watching[0].of.items():
+        _, watchers = campaign.watched(job, lambda stage: Watchers(stage, config, campaign))
+        for key, scores in watchers.of.items():
             counts = scores.counts(job.mission.flight)
             metric = counts.suite().metric("occupancy")
             whole = {name: table[0] for name, table in counts.tables["occupancy"].items()}

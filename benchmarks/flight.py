@@ -90,7 +90,7 @@ def write_test(runs: Path, name: str, folder: Path) -> None:
     for clip in counts.clips:
         one = counts.of_clips(lambda each, clip=clip: each == clip)
         path = folder / "test/frames" / f"{clip}.npz"
-        if one.clips and not path.exists():
+        if one.clips:
             path.parent.mkdir(parents=True, exist_ok=True)
             one.write(path)
 

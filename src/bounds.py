@@ -20,6 +20,13 @@ def require_at_least(least: float, group: str, settings: Mapping, *names: str) -
             raise UserError(f"{group}.{name}: {value} is too small; give {least} or more")
 
 
+def require_positive(settings: Mapping[str, float]) -> None:
+    """Raises `UserError` for an argument that is not a finite number above 0."""
+    for name, value in settings.items():
+        if not (math.isfinite(value) and value > 0):
+            raise UserError(f"{name}: {value} must be a finite number above 0")
+
+
 def require_count(key: str, value: object) -> None:
     """Raises `UserError` for what is neither null nor an integer of 1 or more."""
     if value is not None and (type(value) is not int or value < 1):

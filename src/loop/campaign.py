@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
+from typing import TypeVar
 
 from hydra.utils import instantiate
 
@@ -16,6 +17,8 @@ from .perception import Perception, Truth
 from .planner import Planner
 from .stage import Stage
 from .twin import Twin
+
+W = TypeVar("W", bound=Watch | None)
 
 # The planner's threshold, where it is seen whether one that knows the truth arrives.
 CHOOSING = 0.5
@@ -101,24 +104,23 @@ class Campaign:
             )
         return rows
 
-    def fly(
-        self, job: Job, watch: Callable[[Stage], Watch] | None = None, draws: bool = False
-    ) -> Row:
-        """Flies a mission, and returns its row of ``flights.csv``.
+    def fly(self, job: Job) -> Row:
+        """Flies a mission, and returns its row of ``flights.csv``."""
+        return self.watched(job, lambda stage: None)[0]
 
-        ``watch`` makes what watches it from its stage. There are images where the perception wants
-        them, or it ``draws``.
-        """
+    def watched(self, job: Job, make: Callable[[Stage], W], draws: bool = False) -> tuple[Row, W]:
+        """Flies a mission, and returns its row and who watched it, whom ``make`` makes from its
+        stage. There are images where the perception wants them, or it ``draws``."""
         draws = draws or self.perception.wants_image
         stage = self._stage(job.mission, draws)
-        twin = Twin(self.grid, self.planner, self.rules, stage.truth)
-        watches = [twin] if watch is None else [twin, watch(stage)]
+        twin, watcher = Twin(self.grid, self.planner, self.rules, stage.truth), make(stage)
+        watches = [twin] if watcher is None else [twin, watcher]
         flown = self._fly(stage, self.pilot, self.planner, watches, draws)
 
         row = row_of(stage, flown, self.planner.threshold) | twin.row()
         of_job = {"stratum": job.stratum, "perception": self.pilot.name}
         mission = {name: getattr(job.mission, name) for name in ("flight", "map", "town")}
-        return {**mission, **of_job, **row, "truth_s": job.truth_s}
+        return {**mission, **of_job, **row, "truth_s": job.truth_s}, watcher
 
     def _stage(self, mission: Mission, draws: bool) -> Stage:
         seconds = self.rules.late_s + 1

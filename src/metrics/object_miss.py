@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
+from ..bounds import require_positive
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import GROUND
@@ -23,8 +24,7 @@ class ObjectMiss(VoxelMetric):
     none. The UAV comes near it if the center of a voxel of it is within ``near_m`` of the straight
     path of the next ``seconds`` at the current velocity. It is missed if no voxel within
     ``tolerance_m`` of it is predicted, of any class but the ground; voxels that truly hold another
-    class speak for that one alone. Distances are between centers.
-    `compute` gives
+    class speak for that one alone. Distances are between centers. `compute` gives
 
     - ``object_miss_rate``: the share of the objects near in their frame that are missed,
     - ``object_miss_rate/<class>``: the same of those of a class.
@@ -53,9 +53,7 @@ class ObjectMiss(VoxelMetric):
         ground_index: int = GROUND,
         **kwargs: Any,
     ) -> None:
-        for name, value in (("near_m", near_m), ("seconds", seconds)):
-            if not (math.isfinite(value) and value > 0):
-                raise UserError(f"{name}: {value} must be a finite number above 0")
+        require_positive({"near_m": near_m, "seconds": seconds})
         if not (math.isfinite(tolerance_m) and tolerance_m >= 0):
             raise UserError(f"tolerance_m: {tolerance_m} must be a finite number, 0 or more")
         super().__init__(grid, *arguments, **kwargs)

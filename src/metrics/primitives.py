@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from ..bounds import require_positive
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
@@ -32,9 +33,7 @@ class PrimitiveMetric(VoxelMetric):
         min_speed_mps: float = 5.0,
         **kwargs: Any,
     ) -> None:
-        for name, value in (("seconds", seconds), ("radius_m", radius_m)):
-            if not (math.isfinite(value) and value > 0):
-                raise UserError(f"{name}: {value} must be a finite number above 0")
+        require_positive({"seconds": seconds, "radius_m": radius_m})
         if not (math.isfinite(min_speed_mps) and min_speed_mps >= 0):
             raise UserError(f"min_speed_mps: {min_speed_mps} must be a finite number, 0 or more")
         for name, angles in (("turns_deg_per_s", turns_deg_per_s), ("climbs_deg", climbs_deg)):

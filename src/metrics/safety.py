@@ -1,6 +1,5 @@
 """What an error would do to the flight: collisions missed, stops for nothing, thin things lost."""
 
-import math
 from typing import Any
 
 import torch
@@ -8,6 +7,7 @@ from jaxtyping import Bool, Float, Int, Int64, UInt8
 from torch import Tensor
 from torch.nn.functional import max_pool3d
 
+from ..bounds import require_positive
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import THIN_STRUCTURE
@@ -71,9 +71,7 @@ class SafetyScores(PenalizedConfusion):
         thin_tolerance: int = 1,
         **kwargs: Any,
     ) -> None:
-        for name, value in (("tube_radius_m", tube_radius_m), ("tube_s", tube_s)):
-            if not (math.isfinite(value) and value > 0):
-                raise UserError(f"{name}: {value} must be a finite number above 0")
+        require_positive({"tube_radius_m": tube_radius_m, "tube_s": tube_s})
         if thin_tolerance < 0:
             raise UserError(f"thin_tolerance: {thin_tolerance} must be 0 or more voxels")
 

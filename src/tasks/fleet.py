@@ -4,17 +4,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, as_completed
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TypeVar
 
 from ..loop.campaign import Campaign, Job
-from ..loop.flight import Watch
 from ..loop.outcome import Row
-from ..loop.stage import Stage
 from ..report.flight_film import Film
 from ..results.frame_scores import FrameScores
 from ..worker_pool import worker_pool
-
-W = TypeVar("W", bound=Watch)
 
 # Where the scores of frames lie in a folder of flights.
 FRAMES = "frames"
@@ -85,7 +80,7 @@ def _fly(job: Job, folder: Path) -> Row:
     # Who does not fly looks on: it has a belief of its own.
     looks_on = _campaign.perception if _config["task"]["looks_on"] else None
 
-    row, scores = _watched(job, lambda stage: FrameScores(stage, _config, looks_on))
+    row, scores = _campaign.watched(job, lambda stage: FrameScores(stage, _config, looks_on))
     path = folder / FRAMES / f"{job.mission.flight}.npz"
     path.parent.mkdir(parents=True, exist_ok=True)
     scores.counts(str(row["flight"])).write(path)
@@ -94,16 +89,7 @@ def _fly(job: Job, folder: Path) -> Row:
 
 def _film(path: Path, job: Job) -> None:
     threshold = _campaign.planner.threshold
-    row, film = _watched(job, lambda stage: Film(stage, _campaign.grid, threshold), draws=True)
+    row, film = _campaign.watched(
+        job, lambda stage: Film(stage, _campaign.grid, threshold), draws=True
+    )
     film.write(path, row)
-
-
-def _watched(job: Job, make: Callable[[Stage], W], draws: bool = False) -> tuple[Row, W]:
-    """Flies a mission, and returns its row and who watched it."""
-    watching: list[W] = []
-
-    def watch(stage: Stage) -> W:
-        watching.append(make(stage))
-        return watching[0]
-
-    return _campaign.fly(job, watch, draws), watching[0]

@@ -137,6 +137,7 @@ def test_a_map_with_no_route_in_conflict_is_refused(tmp_path):
         (["planner.threshold=0"], "planner.threshold"),
         (["planner.unknown=maybe"], "planner.unknown"),
         (["perception=learned"], "ckpt_path: this perception needs a checkpoint"),
+        (["perception=faulty"], "ckpt_path: this perception needs a checkpoint"),
         (["perception=all_free", "perception.occupied=2"], "perception.occupied"),
         (["airframe.wind_mps2=-1"], "airframe.wind_mps2"),
     ],
