@@ -1,7 +1,7 @@
 """What each pixel sees: its class, and how far away that is, as distributions.
 
-The depth is learnt from the generator's own (as in BEVDepth, Li et al. 2023), and tells a lifting
-at which of the references of a pillar the surface is.
+The depth is learnt from the generator's own (as in BEVDepth, Li et al. 2023): a second task, which
+teaches the image encoder.
 """
 
 import math
