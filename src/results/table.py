@@ -37,9 +37,6 @@ MEAN = "mean"
 # The condition of a split that was presented as it was recorded.
 AS_RECORDED = "as recorded"
 
-# Metrics whose scores are no columns of one run: a KAR-mIoU for each combination of parameters.
-GRIDS = ("sensitivity",)
-
 Samples = dict[str, Float[Tensor, "1+r"]]
 Parts = Mapping[str, Callable[[str], bool]]
 # Scores that are made of others, as a mean of some classes.
@@ -219,10 +216,10 @@ class Resamples:
         """Returns every score of a run, of all clips and of each resample."""
         samples: Samples = {}
         for name, tables in counts.tables.items():
-            is_in_table = getattr(self.suite.metric(name), "in_score_table", name not in GRIDS)
-            if is_in_table and name not in self.without:
+            metric = self.suite.metric(name)
+            if metric.in_score_table and name not in self.without:
                 chosen = {key: table[self.rows].cpu() for key, table in tables.items()}
-                scored = score_samples(self.suite.metric(name), chosen, self.weights)
+                scored = score_samples(metric, chosen, self.weights)
                 self.scores_of.setdefault(name, list(scored))
                 samples |= scored
         return samples | {name: score(samples) for name, score in self.derived.items()}

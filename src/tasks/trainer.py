@@ -23,12 +23,12 @@ AUTO, FP32, BF16, FP16 = "auto", "32-true", "bf16-mixed", "16-mixed"
 Predictor = Callable[[Batch], Float[Tensor, "b 9 x y z"]]
 
 
-def trainer_of(cfg: DictConfig, lines: Callback | None = None) -> Trainer:
+def trainer_of(cfg: DictConfig) -> Trainer:
     """Builds the trainer with the configured callbacks and logger, in the precision that
     `precision_of` says.
 
-    Without a terminal ``lines`` takes the place of the progress bar; it is `EpochLines` by default.
-    Raises `UserError` for a device or a precision that is not to be had.
+    Without a terminal `EpochLines` takes the place of the progress bar. Raises `UserError` for a
+    device or a precision that is not to be had.
     """
     precision = precision_of(cfg)
     if cfg.threads is not None:
@@ -37,7 +37,7 @@ def trainer_of(cfg: DictConfig, lines: Callback | None = None) -> Trainer:
     # In a log file a progress bar would only leave rubbish.
     callbacks, has_terminal = instantiate(cfg.callbacks), sys.stdout.isatty()
     if not has_terminal:
-        callbacks["progress"] = lines or EpochLines()
+        callbacks["progress"] = EpochLines()
 
     try:
         return instantiate(

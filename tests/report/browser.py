@@ -133,31 +133,27 @@ class Page:
         """Returns a PNG of the window."""
         return base64.b64decode(self.send("Page.captureScreenshot")["data"])
 
-    def press(self, key: str, shift: bool = False) -> None:
+    def press(self, key: str) -> None:
         """Presses a key, by its DOM name."""
         text = {"text": key} if len(key) == 1 else {"text": "\r"} if key == "Enter" else {}
         for kind in ("keyDown", "keyUp"):
-            self.send(
-                "Input.dispatchKeyEvent", type=kind, key=key, code=key, modifiers=8 * shift, **text
-            )
+            self.send("Input.dispatchKeyEvent", type=kind, key=key, code=key, **text)
             text = {}
 
-    def mouse(self, kind: str, x: float, y: float, button: str = "none", **options) -> None:
+    def mouse(self, kind: str, x: float, y: float, button: str = "none") -> None:
         """Sends one event of the mouse at a place of the window."""
-        buttons = {"none": 0, "left": 1, "right": 2}[button]
-        event = {"button": button, "buttons": buttons, "clickCount": int(buttons > 0)}
+        pressed = int(button == "left")
+        event = {"button": button, "buttons": pressed, "clickCount": pressed}
         if kind == "mouseReleased":
             event["buttons"] = 0
-        self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **event, **options)
+        self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **event)
 
-    def drag(
-        self, start: tuple[float, float], end: tuple[float, float], button: str = "left"
-    ) -> None:
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Presses the mouse at one place of the window and releases it at another."""
-        self.mouse("mousePressed", *start, button)
+        self.mouse("mousePressed", *start, "left")
         for share in (0.5, 1.0):
-            self.mouse("mouseMoved", *(a + share * (b - a) for a, b in zip(start, end)), button)
-        self.mouse("mouseReleased", *end, button)
+            self.mouse("mouseMoved", *(a + share * (b - a) for a, b in zip(start, end)), "left")
+        self.mouse("mouseReleased", *end, "left")
 
 
 @contextmanager

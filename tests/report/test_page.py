@@ -126,11 +126,3 @@ def test_a_page_that_cannot_be_finished_leaves_the_old_one(tmp_path):
     folder = tmp_path / "report"
     assert [path.name for path in folder.iterdir()] == ["index.html"]
     assert (folder / "index.html").read_text() == before
-
-
-def test_no_room_to_write_is_one_line(tmp_path):
-    (tmp_path / "report").write_text("")
-    with pytest.raises(UserError) as caught:
-        written(tmp_path)
-    assert "report" in str(caught.value)
-    assert "\n" not in str(caught.value)

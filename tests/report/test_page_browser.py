@@ -62,16 +62,6 @@ def test_without_webgl_it_shows_the_stills(path):
         assert page.errors == []
 
 
-def test_a_picture_grows_when_it_is_pressed(page):
-    width = "document.querySelector('.sheet img').clientWidth"
-    widths = [page.evaluate(width)]
-    for _ in range(2):
-        click(page, ".sheet input")
-        widths.append(page.evaluate(width))
-    assert widths[0] == widths[2] < 1000
-    assert widths[1] == 2400
-
-
 def test_curves_name_the_values_under_the_pointer_and_in_a_table(page):
     assert page.evaluate("document.querySelectorAll('.curves .lines path').length") == 2 * 5
     plot = "document.querySelector('.curves')"
@@ -104,14 +94,3 @@ def test_a_click_sorts_by_value_and_a_third_one_restores_the_order(page):
     assert orders[1] == ["d-run", "b-run", "a-run", "gain", "c-run"], "still last"
     assert orders[2] == before
     assert names == ["descending", "ascending", "none"]
-
-
-def test_numbers_and_names_are_sorted_as_such_one_column_at_a_time_by_keyboard_too(page):
-    click(page, "#table-ladder thead th:nth-child(2) button")
-    click(page, "#table-ladder thead th:nth-child(3) button")
-    assert column_of(page, 0) == ["c-run", "b-run", "d-run", "a-run", "gain"], "4, 30, 100"
-    heads = "[...document.querySelectorAll('#table-ladder thead th')].map(h => h.ariaSort)"
-    assert page.evaluate(heads) == ["none", "none", "ascending"]
-    page.evaluate("document.querySelector('#table-ladder thead button').focus()")
-    page.press("Enter")
-    assert column_of(page, 0) == ["a-run", "b-run", "c-run", "d-run", "gain"]

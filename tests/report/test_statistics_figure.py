@@ -5,7 +5,6 @@ import pytest
 from PIL import Image
 
 from src.data.statistics import statistics_of
-from src.errors import UserError
 from src.ontology import ACTOR_TYPES, CLASSES
 from src.report import paper
 from src.report.canvas import readable
@@ -63,12 +62,6 @@ def test_it_is_written_as_a_picture(statistics, tmp_path):
     with Image.open(tmp_path / "card/statistics.png") as picture:
         assert picture.size[0] > 1500
         assert np.asarray(picture.convert("L")).std() > 20
-
-
-def test_a_path_that_cannot_be_written_is_named(statistics, tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(UserError, match=r"statistics\.png"):
-        draw_statistics(statistics, tmp_path / "file/statistics.png")
 
 
 def test_shares_read_as_in_the_paper():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.ontology import CAR, FREE
 from src.report.labels_in_image import COLOR_SHARE, labels_in_image
@@ -54,11 +53,3 @@ def test_the_two_rows_differ_in_nothing_but_the_camera(tmp_path):
     assert (first == second).all()
     assert (pages["level"][110:490, 740:] == first).all()
     assert (pages["level"][110 + height : 490 + height, 740:] != second).any()
-
-
-def test_a_place_that_cannot_be_written_is_one_line(tmp_path):
-    (tmp_path / "file").write_text("")
-    camera = tilted_frustum(0.2, 0.15)
-    scene = VoxelScene("downtown frame 3", GRID, BLACK, street(GRID, camera), {}, camera)
-    with pytest.raises(UserError, match=r"tilt\.png"):
-        draw_tilt(scene, camera, tmp_path / "file/tilt.png")

@@ -60,27 +60,6 @@ def test_the_uavs_left_is_left(page, key):
     assert np.median(car) < half < np.median(vru)
 
 
-def test_hiding_a_class_removes_its_pixels_and_no_others(page):
-    before = view(page, 0)
-    assert len(pixels_of(before, PALETTE[CAR])) > 50
-    click(page, kind(CAR))
-    hidden = view(page, 0)
-    assert len(pixels_of(hidden, PALETTE[CAR])) == 0
-    vru = [len(pixels_of(image, PALETTE[VRU])) for image in (before, hidden)]
-    assert vru[0] == pytest.approx(vru[1], rel=0.05)
-    click(page, kind(CAR))
-    assert (view(page, 0) == before).all()
-
-
-def test_shift_leaves_one_class_alone_and_brings_the_others_back(page):
-    pressed = "document.querySelectorAll('.legend.classes [aria-pressed=true]').length"
-    page.evaluate(f'document.querySelector("{kind(CAR)}").focus()')
-    for count in (1, FREE):
-        page.press("Enter", shift=True)
-        assert page.evaluate(pressed) == count
-        assert page.evaluate(f"""document.querySelector("{kind(CAR)}").ariaPressed""") == "true"
-
-
 def test_views_show_what_differs_and_hide_what_nobody_knows(page):
     truth, baseline, skyocc = (view(page, n) for n in range(3))
     assert len(pixels_of(truth, PALETTE[VRU])) > 50
@@ -133,50 +112,6 @@ def test_mouse_and_keys_turn_all_views_together_and_1_goes_back(page):
         last = one_eye(page)
         page.press(key)
         assert one_eye(page) != last, key
-
-
-def test_a_drag_takes_what_is_near_along_and_the_right_button_moves_all(page):
-    x, y = middle_of(page, 2)
-    before = pixels_of(view(page, 2), PALETTE[CAR]).mean(axis=0)
-    page.drag((x, y), (x + 40, y))
-    turned = pixels_of(view(page, 2), PALETTE[CAR]).mean(axis=0)
-    assert turned[1] > before[1] + 5
-    page.drag((x, y), (x + 40, y + 20), button="right")
-    moved = pixels_of(view(page, 2), PALETTE[CAR]).mean(axis=0)
-    assert (moved - turned > 10).all(), "down and to the right"
-
-
-def test_the_wheel_zooms_only_in_a_view_that_was_pressed(page):
-    x, y = middle_of(page, 0)
-    home, top = one_eye(page), page.evaluate("scrollY")
-    page.mouse("mouseWheel", x, y, deltaX=0, deltaY=-60)
-    page.wait(f"scrollY < {top}")
-    assert one_eye(page) == home
-    x, y = middle_of(page, 0)
-    page.evaluate("document.querySelector('.view').focus({preventScroll: true})")
-    top = page.evaluate("scrollY")
-    page.mouse("mouseWheel", x, y, deltaX=0, deltaY=-60)
-    page.wait(f"({EYES})[0] !== '{home}'")
-    assert page.evaluate("scrollY") == top
-
-
-def test_a_finger_turns_only_a_view_that_was_tapped(page):
-    page.show(390, 844, phone=True)
-    x, y = middle_of(page, 0)
-    home = one_eye(page)
-
-    def swipe():
-        for kind, moved in (("touchStart", 0), ("touchMove", 20), ("touchMove", 40)):
-            page.send("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x + moved, "y": y}])
-        page.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
-
-    swipe()
-    assert one_eye(page) == home
-    for kind, points in (("touchStart", [{"x": x, "y": y}]), ("touchEnd", [])):
-        page.send("Input.dispatchTouchEvent", type=kind, touchPoints=points)
-    page.wait("document.activeElement.className.includes('view')")
-    swipe()
-    page.wait(f"({EYES})[0] !== '{home}'")
 
 
 def test_the_pointer_names_the_voxel_in_every_view_and_marks_it_in_the_image(page):

@@ -1,9 +1,7 @@
-"""A study as one file: read back as it was, nothing written outside, anything else refused."""
+"""A study as one file: read back as it was, and anything else refused."""
 
 import shutil
-import stat
 import zipfile
-from pathlib import Path
 
 import pytest
 
@@ -30,14 +28,6 @@ def archive(runs, tmp_path):
     path = tmp_path / "study/runs.zip"
     publish_runs([[read_run(each) for each in run_folders([runs], runs / "out")]], path, WITHOUT)
     return path
-
-
-def with_member(path, name, content="x", link=False):
-    member = zipfile.ZipInfo(name)
-    if link:
-        member.external_attr = (stat.S_IFLNK | 0o777) << 16
-    with zipfile.ZipFile(path, "a") as file:
-        file.writestr(member, content)
 
 
 @pytest.mark.parametrize("name", ["runs.zip", "runs", "runs.zip/", "./runs"])
@@ -88,26 +78,20 @@ def test_the_same_runs_give_the_same_bytes(archive, runs, tmp_path):
         lambda path: path.write_bytes(b"no archive"),
         lambda path: path.write_bytes(path.read_bytes()[:5000]),
         lambda path: path.write_bytes(path.read_bytes().replace(b"XZ", b"ZZ")[:-1]),
-        lambda path: with_member(path, "../outside.txt"),
-        lambda path: with_member(path, "a/../../outside.txt"),
-        lambda path: with_member(path, "/outside.txt"),
-        lambda path: with_member(path, "..\\outside.txt"),
-        lambda path: with_member(path, "skyocc/link", "/etc", link=True),
     ],
 )
-def test_what_is_no_archive_of_runs_or_leaves_it_is_refused_in_one_line(archive, tmp_path, damage):
+def test_what_is_no_archive_is_refused_in_one_line(archive, damage):
     damage(archive)
-    before = sorted(Path(tmp_path).rglob("*"))
     refused = pytest.raises(UserError, match=r"runs\.zip: is no archive of runs \(.*task\.publish")
     with refused as error, unpacked([archive]):
         pass
     assert "\n" not in str(error.value)
-    assert sorted(Path(tmp_path).rglob("*")) == before
 
 
 def test_an_archive_of_something_else_or_of_too_much_is_refused(archive, tmp_path, monkeypatch):
     other = tmp_path / "other.zip"
-    with_member(other, "readme.txt")
+    with zipfile.ZipFile(other, "w") as file:
+        file.writestr("readme.txt", "x")
     with pytest.raises(UserError, match=r"other\.zip: is no archive of runs"), unpacked([other]):
         pass
     monkeypatch.setattr("src.results.archive.LARGEST", 1000)

@@ -94,6 +94,12 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     assert [entry.name for entry in tmp_path.iterdir()] == ["results.csv"]
 
 
+def test_a_place_below_a_file_is_one_line(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match=r"file/results\.csv: cannot be written"):
+        write_results(tmp_path / "file/results.csv", [row()])
+
+
 def test_a_missing_file_says_what_to_do(tmp_path):
     with pytest.raises(UserError, match=r"results\.csv: no such file; finish the run"):
         read_results(tmp_path / "results.csv")
