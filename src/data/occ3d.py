@@ -67,11 +67,13 @@ class Occ3DFolder:
                 f"{path}: semantics are {list(stored.shape)}, and the grid is "
                 f"{list(self.grid.shape)}; state layout.grid as it is"
             )
+
         # 255 may mark voxels without a label there, too.
         if stored.min() < 0 or (stored.max() >= self._known and stored.max() != UNKNOWN):
             raise UserError(
                 f"{path}: class {stored.max()} is not in layout.class_map, which has {self._known}"
             )
+
         return torch.from_numpy(self._map[stored.astype(np.uint8)])
 
     def mask(self, scene: str, token: str, name: str) -> Tensor:

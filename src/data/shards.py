@@ -42,12 +42,14 @@ def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
     path = record_of(data_folder, spec.scale)
     joining = {"sim": spec.sim, "generator": spec.generator, "shards": shards}
     _write_first(path, joining)
+
     try:
         changed = _difference(json.loads(path.read_text()), joining)
     except FileNotFoundError:
         return  # The others have just finished.
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise UserError(f"{path}: cannot be read ({error}); delete it") from error
+
     if changed:
         raise UserError(
             f"{changed}; give all shards of a dataset the same, or delete {path} if no other is "

@@ -75,6 +75,7 @@ class Airframe:
     ) -> States:
         """Returns the states after each step of following a reference."""
         states = np.empty((len(reference), len(state)))
+
         gains = (self.position_gain_per_s2, self.velocity_gain_per_s, self.attitude_gain_per_s)
         lags = (self.thrust_lag_s, self.rate_lag_s)
         limits = (
@@ -83,6 +84,7 @@ class Airframe:
             self.yaw_rate_limit_radps,
             self.thrust_limit_mps2,
         )
+
         _follow(states, state, reference, wind_mps2, gains, lags, self.drag_per_s, limits)
         return states
 

@@ -145,12 +145,14 @@ def _gather(held, movable, occupied, known, may_move, voxels, world_from_occ, ce
             for k in range(occupied.shape[2]):
                 if not known[i, j, k]:
                     continue
+
                 x = voxels.lower_m[0] + (i + 0.5) * voxels.side_m
                 y = voxels.lower_m[1] + (j + 0.5) * voxels.side_m
                 z = voxels.lower_m[2] + (k + 0.5) * voxels.side_m
                 for a in range(3):
                     of_x, of_y, of_z, offset = world_from_occ[a]
                     place[a] = of_x * x + of_y * y + of_z * z + offset - cells.lower_m[a]
+
                 u, v, w = np.floor(place / cells.side_m)
                 if 0 <= u < held.shape[0] and 0 <= v < held.shape[1] and 0 <= w < held.shape[2]:
                     cell = int(u), int(v), int(w)

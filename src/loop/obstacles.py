@@ -111,6 +111,7 @@ def _sorted_into(low, high, shape):
                             faces[count[cell]] = f
                         else:
                             count[cell] += 1
+
         # First counts, then the ends of the cells, which sink to their beginnings.
         if not turn:
             count = np.cumsum(count)

@@ -37,13 +37,16 @@ class TrueOccupancy:
         low, high = triangles_m.min(axis=1), triangles_m.max(axis=1)
         near = ((high > lower_m) & (low < upper_m)).all(axis=1)
         triangles_m, class_id = triangles_m[near], class_id[near]
+
         points_m, face = points_on(triangles_m)
         near = ((points_m > lower_m) & (points_m < upper_m)).all(axis=1)
         points_m, class_id = points_m[near], class_id[face[near]]
+
         # In the order of one axis, so that those of a grid are found at once.
         self._axis = int(np.argmax(upper_m - lower_m))
         order = np.argsort(points_m[:, self._axis], kind="stable")
         self._static = np.ascontiguousarray(points_m[order]), class_id[order]
+
         self._actors, self._last = [], None
         for actor in scene.actors:
             points_m, _ = points_on(actor.triangles_m)
@@ -79,12 +82,14 @@ class TrueOccupancy:
         key = step, world_from_occ.tobytes(), grid
         if self._last and self._last[0] == key:
             return self._last[1]
+
         occ_from_world = inverse(world_from_occ)
         lattice, free = Lattice.of(grid), np.ones(grid.shape, dtype=bool)
         votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
         moving = np.zeros_like(votes)
         for actor, *points in self._actors:
             count_votes(moving, lattice, occ_from_world @ actor.world_from_actor[step], *points)
+
         near = self._around(world_from_occ, grid)
         count_votes(votes, lattice, occ_from_world, *(each[near] for each in self._static))
         self._last = key, (elect(votes + moving, free), moving.any(axis=-1))
@@ -109,9 +114,11 @@ def points_on(
     """
     triangles_m = np.ascontiguousarray(triangles_m, dtype=np.float64)
     sides_m = np.linalg.norm(np.roll(triangles_m, -1, axis=1) - triangles_m, axis=-1)
+
     # The corner opposite the shortest side comes first.
     order = (sides_m.argmin(axis=1)[:, None] + np.array([2, 0, 1])) % 3
     triangles_m = np.take_along_axis(triangles_m, order[..., None], axis=1)
+
     counts = np.zeros(len(triangles_m), dtype=np.int64)
     _fill(np.empty((0, 3)), counts, triangles_m)
     points_m = np.empty((counts.sum(), 3))
@@ -126,7 +133,9 @@ def _fill(points, counts, triangles):
     for f in range(len(triangles)):
         apex, u, v = triangles[f, 0], triangles[f, 1], triangles[f, 2]
         long = max(_apart(apex, u), _apart(apex, v))
+
         rows, side = max(int(np.ceil(long / SPACING_M)), 1), _apart(u, v)
+
         begin = n
         for i in range(rows + 1):
             share = i / rows

@@ -104,6 +104,7 @@ class SafetyScores(PenalizedConfusion):
         occupied = [c for c in range(self.num_classes) if c != self.free_index]
         said_free = bubble[..., occupied, self.free_index].sum(-1)
         tube, frames, thin = (tables[name].double() for name in ("tube", "frames", "thin"))
+
         return {
             "false_free_rate": said_free / bubble[..., occupied, :].sum((-2, -1)),
             "collision_miss_rate": tube[..., 1, 0] / tube[..., 1, :].sum(-1),

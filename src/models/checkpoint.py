@@ -79,6 +79,7 @@ class Checkpoint:
                 f"ckpt_path: {path} is of format {written}, and this code reads format {FORMAT}, "
                 "with configuration and priors in it; train again, or use the code that wrote it"
             )
+
         # The backbone's arguments are the one fact that a file need not have.
         if wrong := {each.name for each in fields(Origin)} ^ {"backbone", *facts}:
             raise UserError(

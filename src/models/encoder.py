@@ -73,12 +73,15 @@ class PillarEncoder(nn.Module):
                 f"model.encoder.num_layers: {num_layers} leaves no layer to see a past frame; give "
                 "2 or more, or data.frames=1"
             )
+
         self.grid, self.dim, self.num_frames = grid, dim, num_frames
         rows, columns, bins = grid.shape
         num_heights = num_heights or bins
+
         self.query = nn.Parameter(0.02 * torch.randn(rows, columns, dim))
         self.row = nn.Parameter(torch.randn(rows, 1, dim))
         self.column = nn.Parameter(torch.randn(1, columns, dim))
+
         self.references = PillarReferences(grid, num_heights, projection, capacity)
         *first_layers, self.last_layer = (
             EncoderLayer(dim, lift(dim=dim, num_heights=num_heights)) for _ in range(num_layers)
@@ -86,6 +89,7 @@ class PillarEncoder(nn.Module):
         self.frame_layers = nn.ModuleList(first_layers)
         lifts = [layer.lift for layer in (*first_layers, self.last_layer)]
         self.reads_strides = {s for lift in lifts for s in getattr(lift, "reads_strides", STRIDES)}
+
         self.frame_norm = nn.LayerNorm(dim)
         self.temporal = TemporalAttention(dim, num_heads, num_frames)
         self.norm = nn.LayerNorm(dim)

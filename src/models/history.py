@@ -58,19 +58,23 @@ def align_history(history: History, grid: VoxelGrid) -> AlignedHistory:
     eye = torch.eye(4, device=history.valid.device)
     occ_from_past_occ = history.occ_from_past_occ.float()
     occ_from_past_occ = torch.where(history.valid[..., None, None], occ_from_past_occ, eye)
+
     pillars = history.pillars.float()
     lower = eye.new_tensor(grid.lower_m[:2])
     cells = eye.new_tensor((rows, columns))
     index = torch.cartesian_prod(*(torch.arange(n, device=eye.device) for n in (rows, columns)))
     centers = lower + (index + 0.5) * grid.voxel_m
+
     with torch.autocast(eye.device.type, enabled=False):
         past_from_now = inverse(occ_from_past_occ)[..., :2, :]
         turned = centers @ past_from_now[..., :2].transpose(-1, -2)
     place = (turned + past_from_now[..., None, :, 3] - lower) / grid.voxel_m
     valid = ((place >= 0) & (place <= cells)).all(dim=-1) & history.valid[..., None]
+
     # Beyond the outermost centers there is nothing to interpolate with.
     place = (place - 0.5).clamp(min=torch.zeros_like(cells), max=cells - 1)
     row, column = place.flatten(0, 2).T[:, None, None, None]
+
     maps = pillars.flatten(0, 1).unflatten(1, (rows, columns))
     frame = torch.arange(len(maps), device=eye.device).repeat_interleave(len(centers))
     aligned = summed_samples([maps], column, row, torch.ones_like(row), frame).view_as(pillars)
@@ -111,8 +115,10 @@ class TemporalAttention(nn.Module):
         if history is not None:
             past = history.pillars + self._frame_embedding(history.dz_m)[:, :, None]
             tokens = torch.cat([past, tokens.expand(len(past), -1, -1, -1)], dim=1)
+
         key, value = self.key_value(tokens).unflatten(-1, (2, self.num_heads, -1)).unbind(-3)
         query = self.query(pillars).unflatten(-1, (self.num_heads, -1))[:, None]
+
         score = (query * key).sum(dim=-1, keepdim=True) * key.shape[-1] ** -0.5
         if history is not None:
             valid = F.pad(history.valid, (0, 0, 0, 1), value=True)

@@ -81,11 +81,13 @@ class PillarReferences(nn.Module):
                 f"model.encoder.capacity: {capacity} is no share; give null, or more than 0, up "
                 "to 1"
             )
+
         self.projection, self.capacity = projection, capacity
         slice_m = (grid.upper_m[2] - grid.lower_m[2]) / num_heights
         z_m = grid.lower_m[2] + (torch.arange(num_heights) + 0.5) * slice_m
         points = grid.centers()[:, :, :1].repeat(1, 1, num_heights, 1)
         points[..., 2] = z_m
+
         self.register_buffer("points", points.flatten(0, 1), persistent=False)
 
     def forward(
@@ -103,6 +105,7 @@ class PillarReferences(nn.Module):
         """
         if self.projection == "level":
             occ_from_body = torch.eye(4).to(occ_from_body).expand_as(occ_from_body)
+
         # Autocast would round pixel coordinates to 8 bits.
         with torch.autocast(occ_from_body.device.type, enabled=False):
             chain = camera_from_occ(occ_from_body.float(), body_from_camera.float())
@@ -110,6 +113,7 @@ class PillarReferences(nn.Module):
                 chain = chain @ occ_from_ground(height_m.float())
             pix_from_camera = pix_from_camera.float()
             pix, depth_m = project(self.points.flatten(0, 1), chain, pix_from_camera)
+
         valid = in_image(pix, depth_m, *image_size)
         pillars = self.points.shape[:2]
         by_pillar = (x.unflatten(1, pillars) for x in (pix, depth_m, valid))

@@ -70,10 +70,12 @@ class SightHead(nn.Module):
                 f"model.sight.class_weights: {list(class_weights)} are not {NUM_CLASSES} numbers "
                 "above 0; give one for each class"
             )
+
         self.bins, self.weight = bins, weight
         self.register_buffer(
             "class_weights", torch.tensor([*class_weights], dtype=torch.float), persistent=False
         )
+
         self.ray = nn.Conv2d(4, dim, 1)
         self.layers = nn.Sequential(
             nn.Conv2d(dim, dim, 3, padding=1),

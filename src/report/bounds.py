@@ -29,14 +29,17 @@ def draw_bounds(table: pd.DataFrame, path: Path) -> None:
     """
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
     axes = figure.subplots()
+
     rows = table.set_index("bound")
     for name, label in FLOORS.items():
         value = 100 * rows.loc[name, "value"]
         axes.axhline(value, color=MUTED, linewidth=1, zorder=0)
         place = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": 8}
         axes.text(1.01, value, f"{label}: {value:.1f}", color=MUTED, **place)
+
     _draw_lines(axes, table[(table["images"] == 1) & (table["attitude_deg"] == 0)])
     _draw_runs(axes, table[table["images"].isna() & table["depth_error"].notna()])
+
     axes.set_xlabel("error of the depth, mean of |log| (%)", color=INK)
     axes.set_ylabel("KAR-mIoU (%)", color=INK)
     axes.set_ylim(bottom=0)

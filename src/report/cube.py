@@ -67,11 +67,13 @@ def effects(vertices: Mapping[Vertex, str]) -> Iterator[tuple[str, dict[str, flo
         for chosen in combinations(axes, order):
             # A comparison holds the other factors as they are, and needs all models that it names.
             others = [axis for axis in axes if axis not in chosen]
+
             comparisons = [
                 _comparison(chosen, dict(zip(others, held)))
                 for held in product((False, True), repeat=len(others))
             ]
             whole = [each for each in comparisons if each.keys() <= vertices.keys()]
+
             if whole:
                 weights = {
                     vertices[vertex]: sign / len(whole)

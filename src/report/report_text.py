@@ -57,6 +57,7 @@ def facts_of(report: LadderReport) -> dict[str, str]:
     seeds = _by_experiment(report, lambda run: str(run.seed))
     numbers = _by_experiment(report, lambda run: f"{run.row['parameters']:,}")
     sizes = grouped((size, name) for name, size in numbers.items())
+
     facts = {
         "Runs": [f"{name}, seed {of_one}" for name, of_one in seeds.items()],
         "Dataset": [run.counts.protocol.dataset for run in runs],

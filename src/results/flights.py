@@ -64,6 +64,7 @@ def flight_scores(
             for name, table in flights.items()
         }
         rows += _of_stratum(kept, stratum, reference, resamples, generator)
+
     table = pd.DataFrame(rows)
     if "p" in table:
         by_family = table.groupby(["stratum", "score"])["p"]

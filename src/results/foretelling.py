@@ -202,10 +202,12 @@ def _drawn(
     drawn = {}
     for stratum in sorted(set(strata)):
         own = [places[(strata == stratum) & (families == f)] for f in dict.fromkeys(families)]
+
         own = [family for family in own if len(family)]
         padded = np.full((len(own), max(map(len, own))), -1)
         for row, family in zip(padded, own):
             row[: len(family)] = family
+
         picked = torch.randint(len(own), (resamples, len(own)), generator=generator).numpy()
         picked = np.concatenate([np.arange(len(own))[None], picked])
         drawn[stratum] = padded[picked].reshape(resamples + 1, -1)

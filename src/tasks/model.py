@@ -77,10 +77,12 @@ def require_buildable(cfg: DictConfig) -> None:
             "data.pixels: model/sight=on learns from what pixels see; give data.pixels=true, or "
             "model/sight=off"
         )
+
     # The weights of the network to train are drawn later, from an untouched generator.
     with torch.random.fork_rng(devices=[]):
         instantiate(cfg.model)
         instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES)
         instantiate(cfg.optimizer)
+
     grid = VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True))
     ScoreSuite(grid, [], score_settings(cfg)[1])

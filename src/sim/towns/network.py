@@ -233,6 +233,7 @@ class Network:
         for arm, following in zip(arms, arms[1:] + arms[:1]):
             left_m, right_m = self._port_m(junction, arm, 1), self._port_m(junction, following, -1)
             way_m = [left_m, right_m]
+
             enclosed_rad = (following.angle_rad - arm.angle_rad) % (2 * np.pi)
             if enclosed_rad >= np.deg2rad(190):
                 a, b = (
