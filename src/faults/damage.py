@@ -14,6 +14,7 @@ from ..loop.perception import MOVABLE, Truth, seen_by
 from ..loop.true_occupancy import TrueOccupancy
 from ..models.stream import StreamFrame
 from ..ontology import CLASSES, FREE, GENERAL, GROUND
+from ..sim.staging import generator_for
 
 # Damages of a share, from 0 to 1, and those of a length in metres.
 SHARES = ("voxels", "objects", *CLASSES[:FREE], "phantoms")
@@ -33,7 +34,8 @@ class Damaged:
     - ``near`` and ``far``: what is nearer or farther than so many metres is lost;
     - ``ahead``: everything is so many metres farther ahead; ``grown``: thicker on every side.
 
-    ``seed`` draws what is lost. Raises `UserError` for another kind, and an amount out of range.
+    ``seed`` draws what is lost, for every flight anew. Raises `UserError` for another kind, and an
+    amount out of range.
     """
 
     name: str
@@ -51,13 +53,13 @@ class Damaged:
             raise UserError(f"perception.amount: {self.amount} of {self.kind}; give a share")
         self._truth = Truth("truth", self.grid, in_sight=False)
 
-    def begin(self, truth: TrueOccupancy) -> None:
-        self._rng = np.random.default_rng(self.seed)
+    def begin(self, truth: TrueOccupancy, flight: str) -> None:
+        self._rng = generator_for(self.seed, "damage", flight)
         if self.kind == "objects":
             truth = truth.without(self._rng, self.amount, {*range(FREE)} - {GROUND})
         elif self.kind in CLASSES:
             truth = truth.without(self._rng, self.amount, {CLASSES.index(self.kind)})
-        self._truth.begin(truth)
+        self._truth.begin(truth, flight)
 
     def __call__(self, frame: StreamFrame) -> Belief:
         belief = self._truth(frame)

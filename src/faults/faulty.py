@@ -15,6 +15,7 @@ from ..loop.belief import Belief
 from ..loop.perception import Perception
 from ..loop.true_occupancy import TrueOccupancy
 from ..models.stream import StreamFrame
+from ..sim.staging import generator_for
 
 Rgb = UInt8[np.ndarray, "h w 3"]
 DIRT_RGB, DIRT_SHARE_OF_WIDTH = 70, 0.06
@@ -32,7 +33,7 @@ class Faulty:
     - ``attitude``: the measured attitude is off by so many degrees, about one horizontal axis that
       is drawn for a flight.
 
-    ``seed`` draws, and is the same for every flight. Raises `UserError` for another fault, and an
+    ``seed`` draws, for every flight anew. Raises `UserError` for another fault, and an
     amount out of range.
     """
 
@@ -55,9 +56,9 @@ class Faulty:
     def wants_image(self) -> bool:
         return self._inner.wants_image
 
-    def begin(self, truth: TrueOccupancy) -> None:
-        self._inner.begin(truth)
-        self._rng = np.random.default_rng(self.seed)
+    def begin(self, truth: TrueOccupancy, flight: str) -> None:
+        self._inner.begin(truth, flight)
+        self._rng = generator_for(self.seed, "fault", flight)
         self._kept: dict[str, np.ndarray] = {}
 
     def __call__(self, frame: StreamFrame) -> Belief:

@@ -105,7 +105,7 @@ def fly(
     """
     pilot = _Pilot(stage, planner, airframe, rules)
     believed = BeliefMap(rules.map_cells, perception.grid.voxel_m, rules.forget_s)
-    perception.begin(stage.truth)
+    perception.begin(stage.truth, stage.mission.flight)
 
     with camera.on(stage, perception.wants_image or draws) as look:
         while pilot.outcome is None:

@@ -43,7 +43,7 @@ class Learned:
             )
         self._stream = SkyOccStream.of(checkpoint.path)
 
-    def begin(self, truth: TrueOccupancy) -> None:
+    def begin(self, truth: TrueOccupancy, flight: str) -> None:
         self._stream.reset()
 
     def __call__(self, frame: StreamFrame) -> Belief:
@@ -69,7 +69,7 @@ class Prior:
     def __post_init__(self) -> None:
         self._labels = opened(self.checkpoint, self.grid).origin.voxel_prior.numpy()
 
-    def begin(self, truth: TrueOccupancy) -> None:
+    def begin(self, truth: TrueOccupancy, flight: str) -> None:
         pass
 
     def __call__(self, frame: StreamFrame) -> Belief:

@@ -26,8 +26,8 @@ class Perception(Protocol):
     grid: VoxelGrid
     wants_image: bool
 
-    def begin(self, truth: TrueOccupancy) -> None:
-        """Forgets all frames; a new flight begins, in a scene that truly is so."""
+    def begin(self, truth: TrueOccupancy, flight: str) -> None:
+        """Forgets all frames; a new flight of that name begins, in a scene that truly is so."""
 
     def __call__(self, frame: StreamFrame) -> Belief: ...
 
@@ -48,7 +48,7 @@ class Constant:
         if not 0 <= self.occupied <= 1:
             raise UserError(f"perception.occupied: {self.occupied}; give a number from 0 to 1")
 
-    def begin(self, truth: TrueOccupancy) -> None:
+    def begin(self, truth: TrueOccupancy, flight: str) -> None:
         pass
 
     def __call__(self, frame: StreamFrame) -> Belief:
@@ -69,7 +69,7 @@ class Truth:
     wants_image = False
     _truth: TrueOccupancy = field(init=False, repr=False)
 
-    def begin(self, truth: TrueOccupancy) -> None:
+    def begin(self, truth: TrueOccupancy, flight: str) -> None:
         self._truth = truth
 
     def __call__(self, frame: StreamFrame) -> Belief:

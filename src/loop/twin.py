@@ -29,7 +29,7 @@ class Twin:
     def __init__(self, grid: VoxelGrid, planner: Planner, rules: Rules, truth: TrueOccupancy):
         self._planner, self._rules = planner, rules
         self._perception = Truth("twin", grid, in_sight=False)
-        self._perception.begin(truth)
+        self._perception.begin(truth, "")
         self._map = BeliefMap(rules.map_cells, grid.voxel_m, rules.forget_s)
         self._regrets_m: list[float] = []
         self._unsafe, self._stops, self._standing = 0, 0, 0

@@ -28,7 +28,7 @@ def search_table(places: Sequence[Path], order: Sequence[str], out: Path) -> Tab
             raise UserError(f"task.search: {folder}: a second run of {name} with {LR}={lr:g}")
         log = pd.read_csv(folder / METRICS) if (folder / METRICS).is_file() else pd.DataFrame()
         if SCORE not in log:
-            raise UserError(f"task.search: {folder} has no {METRICS} with {SCORE}; train it again")
+            raise UserError(f"task.search: {folder} has no {METRICS} with {SCORE} yet; let it end")
         scores[lr, name] = 100 * float(log[SCORE].max())
         keys = ("trainer.max_epochs", "trainer.limit_train_batches", "seed")
         samples.add(tuple(value_at(config, key) for key in keys))

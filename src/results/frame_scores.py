@@ -37,7 +37,7 @@ class FrameScores:
         self._size_pix = image["width"], image["height"]
         self._frames: list[dict[str, torch.Tensor]] = []
         if perception:
-            perception.begin(stage.truth)
+            perception.begin(stage.truth, stage.mission.flight)
 
     def __call__(self, moment: Moment) -> None:
         frame = moment.frame

@@ -47,7 +47,7 @@ def truth():
 
 def occupied(truth, kind, amount, seed=0):
     perception = Damaged("any", GRID, kind, amount, seed)
-    perception.begin(truth)
+    perception.begin(truth, "any")
     return perception(frame()).occupied > 0
 
 
@@ -101,13 +101,14 @@ def test_ahead_moves_and_grown_thickens(truth):
     assert 2 < thick.sum() / whole(truth).sum() < 27
 
 
-def test_the_seed_decides_and_begins_anew_with_every_flight(truth):
+def test_the_seed_and_the_flight_decide_whatever_flew_before(truth):
     perception = Damaged("any", GRID, "voxels", 0.5, 0)
     beliefs = []
-    for _ in range(2):
-        perception.begin(truth)
+    for flight in ("one", "one", "two"):
+        perception.begin(truth, flight)
         beliefs.append(perception(frame()).occupied)
     assert (beliefs[0] == beliefs[1]).all()
+    assert (beliefs[0] != beliefs[2]).any()
     assert (occupied(truth, "voxels", 0.5, 0) != occupied(truth, "voxels", 0.5, 1)).any()
 
 

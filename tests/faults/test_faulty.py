@@ -24,7 +24,7 @@ class Recorder:
     shown: list = field(default_factory=list)
     wants_image = True
 
-    def begin(self, truth):
+    def begin(self, truth, flight):
         self.shown.clear()
 
     def __call__(self, frame):
@@ -42,7 +42,7 @@ def frames(count=12, level=120):
 
 def shown(fault, amount, seed=0, **changes):
     faulty = Faulty("mine", GRID, Recorder, fault, amount, seed)
-    faulty.begin(None)
+    faulty.begin(None, "any")
     for frame in frames(**changes):
         faulty(frame)
     return faulty._inner.shown
@@ -80,7 +80,7 @@ def test_noise_has_its_grey_levels_and_is_of_each_frame_its_own():
 def test_defocus_blurs_by_its_angle():
     """A point becomes a Gaussian of so many pixels."""
     faulty = Faulty("mine", GRID, Recorder, "defocus", 40.0, 0)
-    faulty.begin(None)
+    faulty.begin(None, "any")
     point = np.zeros((3, 48, 64), dtype=np.uint8)
     point[:, 24, 32] = 255
     faulty(next(iter(frames()))._replace(image=point))
