@@ -20,7 +20,7 @@ from .camera import FrontCamera
 from .obstacles import REACH_M, Nearest
 from .perception import Perception
 from .planner import Motion, Plan, Planner
-from .stage import Stage
+from .stage import MARGIN_M, Stage
 
 STEPS_A_SCENE_STEP = STEP_HZ // SCENE_HZ
 
@@ -204,15 +204,25 @@ class _Pilot:
             self.outcome = "arrived"
         elif self.time_s - self._farthest_s > rules.stuck_s:
             self.outcome = "stuck"
-        elif self.time_s >= rules.late_s:
+        # Beyond that far aside nobody knows what there is to be hit.
+        elif self.time_s >= rules.late_s or aside_m > MARGIN_M.min():
             self.outcome = "late"
 
     def flown(self) -> Flown:
         """Returns the books."""
-        places = [
-            self._maps[-1 - min(round(s * self._rules.plan_hz), len(self._maps) - 1)]
-            for s in (2, 1, 0.5)
-        ]
-        believed = tuple(each.probability_near(self.state[POSITION], 1.0) for each in places)
+        believed = tuple(map(self._believed, (2.0, 1.0, 0.5)))
         states = np.concatenate(self._states)
         return Flown(str(self.outcome), states, self._nearest, believed, self._halts)
+
+    def _believed(self, before_s: float) -> float:
+        """Returns what the map had said of the place of the end, so long before it; of what moves,
+        of where it was then."""
+        back = min(round(before_s * self._rules.plan_hz), len(self._maps) - 1)
+        place_m = self.state[POSITION]
+        for actor in self._stage.scene.actors:
+            if actor.actor_id == self._nearest.actor_id:
+                frame = math.ceil(self._flown_steps / self._steps) - 1 - back
+                steps = [frame * self._steps, self._flown_steps]
+                then_m, now_m = actor.position_m[[step // STEPS_A_SCENE_STEP for step in steps]]
+                place_m = place_m + then_m - now_m
+        return self._maps[-1 - back].probability_near(place_m, 1.0)

@@ -22,8 +22,9 @@ def row_of(stage: Stage, flown: Flown, threshold: float) -> Row:
 
     ``clearance_m`` is from the body's center to the nearest surface, 2 m where all were farther.
     ``hit`` is the class of what was hit. ``believed_2s`` and so on are the highest probabilities of
-    occupied that the map had within a metre of where the flight ended, so long before. ``jerk2`` is
-    the integral of the squared jerk over the length of the path, in m/s5 (FlightBench's).
+    occupied that the map had within a metre of where the flight ended, so long before; of what
+    moves, of where it was then. ``jerk2`` is the integral of the squared jerk over the length of
+    the path, in m/s5 (FlightBench's).
     """
     collided = flown.outcome == "collided"
     nearest = flown.nearest
@@ -70,7 +71,7 @@ def _ran_into(actor: SceneActor, flown: Flown) -> bool:
         return False
     if np.linalg.norm(state[VELOCITY]) < STANDING_MPS:
         return True
-    away_m = actor.position_m[step] - state[POSITION]
-    ahead = state[ROTATION].reshape(3, 3)[:, 0]
+    away_m = (actor.position_m[step] - state[POSITION])[:2]
+    ahead = state[ROTATION].reshape(3, 3)[:2, 0]
     # The camera sees 45 degrees to each side.
-    return float(away_m[:2] @ ahead[:2]) < math.cos(math.pi / 4) * math.hypot(*away_m[:2])
+    return float(away_m @ ahead) < math.cos(math.pi / 4) * math.hypot(*away_m) * math.hypot(*ahead)

@@ -67,7 +67,8 @@ class Plan(NamedTuple):
 
 class Planner(Protocol):
     """Returns a `Plan` from a motion, by a map, towards a place. ``prices`` are what plans cost by
-    a map, in metres of way: infinite where one is not admissible."""
+    a map, in metres of way: infinite where one is not admissible. One that is not ``clear`` may
+    exceed the limits of speed and acceleration."""
 
     threshold: float
 
@@ -146,10 +147,16 @@ class QuinticPlanner:
         # A polynomial stops to fifteen digits, and whether one stops decides.
         last[[plan.stops for plan in plans], 3:] = 0.0
         ends = np.column_stack([[plan.duration_s for plan in plans], last])
-        return self._judged(ends, motion, belief, target_m)[0].tolist()
+        limited = all(plan.clear for plan in plans)
+        return self._judged(ends, motion, belief, target_m, limited)[0].tolist()
 
     def _judged(
-        self, ends: Float[np.ndarray, "n 7"], motion: Motion, belief: BeliefMap, target_m: Vector
+        self,
+        ends: Float[np.ndarray, "n 7"],
+        motion: Motion,
+        belief: BeliefMap,
+        target_m: Vector,
+        limited: bool = True,
     ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
         """Returns the price of every primitive, and its clearance in metres."""
         occupied = belief.occupied(self.threshold)
@@ -159,7 +166,8 @@ class QuinticPlanner:
         field_m = distances(occupied, REACH_CELLS) * np.float32(belief.cell_m)
 
         need_m = self.radius_m + self.margin_m + belief.cell_m * math.sqrt(3) / 2
-        limits = 1.15 * self.cruise_mps, self.acceleration_mps2, self.brake_mps2, need_m
+        most = (1.15 * self.cruise_mps, self.acceleration_mps2) if limited else (math.inf, math.inf)
+        limits = *most, self.brake_mps2, need_m
         unknown = self.unknown_price if self.unknown == "costly" else 0.0
         prices = self.cruise_mps, self.height, self.closeness, unknown, self.jerk, self.detour
         return _judge(ends, *motion, target_m, field_m, belief.seen, *lattice, limits, prices)

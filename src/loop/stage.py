@@ -1,5 +1,6 @@
 """The scene of one mission: the town around its way, the traffic, and exact answers about both."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,7 +46,8 @@ class Stage:
         blind_m = blind_track(mission, cruise_mps, seconds)
         place = mission.place
         actors = simulate_traffic(place.town, mission.rng("traffic"), traffic, blind_m)
-        radius_m = DRAWN_RADIUS_M if draws else MARGIN_M[0] + GRID_REACH_M
+        # The corners of the space that is known lie within it, so a picture changes no truth.
+        radius_m = DRAWN_RADIUS_M if draws else math.hypot(*(MARGIN_M + GRID_REACH_M)[:2])
         parts = static_parts(place.pieces, blind_m[::STEP_HZ, :2], radius_m)
         return cls(mission, Scene(parts, actors), seconds)
 

@@ -192,13 +192,13 @@ def in_sight(
     directions: Points,
 ) -> Bool[np.ndarray, "X Y Z"]:
     """Returns the voxels that rays pass, up to and with the first occupied one; all in grid
-    coordinates."""
+    coordinates. The voxel that a ray begins in hides nothing."""
     seen = np.zeros(occupied.shape, dtype=np.bool_)
     for n in range(len(directions)):
         ray = enter(occupied.shape, origin, directions[n])
         while is_inside(occupied.shape, ray):
             seen[ray.cell] = True
-            if occupied[ray.cell]:
+            if occupied[ray.cell] and ray.axis >= 0:
                 break
             ray = advance(ray)
     return seen

@@ -41,9 +41,8 @@ class Twin:
         best = self._planner(*state)
 
         price_m, least_m = self._planner.prices([plan, best], *state)
-        is_way = math.isfinite(least_m)
-        self._regrets_m.append(min(price_m - least_m, MOST_M) if is_way else 0.0)
-        self._unsafe += is_way and not math.isfinite(price_m)
+        self._regrets_m.append(min(price_m - least_m, MOST_M) if best.clear else 0.0)
+        self._unsafe += best.clear and not math.isfinite(price_m)
         halts = plan.stops and not best.stops
         self._standing = self._standing + 1 if halts else 0
         self._stops += self._standing == math.ceil(PHANTOM_S * self._rules.plan_hz)

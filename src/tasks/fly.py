@@ -26,7 +26,7 @@ MISSIONS = "missions.csv"
 # Of the maps, for the printed intervals.
 RESAMPLES = 1000
 # These say which missions there are: those that a UAV with perfect knowledge completes.
-CODE = ("loop", "sim", "geometry.py", "voxels.py", "ontology.py")
+CODE = ("loop", "sim", "data/batch.py", "data/rates.py", "geometry.py", "voxels.py", "ontology.py")
 OF_MISSIONS = ("mission", "planner", "airframe")
 
 
@@ -97,7 +97,7 @@ def _missions(config: Mapping, campaign: Campaign, fleet: Fleet) -> pd.DataFrame
     folder = Path(config["paths"]["data"]) / f"missions-{digest_of(keys)}"
     path = folder / MISSIONS
 
-    table = pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=["town", "seed"])
+    table = _read(path) if path.is_file() else pd.DataFrame(columns=["town", "seed"])
     places = campaign.missions.places()
     known = set(zip(table["town"], table["seed"]))
     missing = [place for place in places if place not in known]
@@ -108,11 +108,16 @@ def _missions(config: Mapping, campaign: Campaign, fleet: Fleet) -> pd.DataFrame
     return table
 
 
+def _read(path: Path) -> pd.DataFrame:
+    # Older pandas reads floats only nearly, and a flight would differ in its last bits.
+    return pd.read_csv(path, float_precision="round_trip")
+
+
 def _given(path: Path) -> pd.DataFrame:
     """Returns missions that somebody wrote or picked; nobody has looked yet where they lead."""
     if not path.is_file():
         raise UserError(f"task.missions: no file {path}; give one like {MISSIONS}")
-    table = pd.read_csv(path)
+    table = _read(path)
 
     if missing := sorted({"stratum", "truth_s", *ROUTE} - set(table)):
         raise UserError(f"task.missions: {path} has no column {', '.join(missing)}")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from src.data.rates import STEP_HZ as SCENE_HZ
 from src.geometry import VoxelGrid
 from src.loop.airframe import POSITION, Airframe
 from src.loop.flight import Rules, fly
@@ -11,6 +12,10 @@ from src.loop.outcome import row_of
 from src.loop.perception import Constant, Truth
 from src.loop.planner import QuinticPlanner
 from src.loop.stage import Stage
+from src.ontology import CAR
+from src.sim.assets import upright
+from src.sim.scene import Scene, SceneActor, parts_of
+from src.sim.solid import Solid
 from src.sim.traffic import TrafficConfig
 from tests.loop.yard import WALL_X_M, WIRE_X_M
 
@@ -100,3 +105,22 @@ def test_a_perception_that_forgets_what_it_had_seen_planned_into_it(camera):
     told = row(stage, flown(stage, Forgetful("forgetful", GRID, False), camera))
     assert (told["outcome"], told["fault"]) == ("collided", "planned_into")
     assert told["believed_2s"] > 0.5
+
+
+def test_what_drives_into_a_uav_that_saw_it_coming_was_planned_into(camera):
+    """The place where they meet was free a second before; the car was seen at its own, but the
+    planner wants to be surer."""
+    steps = np.arange(round((RULES.late_s + 1) * SCENE_HZ) + 1)
+    position_m = np.c_[90.0 - 8.0 * steps / SCENE_HZ, 0.0 * steps - 20.0, 0.0 * steps]
+    velocity_mps = np.tile([-8.0, 0.0, 0.0], (len(steps), 1))
+    box = Solid("box", CAR, (1.0, 24.0, 20.0), upright(0.0, 0.0, 5.0), "metal")
+    car = SceneActor(
+        1, "car", CAR, (1.0, 24.0, 20.0), parts_of([box]), position_m, 0.0 * steps, velocity_mps
+    )
+    stage = stage_at(4.0, y_m=-20.0)
+    stage = Stage(stage.mission, Scene(stage.scene.static, (car,)), stage.seconds)
+    planner = QuinticPlanner(threshold=0.97)
+    result = fly(stage, seeing(in_sight=False), planner, Airframe(), camera, RULES)
+    told = row(stage, result)
+    assert (told["outcome"], told["hit"], told["fault"]) == ("collided", "car", "planned_into")
+    assert told["believed_1s"] > 0.5

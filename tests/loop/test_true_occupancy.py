@@ -58,3 +58,8 @@ def test_what_an_occupied_voxel_hides_is_not_in_sight():
     occupied[4] = True
     seen = in_sight(occupied, np.array([0.5, 0.5, 0.5]), np.array([[1.0, 0.0, 0.0]]))
     assert seen[:, 0, 0].tolist() == [True] * 5 + [False] * 5
+    # The camera's own voxel would hide all.
+    occupied[0] = True
+    assert (
+        in_sight(occupied, np.array([0.5, 0.5, 0.5]), np.array([[1.0, 0.0, 0.0]])) == seen
+    ).all()

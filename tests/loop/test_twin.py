@@ -41,6 +41,26 @@ def test_who_is_afraid_of_everything_stops_once_for_nothing(camera):
     assert row["regret_m"] > 1.0
 
 
+class Startled(Constant):
+    """Sees nothing, and once something everywhere."""
+
+    def __call__(self, frame):
+        belief = super().__call__(frame)
+        belief.occupied[:] = 2.0 < frame.time_s < 2.5
+        return belief
+
+
+def test_an_emergency_stop_for_nothing_is_dear_and_not_unsafe(camera):
+    """It may brake harder than other plans may."""
+    stage, planner, halts = stage_at(4.0, y_m=-20.0), QuinticPlanner(), []
+    twin = Twin(GRID, planner, RULES, stage.truth)
+    watches = [twin, lambda moment: halts.append(not moment.plan.clear)]
+    fly(stage, Startled("startled", GRID, 0.0), planner, Airframe(), camera, RULES, watches)
+    assert any(halts)
+    assert twin.row()["unsafe_plans"] == 0
+    assert 0 < sum(twin._regrets_m) < MOST_M * sum(halts)
+
+
 @pytest.mark.parametrize("speed_mps", [0.0, 3.0, 6.0])
 def test_the_price_of_the_plan_taken_is_the_least(camera, speed_mps):
     """By the same map no other plan is cheaper, and one through the wall has no price."""
