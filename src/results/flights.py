@@ -155,8 +155,13 @@ def require_same_flights(flights: Mapping[str, pd.DataFrame]) -> None:
     """Raises `UserError` for perceptions that flew other missions than the first."""
     first, *others = flights
     for name in others:
-        if set(flights[name]["flight"]) != set(flights[first]["flight"]):
+        if _missions(flights[name]) != _missions(flights[first]):
             raise UserError(
                 f"{name} did not fly the missions of {first}; fly them with the same "
                 "mission, planner, airframe and task.rules, to the end"
             )
+
+
+def _missions(flights: pd.DataFrame) -> set[tuple]:
+    """Returns what tells the missions of flights: of other code they may have the same names."""
+    return set(flights[["flight", "stratum", "truth_s"]].itertuples(index=False, name=None))

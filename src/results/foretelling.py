@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from ..metrics.suite import ScoreSuite
 from ..metrics.tables import Tables
 from .bootstrap import interval_of, resamplings, score_samples
 from .counts import Counts
-from .flights import FLIGHTS, p_value, require_same_flights, samples_of
+from .flights import FLIGHTS, holm, p_value, require_same_flights, samples_of
 
 # The first row is of all maps and perceptions, the others are resampled; a column a perception.
 Samples = Float[np.ndarray, "1+r k"]
@@ -87,8 +87,9 @@ def foretelling(
     ``scores`` says of each whether its "high" or "low" end is the better. A row has the set of
     frames, the stratum, the score, the target, Spearman's correlation with its interval, Kendall's
     tau-b, the difference of Spearman's from that of the score ``against`` with its interval and
-    ``p``, and the power to tell a difference of 0.2. A correlation is positive where better scores
-    go with less of the target. Collisions are those beyond the perception ``reference``.
+    ``p``, that by Holm's rule for all scores together, and the power to tell a difference of 0.2. A
+    correlation is positive where better scores go with less of the target. Collisions are those
+    beyond the perception ``reference``.
 
     Over all strata ranks are taken within each, so that no stratum's level makes a correlation.
     Maps and, within the strata, families of perceptions are resampled together; of frames from
@@ -109,7 +110,8 @@ def foretelling(
         folders = [each.frames[frames] for each in members]
         units = _units(folders)
         own = weights if units == maps else resamplings(len(units), resamples, generator)
-        values = _scores(folders, own)
+        # Only those that flew themselves saw frames of their own.
+        values = _scores(folders, own, alike=frames != "flown")
         for score in scores:
             if score not in values:
                 raise UserError(
@@ -130,7 +132,10 @@ def foretelling(
                 goods = {s: values[s] * (1 if end == "high" else -1) for s, end in scores.items()}
                 found = _correlations(goods, -of_target, drawn, against)
                 rows += [{**key, "target": target, **row} for row in found]
-    return pd.DataFrame(rows)
+    table = pd.DataFrame(rows)
+    if "p" in table:
+        table["p_holm"] = table.groupby(["frames", "stratum", "target"])["p"].transform(holm)
+    return table
 
 
 def _units(folders: Sequence[Path]) -> list[str]:
@@ -145,11 +150,21 @@ def _units(folders: Sequence[Path]) -> list[str]:
     return sorted({flight.parent.name for flight in flights[0]})
 
 
-def _scores(folders: Sequence[Path], weights: Float[Tensor, "r m"]) -> dict[str, Samples]:
-    """Returns every score of the frames in each folder, whole and by resampled maps."""
-    of_folder = []
+def _scores(
+    folders: Sequence[Path], weights: Float[Tensor, "r m"], alike: bool
+) -> dict[str, Samples]:
+    """Returns every score of the frames in each folder, whole and by resampled maps.
+
+    Raises `UserError` for folders with other labels, where they should be ``alike``.
+    """
+    of_folder, first = [], None
     for folder in folders:
         counts, tables = counts_by_map(folder)
+        # The sum over predictions leaves the labels alone.
+        labels = tables["occupancy"]["count"].sum(-1)
+        first = labels if first is None else first
+        if alike and not torch.equal(labels, first):
+            raise UserError(f"{folder}: has other frames than {folders[0]}; give task=fly again")
         suite, samples = ScoreSuite.of(counts.protocol, counts.clips), {}
         for metric, of_metric in tables.items():
             samples |= score_samples(suite.metric(metric), of_metric, weights)
@@ -169,8 +184,7 @@ def counts_by_map(folder: Path) -> tuple[Counts, dict[str, Tables]]:
         by_map.append([each.tables for each in read])
     return read[0], {
         metric: {
-            # The first row is of the whole flight, before its windows.
-            name: torch.stack([sum(each[metric][name][0] for each in one) for one in by_map])
+            name: torch.stack([sum(each[metric][name].sum(0) for each in one) for one in by_map])
             for name in tables
         }
         for metric, tables in by_map[0][0].items()
@@ -284,54 +298,3 @@ def kendall(
     same = blocks[kept][:, None] == blocks[kept][None]
     scale = math.sqrt((same * x**2).sum() * (same * y**2).sum())
     return float((same * x * y).sum() / scale) if scale else math.nan
-
-
-def foreseen(
-    perceptions: Sequence[Perception],
-    scores: Mapping[str, str],
-    resamples: int,
-    generator: Generator,
-) -> pd.DataFrame:
-    """Returns how well each score tells the last seconds before a collision from earlier ones.
-
-    A row has a score, and the area under the curve (AUROC) of its values 1 to 3 s before the
-    collisions by those 6 to 8 s before, each against the same flight's: the share of the collisions
-    before which it was worse, ties counting half. 0.5 is chance. The interval is of resampled maps,
-    and the flights are those of all perceptions.
-    """
-    collisions = pd.DataFrame([row for each in perceptions for row in _collisions(each, scores)])
-    if collisions.empty:
-        return pd.DataFrame(columns=["score", "collisions", "auroc", "low", "high"])
-    maps = collisions["map"]
-    weights = resamplings(maps.nunique(), resamples, generator)
-    weights = torch.cat([torch.ones_like(weights[:1]), weights])
-
-    rows = []
-    for name, end in scores.items():
-        worse = collisions[name] * (-1 if end == "high" else 1)
-        sums = pd.DataFrame({"worse": np.sign(worse) / 2 + 0.5, "all": worse.notna()})
-        of_maps = torch.tensor(sums.groupby(maps).sum().to_numpy(float))
-        won, drawn = (weights @ of_maps).T
-        value, low, high = interval_of(won / drawn)
-        count = int(sums["all"].sum())
-        rows.append({"score": name, "collisions": count, "auroc": value, "low": low, "high": high})
-    return pd.DataFrame(rows)
-
-
-def _collisions(perception: Perception, names: Iterable[str]) -> list[dict[str, object]]:
-    """Returns for every flight that collided by how much the scores were higher right before it
-    than earlier, where it was long enough to have both windows."""
-    rows = []
-    flights = perception.flights
-    for flight in flights[flights["outcome"] == "collided"].to_dict("records"):
-        counts = Counts.read(perception.frames["flown"] / f"{flight['flight']}.npz")
-        _, before, earlier = counts.frames
-        if not before or before != earlier:
-            continue
-
-        suite, scores = counts.suite(), {}
-        for metric, tables in counts.tables.items():
-            scores |= suite.metric(metric).scores(tables)
-        apart = {name: float(scores[name][1] - scores[name][2]) for name in names}
-        rows.append({"map": flight["map"], **apart})
-    return rows

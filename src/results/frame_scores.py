@@ -1,5 +1,6 @@
 """What a flight's beliefs score, frame by frame, as predictions are scored offline."""
 
+import math
 from collections.abc import Mapping
 
 import torch
@@ -14,9 +15,6 @@ from ..metrics.suite import ScoreSuite, import_metrics
 from ..ontology import FREE
 from .counts import Counts
 
-# Seconds before the end of a flight. What was believed in the first may have led to it; the second
-# is the same flight, when nothing was near yet.
-WINDOWS_S = {"before": (3.0, 1.0), "earlier": (8.0, 6.0)}
 # These take logits, or have too many tables.
 LEFT_OUT = ("calibration", "sensitivity")
 MASK = "voxels that the camera truly sees"
@@ -36,6 +34,7 @@ class FrameScores:
         image = config["sim"]["image"]
         self._size_pix = image["width"], image["height"]
         self._frames: list[dict[str, torch.Tensor]] = []
+        self._times_s: list[float] = []
         if perception:
             perception.begin(stage.truth, stage.mission.flight)
 
@@ -47,6 +46,7 @@ class FrameScores:
         seen = seen_by(frame, self._grid, truth != FREE)
 
         chain = camera_from_occ(torch.from_numpy(frame.world_from_body), frame.body_from_camera)
+        self._times_s.append(frame.time_s)
         self._frames.append(
             {
                 "preds": torch.from_numpy(belief.semantics),
@@ -60,30 +60,28 @@ class FrameScores:
         )
 
     def counts(self, flight: str) -> Counts:
-        """Returns the tables of the whole flight, and of `WINDOWS_S` before its end."""
-        plan_hz, chosen = self._config["task"]["rules"]["plan_hz"], {flight: self._frames}
-        for window, seconds in WINDOWS_S.items():
-            first, last = (-round(each * plan_hz) for each in seconds)
-            chosen[f"{flight}@{window}"] = self._frames[first:last]
+        """Returns the tables of every second of the flight, the first one first."""
+        # A frame's time is a sum of steps, which may end just below a whole second.
+        seconds = [math.floor(time_s + 1e-6) for time_s in self._times_s]
+        frames = [seconds.count(second) for second in range(seconds[-1] + 1)]
+        clips = [f"{flight}@{second}" for second in range(len(frames))]
 
-        frames = list(map(len, chosen.values()))
         metrics = self._config["suite"]["metrics"]
         kept = {name: each for name, each in metrics.items() if name not in LEFT_OUT}
         protocol = Protocol.of(
             "flights",
             "flown",
-            sum(frames),
+            len(seconds),
             self._grid,
             MASK,
             self._config["metric"],
             {**self._config["suite"], "metrics": kept},
         )
         import_metrics(protocol.suite)
-        suite = ScoreSuite.of(protocol, list(chosen))
-        for clip, clip_frames in chosen.items():
-            # One at a time: all frames of a flight would take much memory.
-            for frame in clip_frames:
-                batch = {name: tensor[None] for name, tensor in frame.items()}
-                truth = {**batch, "clip": [clip], "size_pix": self._size_pix}
-                suite.update(truth.pop("preds"), truth)
-        return Counts(flight, protocol, list(chosen), frames, suite.tables())
+        suite = ScoreSuite.of(protocol, clips)
+        # One at a time: all frames of a flight would take much memory.
+        for second, frame in zip(seconds, self._frames):
+            batch = {name: tensor[None] for name, tensor in frame.items()}
+            truth = {**batch, "clip": [clips[second]], "size_pix": self._size_pix}
+            suite.update(truth.pop("preds"), truth)
+        return Counts(flight, protocol, clips, frames, suite.tables())

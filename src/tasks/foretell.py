@@ -10,7 +10,8 @@ from omegaconf import DictConfig
 from ..errors import UserError
 from ..report.foretell_figure import draw_foretelling
 from ..results.files import write_table
-from ..results.foretelling import ALL, Perception, compared_with, foreseen, foretelling
+from ..results.foreseeing import foreseen
+from ..results.foretelling import ALL, Perception, compared_with, foretelling
 from ..results.render import Cell, Table, print_table
 from ..terminal import say
 
@@ -46,10 +47,14 @@ def foretell(
     write_table(table, folder / "correlations.csv")
     compared = compared_with(reference, perceptions)
     flown = [each for each in compared if "flown" in each.frames]
-    write_table(foreseen(flown, scores, resamples, generator), folder / "foreseen.csv")
+    of_reference = next(each.flights for each in perceptions if each.name == reference)
+    foresight = foreseen(flown, of_reference, scores, resamples, generator)
+    write_table(foresight, folder / "foreseen.csv")
     draw_foretelling(table, folder / "correlations.png")
     for frames in dict.fromkeys(table["frames"]):
         print_table(_printed(table, frames, against))
+        if missing := [each.name for each in compared if frames not in each.frames]:
+            say(f"without frames {frames}: {', '.join(missing)}")
     say(folder)
 
 

@@ -9,16 +9,14 @@ from src.results.counts import Counts
 from tests.results.scored import predicted, protocol, scene_of, truth
 
 MAPS = ("town-100", "town-101", "town-102")
-WINDOWS = ("", "@before", "@earlier")
-
-
+SECONDS = 8
 OTHERS = ("town-300", "town-301")
 
 
 def write_flown(root, name, right, collides, stratum="damaged", sets=("flown",), before=None):
     """Two flights a map; ``collides(map number, flight number)`` tells which collide.
 
-    The set ``verge`` is of `OTHERS`. A share ``right`` of the voxels is right, of the windows
+    The set ``verge`` is of `OTHERS`. A share ``right`` of the voxels is right, of the seconds
     before a collision ``before``.
     """
     rows = []
@@ -28,7 +26,7 @@ def write_flown(root, name, right, collides, stratum="damaged", sets=("flown",),
             rows.append(
                 {"flight": flight, "map": town, "stratum": "conflict", "perception": name}
                 | {"outcome": "collided" if hit else "arrived", "fault": "missed" if hit else ""}
-                | {"time_s": 12.0, "path_m": 60.0, "truth_s": 12.0, "clearance_m": 1.0}
+                | {"time_s": float(SECONDS), "path_m": 60.0, "truth_s": 12.0, "clearance_m": 1.0}
                 | {"plans": 60, "regret_m": 0.1, "unsafe_plans": 0, "phantom_stops": 0}
                 | {"jerk2": 1.0}
             )
@@ -38,7 +36,9 @@ def write_flown(root, name, right, collides, stratum="damaged", sets=("flown",),
             flight = f"{maps[m]}/{n:03d}"
             path = root / stratum / name / frames / "frames" / f"{flight}.npz"
             path.parent.mkdir(parents=True, exist_ok=True)
-            shares = right, right if before is None else before, right
+            shares = [right] * SECONDS
+            if before is not None and collides(m, n):
+                shares[-3:-1] = before, before
             counts_of(flight, shares, seed=10 * m + n).write(path)
     folder = root / stratum / name / "flown"
     folder.mkdir(parents=True, exist_ok=True)
@@ -46,10 +46,10 @@ def write_flown(root, name, right, collides, stratum="damaged", sets=("flown",),
 
 
 def counts_of(flight, shares, seed):
-    """Counts of a flight and its windows, whose frames are right in these shares."""
-    clips, of = [flight + window for window in WINDOWS], protocol()
+    """Counts of the seconds of a flight, whose frames are right in these shares."""
+    clips, of = [f"{flight}@{second}" for second in range(len(shares))], protocol()
     suite = ScoreSuite.of(of, clips)
     for clip, share in zip(clips, shares):
         target = truth(2, seed=seed)
         suite.update(predicted(target, share, seed), scene_of(target, clip))
-    return Counts("flown", of, clips, [2, 2, 2], suite.tables())
+    return Counts("flown", of, clips, [2] * len(clips), suite.tables())

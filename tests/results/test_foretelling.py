@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from src.errors import UserError
+from src.results.foreseeing import foreseen
 from src.results.foretelling import (
     Perception,
     _drawn,
-    foreseen,
     foretelling,
     kendall,
     spearman,
@@ -94,16 +94,16 @@ def test_scores_that_order_perceptions_as_their_flights_do_have_correlation_one(
         assert (row["spearman"], row["kendall"]) == pytest.approx((1.0, 1.0))
         assert row["perceptions"] == 4
         assert row["low"] > 0
-    assert math.isnan(table.loc[("verge", "all", "stuck", "kar_miou"), "spearman"])
-    same = table.loc[("verge", "all", "collisions", "miou_occupied")]
+    assert math.isnan(table.loc[("verge", "damaged", "stuck", "kar_miou"), "spearman"])
+    same = table.loc[("verge", "damaged", "collisions", "miou_occupied")]
     assert (same["difference"], same["p"]) == (0.0, 1.0)
-    assert math.isnan(table.loc[("verge", "all", "collisions", "kar_miou"), "difference"])
+    assert math.isnan(table.loc[("verge", "damaged", "collisions", "kar_miou"), "difference"])
 
 
 def test_the_better_end_of_a_score_decides_the_sign(root):
     wrong = SCORES | {"false_free_rate": "high"}
     table = table_of(root, wrong, resamples=5).set_index(["frames", "stratum", "target", "score"])
-    assert table.loc[("flown", "all", "collisions", "false_free_rate"), "spearman"] == -1.0
+    assert table.loc[("flown", "damaged", "collisions", "false_free_rate"), "spearman"] == -1.0
 
 
 def test_collisions_of_the_reference_are_no_one_elses(root, tmp_path):
@@ -115,16 +115,37 @@ def test_collisions_of_the_reference_are_no_one_elses(root, tmp_path):
     assert table[table["target"] == "collisions"]["spearman"].isna().all()
 
 
-def test_the_seconds_before_a_collision_are_told_from_earlier_ones(root):
-    """Only where the prediction was worse right before."""
-    perceptions = [each for each in Perception.all_below(root) if each.name != "seen"]
-    table = foreseen(perceptions, SCORES, 50, generator()).set_index("score")
-    assert table.loc["kar_miou", "collisions"] == 1 + 2 + 3 + 4
-    only = [each for each in perceptions if each.name in ("noisy2", "noisy3")]
-    assert foreseen(only, SCORES, 50, generator()).set_index("score").loc["kar_miou", "auroc"] == 1
-    same = [each for each in perceptions if each.name == "noisy0"]
-    chance = foreseen(same, SCORES, 5, generator()).set_index("score")
-    assert chance.loc["kar_miou", "auroc"] == 0.5
+def foreseen_by(root, *names):
+    perceptions = Perception.all_below(root)
+    seen = next(each.flights for each in perceptions if each.name == "seen")
+    kept = [each for each in perceptions if each.name in names]
+    table = foreseen(kept, seen, SCORES, 50, generator())
+    return table.set_index(["control", "score"]).sort_index()
+
+
+def test_the_seconds_before_a_collision_are_told_from_others(root):
+    """Where the prediction was worse right before, it is told from that of the same flight before,
+    and from those of who arrived; the flight that the reference does not complete is left out."""
+    table = foreseen_by(root, "noisy1", "noisy3")
+    assert set(table["collisions"]) == {1 + 3}
+    kar = table.loc[("earlier", "kar_miou")]
+    assert (kar["compared"], kar["auroc"]) == (4, (0.5 + 3) / 4)
+    # On the one mission of noisy1's both collided.
+    kar = table.loc[("others", "kar_miou")]
+    assert (kar["compared"], kar["auroc"]) == (2, 1.0)
+
+
+def test_a_worse_perception_is_told_from_a_better_one_and_not_from_itself(root):
+    table = foreseen_by(root, "noisy0", "noisy1")
+    assert table.loc[("others", "kar_miou"), "auroc"] == 1.0
+    assert table.loc[("earlier", "kar_miou"), "auroc"] == 0.5
+
+
+def test_what_never_has_anything_to_count_is_chance(root, tmp_path):
+    """A share of nothing is no error on either side."""
+    table = foreseen_by(root, "noisy0", "noisy3")
+    row = table.loc[("others", "object_miss_rate")]
+    assert row["compared"] == table.loc[("others", "kar_miou"), "compared"]
 
 
 def test_nothing_flown_and_an_absent_reference_are_refused(tmp_path):

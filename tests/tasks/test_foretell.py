@@ -24,7 +24,7 @@ def test_it_leaves_tables_and_a_picture(tmp_path, capsys):
     folder = run(tmp_path)
     table = pd.read_csv(folder / "correlations.csv")
     assert "object_miss_rate" in set(table["score"])
-    assert len(pd.read_csv(folder / "foreseen.csv")) == table["score"].nunique()
+    assert len(pd.read_csv(folder / "foreseen.csv")) == 2 * table["score"].nunique()
     with Image.open(folder / "correlations.png") as picture:
         assert picture.width > 500
     assert "frames flown, 3 perceptions" in " ".join(capsys.readouterr().out.split())
