@@ -27,7 +27,7 @@ from src.results.files import write_table
 from src.results.frame_scores import FrameScores
 from src.terminal import tracked
 
-MISSIONS = ["mission.first_seed=500", "mission.maps=4", "mission.conflict=2", "mission.clear=1"]
+MISSIONS = ["mission.first_seed=500", "mission.maps=8", "mission.conflict=2", "mission.clear=1"]
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
 AMOUNTS = {
     **dict.fromkeys(("voxels", "objects", "thin_structure", "vru", "building"), SHARES),
