@@ -24,9 +24,9 @@ RULES = Rules()
 TOWN = "tests.loop.yard"
 
 
-def stage_at(height_m, y_m=0.0):
+def stage_at(height_m, y_m=0.0, draws=False):
     mission = Mission(TOWN, 0, 3, "clear", 0.0, y_m, 0.0, 60.0, height_m)
-    return Stage.of(mission, TrafficConfig(uav_gap_m=0.0), 6.0, RULES.late_s + 1, draws=False)
+    return Stage.of(mission, TrafficConfig(uav_gap_m=0.0), 6.0, RULES.late_s + 1, draws)
 
 
 def flown(stage, perception, camera, airframe=None):
@@ -82,6 +82,25 @@ def test_a_flight_is_the_same_bit_for_bit_whatever_flew_before(camera):
     again = flown(stage_at(4.0), seeing(), camera)
     assert first.states.tobytes() == again.states.tobytes()
     assert first.nearest == again.nearest
+
+
+def test_who_flies_far_off_its_way_is_late(camera):
+    """Nobody knows what there is to be hit."""
+
+    class Astray(QuinticPlanner):
+        def __call__(self, motion, belief, target_m):
+            return super().__call__(motion, belief, motion.position_m + np.array([0.0, 15.0, 0.0]))
+
+    result = fly(stage_at(4.0), blind(), Astray(), Airframe(), camera, RULES)
+    assert (result.outcome, result.time_s < RULES.stuck_s) == ("late", True)
+    assert 15.0 < result.states[-1, 1] < 17.0
+
+
+def test_a_picture_changes_nothing_of_the_truth():
+    """The shed is in a corner of what is known of the scene."""
+    points = [stage_at(4.0, draws=draws).truth._static[0] for draws in (False, True)]
+    assert points[0].tobytes() == points[1].tobytes()
+    assert ((points[0][:, 0] < -40.0) & (points[0][:, 1] < -40.0)).any()
 
 
 def test_the_wind_is_the_missions(camera):

@@ -1,4 +1,4 @@
-"""A town for tests: a flat yard with a wall, a wire and one straight corridor, and no traffic."""
+"""A town for tests: a flat yard with a wall, a wire, a shed and one corridor, and no traffic."""
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from src.sim.textures import CABLE
 
 WALL_X_M, WIRE_X_M = 30.0, 40.0
 WALL = Solid("box", BUILDING, (1.0, 6.0, 8.0), upright(WALL_X_M, 0.0, 4.0), "concrete")
+# Far from any way along x, and near enough to be known there.
+SHED = Solid("box", BUILDING, (2.0, 2.0, 4.0), upright(-42.0, -42.0, 2.0), "concrete")
 WIRE = Solid("box", THIN_STRUCTURE, (0.03, 40.0, 0.03), upright(WIRE_X_M, 0.0, 6.0), CABLE)
 
 
@@ -17,7 +19,7 @@ def build(_rng: np.random.Generator) -> Town:
     return Town(
         name="yard",
         terrain=lambda x, y: 0.0 * (x + y),
-        solids=(WALL, WIRE),
+        solids=(WALL, WIRE, SHED),
         ground=(GroundPatch((0.0, 0.0), 0.0, 300.0, 100.0, 0.0, "grass"),),
         lanes=(),
         walks=(),

@@ -115,11 +115,11 @@ def test_collisions_of_the_reference_are_no_one_elses(root, tmp_path):
     assert table[table["target"] == "collisions"]["spearman"].isna().all()
 
 
-def foreseen_by(root, *names):
+def foreseen_by(root, *names, scores=SCORES):
     perceptions = Perception.all_below(root)
     seen = next(each.flights for each in perceptions if each.name == "seen")
     kept = [each for each in perceptions if each.name in names]
-    table = foreseen(kept, seen, SCORES, 50, generator())
+    table = foreseen(kept, seen, scores, 50, generator())
     return table.set_index(["control", "score"]).sort_index()
 
 
@@ -141,11 +141,20 @@ def test_a_worse_perception_is_told_from_a_better_one_and_not_from_itself(root):
     assert table.loc[("earlier", "kar_miou"), "auroc"] == 0.5
 
 
-def test_what_never_has_anything_to_count_is_chance(root, tmp_path):
-    """A share of nothing is no error on either side."""
-    table = foreseen_by(root, "noisy0", "noisy3")
-    row = table.loc[("others", "object_miss_rate")]
-    assert row["compared"] == table.loc[("others", "kar_miou"), "compared"]
+def test_what_never_has_anything_to_count_is_chance_over_the_same_collisions(root):
+    """No frame here is clear of obstacles, so that nobody could stop for nothing."""
+    scores = {"kar_miou": "high", "phantom_stop_rate": "low"}
+    table = foreseen_by(root, "noisy0", "noisy3", scores=scores)
+    for control, count in (("others", 3), ("earlier", 3)):
+        row = table.loc[(control, "phantom_stop_rate")]
+        assert (row["compared"], row["auroc"]) == (count, 0.5)
+        assert table.loc[(control, "kar_miou"), "compared"] == count
+
+
+def test_without_a_flight_that_arrived_there_is_nothing_to_compare_with(root):
+    row = foreseen_by(root, "noisy1").loc[("others", "kar_miou")]
+    assert (row["collisions"], row["compared"]) == (1, 0)
+    assert math.isnan(row["auroc"])
 
 
 def test_nothing_flown_and_an_absent_reference_are_refused(tmp_path):
@@ -159,9 +168,12 @@ def test_nothing_flown_and_an_absent_reference_are_refused(tmp_path):
 def test_perceptions_that_flew_other_missions_are_refused(root, tmp_path):
     shutil.copytree(root, tmp_path / "flight")
     path = tmp_path / "flight/damaged/noisy1/flown/flights.csv"
-    pd.read_csv(path)[1:].to_csv(path, index=False)
-    with pytest.raises(UserError, match="noisy1 did not fly the missions of seen"):
-        table_of(tmp_path / "flight", resamples=2)
+    whole = pd.read_csv(path)
+    # Of other code missions may have the same names.
+    for other in (whole[1:], whole.assign(truth_s=12.2)):
+        other.to_csv(path, index=False)
+        with pytest.raises(UserError, match="noisy1 did not fly the missions of seen"):
+            table_of(tmp_path / "flight", resamples=2)
 
 
 def test_a_family_is_drawn_as_a_whole():
@@ -177,9 +189,12 @@ def test_a_family_is_drawn_as_a_whole():
 
 def test_perceptions_scored_on_other_frames_are_refused(root, tmp_path):
     shutil.copytree(root, tmp_path / "flight")
-    (tmp_path / "flight/damaged/noisy1/verge/frames/town-300/001.npz").unlink()
-    with pytest.raises(UserError, match=r"noisy1/verge/frames: has other frames than .*noisy0"):
-        table_of(tmp_path / "flight", resamples=2)
+    path = tmp_path / "flight/damaged/noisy1/verge/frames/town-300/001.npz"
+    shutil.copy(path.with_name("000.npz"), path)
+    for _ in range(2):
+        with pytest.raises(UserError, match=r"noisy1/verge/frames: has other frames than .*noisy0"):
+            table_of(tmp_path / "flight", resamples=2)
+        path.unlink(missing_ok=True)
 
 
 def test_a_score_that_there_is_not_is_told(root):
