@@ -1,29 +1,29 @@
 """Flies every perception of a plan, on each of its sets of frames.
 
-    python -m benchmarks.flight [--runs FOLDER] [--out FOLDER] [--only NAME...] [OVERRIDE...]
+    python -m benchmarks.flight [OVERRIDE...] [--runs FOLDER] [--out FOLDER] [--only NAME...]
 
 ``flight.yaml`` is the plan; ``--runs`` is the folder of the runs whose checkpoints fly, as
 ``<experiment>/seed<k>``. The flights of a perception lie in ``<out>/<stratum>/<name>/<set>``, as
-``task=foretell`` reads them; beside those of a run are its scores on the test split. Each is a call
-of ``run.py task=fly`` with the plan's overrides and those given here. It can be interrupted:
-flights that are there are not flown again. ``--only`` names perceptions or strata.
+``task=foretell`` reads them; beside those of a run are its scores on the test split. They are those
+of ``run.py task=fly`` with the plan's overrides and those given here, but all perceptions take
+turns on a mission. It can be interrupted: flights that are there are not flown again. ``--only``
+names perceptions or strata.
 """
 
 import argparse
-import subprocess
-import sys
 from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
 
 import yaml
+from omegaconf import OmegaConf
 
-from benchmarks.settings import run
+from benchmarks.settings import composed, run
 from src.errors import UserError
-from src.provenance import SOURCE
 from src.results.counts import Counts
 from src.run_folder import TALLIES
-from src.terminal import say
+from src.tasks.fly import fly_together
+from src.terminal import say, tracked
 
 CHECKPOINT = "checkpoints/best.ckpt"
 
@@ -64,23 +64,23 @@ def main() -> None:
     options = parser.parse_args()
 
     plan = yaml.safe_load(options.plan.read_text())
-    chosen = [
-        each
-        for each in perceptions(plan, options.runs)
-        if not options.only or {each[0], each[1]} & set(options.only)
-    ]
-    if not chosen:
-        raise UserError(f"--only: {', '.join(options.only)} is in no stratum of {options.plan}")
+    there = list(perceptions(plan, options.runs))
+    wanted = set(options.only)
+    if unknown := wanted - {word for stratum, name, _ in there for word in (stratum, name)}:
+        raise UserError(f"--only: {', '.join(sorted(unknown))} is not in {options.plan}")
+    chosen = [each for each in there if not wanted or wanted & {each[0], each[1]}]
 
-    for (stratum, name, overrides), (frames, of_set) in product(chosen, plan["sets"].items()):
-        out = (options.out / stratum / name / frames).resolve()
-        words = [*plan["overrides"], *of_set, *overrides, f"task.out={out}", *options.overrides]
-        say(f"{stratum} {name}, {frames}")
-        done = subprocess.run([sys.executable, "run.py", *words], cwd=SOURCE.parent)
-        if done.returncode:
-            raise UserError(f"{name}: task=fly ended with {done.returncode}")
+    for stratum, name, _ in chosen:
         if stratum == "learned":
-            write_test(SOURCE.parent / options.runs, name, options.out / stratum / name)
+            write_test(Path(options.runs), name, options.out / stratum / name)
+    for frames, of_set in plan["sets"].items():
+        say(frames)
+        configs = []
+        for stratum, name, overrides in tracked(chosen, "composing"):
+            out = options.out / stratum / name / frames
+            words = [*plan["overrides"], *of_set, *overrides, f"task.out={out}", *options.overrides]
+            configs.append(OmegaConf.to_container(composed(words), resolve=True))
+        fly_together(configs)
 
 
 def write_test(runs: Path, name: str, folder: Path) -> None:

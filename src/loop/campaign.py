@@ -24,6 +24,9 @@ W = TypeVar("W", bound=Watch | None)
 CHOOSING = 0.5
 ROUTE = tuple(field.name for field in fields(Mission))
 
+# The latest stage of this process, and what it was made of.
+_latest: tuple[tuple, Stage] | None = None
+
 
 @dataclass(frozen=True)
 class Job:
@@ -124,7 +127,12 @@ class Campaign:
 
     def _stage(self, mission: Mission, draws: bool) -> Stage:
         seconds = self.rules.late_s + 1
-        return Stage.of(mission, self.traffic, self.planner.cruise_mps, seconds, draws)
+        made_of = mission, self.traffic, self.planner.cruise_mps, seconds, draws
+        # Perceptions take turns on a mission, and its scene takes longer than a flight.
+        global _latest
+        if _latest is None or _latest[0] != made_of:
+            _latest = made_of, Stage.of(*made_of)
+        return _latest[1]
 
     def _fly(
         self,

@@ -1,8 +1,9 @@
-"""Missions and flights of one configuration, in worker processes."""
+"""Missions and flights, in worker processes."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import ExitStack
+from functools import cache
 from pathlib import Path
 
 from ..loop.campaign import Campaign, Job
@@ -16,18 +17,19 @@ FRAMES = "frames"
 
 
 class Fleet:
-    """Worker processes for the missions and flights of a configuration, inside a ``with``.
+    """Worker processes for the missions and flights of some configurations, inside a ``with``.
 
-    Each keeps to maps of its own: building a town takes seconds.
+    Each keeps to maps of its own: building a town takes seconds. Flights name their configuration
+    by its number; missions and films are those of the first one.
     """
 
-    def __init__(self, config: Mapping, workers: int) -> None:
-        self._config, self._count = config, workers
+    def __init__(self, configs: Sequence[Mapping], workers: int) -> None:
+        self._configs, self._count = configs, workers
         self._homes: dict[str, int] = {}
 
     def __enter__(self) -> "Fleet":
         with ExitStack() as stack:
-            pools = (worker_pool(1, _start, (self._config,)) for _ in range(self._count))
+            pools = (worker_pool(1, _start, (self._configs,)) for _ in range(self._count))
             self._pools = [stack.enter_context(pool) for pool in pools]
             self._stack = stack.pop_all()
         return self
@@ -39,10 +41,10 @@ class Fleet:
         """Yields the missions of each map as they are found."""
         yield from self._done((f"{town}-{seed}", _choose, (town, seed)) for town, seed in places)
 
-    def flown(self, jobs: Iterable[Job], folder: Path) -> Iterator[Row]:
-        """Yields the rows of flights as they end; the scores of their frames, where they are
-        wanted, are in the folder by then."""
-        yield from self._done((job.mission.map, _fly, (job, folder)) for job in jobs)
+    def flown(self, flights: Iterable[tuple[int, Job, Path]]) -> Iterator[tuple[int, Row]]:
+        """Yields the numbers and rows of flights as they end; the scores of their frames, where
+        they are wanted, are in the folder by then."""
+        yield from self._done((each[1].mission.map, _fly, each) for each in flights)
 
     def drawn(self, films: Mapping[Path, Job]) -> Iterator[None]:
         """Flies some missions once more before a camera; yields as their films are written."""
@@ -60,36 +62,42 @@ class Fleet:
 
 # --------------------------------------------------------------------------- in the worker process
 
-_config: Mapping
-_campaign: Campaign
+_configs: Sequence[Mapping]
 
 
-def _start(config: Mapping) -> None:
-    global _config, _campaign
-    _config, _campaign = config, Campaign(config)
+def _start(configs: Sequence[Mapping]) -> None:
+    global _configs
+    _configs = configs
+
+
+@cache
+def _campaign(number: int) -> Campaign:
+    return Campaign(_configs[number])
 
 
 def _choose(town: str, seed: int) -> list[Row]:
-    return _campaign.choose(town, seed)
+    return _campaign(0).choose(town, seed)
 
 
-def _fly(job: Job, folder: Path) -> Row:
-    if not _config["task"]["scored"]:
-        return _campaign.fly(job)
+def _fly(number: int, job: Job, folder: Path) -> tuple[int, Row]:
+    config, campaign = _configs[number], _campaign(number)
+    if not config["task"]["scored"]:
+        return number, campaign.fly(job)
 
     # Who does not fly looks on: it has a belief of its own.
-    looks_on = _campaign.perception if _config["task"]["looks_on"] else None
+    looks_on = campaign.perception if config["task"]["looks_on"] else None
 
-    row, scores = _campaign.watched(job, lambda stage: FrameScores(stage, _config, looks_on))
+    row, scores = campaign.watched(job, lambda stage: FrameScores(stage, config, looks_on))
     path = folder / FRAMES / f"{job.mission.flight}.npz"
     path.parent.mkdir(parents=True, exist_ok=True)
     scores.counts(str(row["flight"])).write(path)
-    return row
+    return number, row
 
 
 def _film(path: Path, job: Job) -> None:
-    threshold = _campaign.planner.threshold
-    row, film = _campaign.watched(
-        job, lambda stage: Film(stage, _campaign.grid, threshold), draws=True
+    campaign = _campaign(0)
+    threshold = campaign.planner.threshold
+    row, film = campaign.watched(
+        job, lambda stage: Film(stage, campaign.grid, threshold), draws=True
     )
     film.write(path, row)

@@ -1,7 +1,7 @@
 """task=fly: a UAV flies missions on what a perception believes; a row a flight."""
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 
@@ -47,14 +47,12 @@ def fly(
     """
     require_count("task.workers", workers)
     config = OmegaConf.to_container(cfg, resolve=True)
-    campaign, count = Campaign(config), workers or default_workers()
-    folder = Path(out)
+    campaign, folder = Campaign(config), Path(out)
     _require_same(folder, config)
 
-    with Fleet(config, count) as fleet:
-        table = _given(Path(missions)) if missions else _missions(config, campaign, fleet)
-        jobs = {job.mission.flight: job for job in map(Job.of, table.to_dict("records"))}
-        table = _flown(fleet, jobs, folder, campaign.pilot.name)
+    with Fleet([config], workers or default_workers()) as fleet:
+        jobs = _jobs(missions, config, campaign, fleet)
+        [table] = _flown(fleet, jobs, [folder], campaign.pilot.name)
         if films:
             wanted = {folder / f"{stem}.gif": jobs[each] for stem, each in films_of(table).items()}
             missing = {path: job for path, job in wanted.items() if not path.exists()}
@@ -63,16 +61,57 @@ def fly(
     say(folder / FLIGHTS)
 
 
-def _flown(fleet: Fleet, jobs: Mapping[str, Job], folder: Path, name: str) -> pd.DataFrame:
-    """Returns the rows of all flights; those that have none yet are flown."""
-    path = folder / FLIGHTS
-    table = pd.read_csv(path, keep_default_na=False) if path.is_file() else pd.DataFrame()
-    known = set(table["flight"]) if len(table) else set()
-    missing = [job for flight, job in jobs.items() if flight not in known]
-    for row in tracked(fleet.flown(missing, folder), f"flying {name}", len(missing)):
-        table = pd.concat([table, pd.DataFrame([row])]).sort_values("flight", ignore_index=True)
-        write_table(table, path)
-    return table
+def fly_together(configs: Sequence[Mapping]) -> None:
+    """Flies the missions of several configurations, each into its own ``task.out``.
+
+    They take turns on every mission: its town, traffic and true voxels take longer than a flight,
+    and are made once for all. Raises `UserError` for other missions than the first one's, and as
+    `fly` does.
+    """
+    first = configs[0]
+    missions, workers = (first["task"][key] for key in ("missions", "workers"))
+    require_count("task.workers", workers)
+    for config in tracked(configs, "opening"):
+        Campaign(config)
+        if _of_missions(config) != _of_missions(first) or config["task"]["missions"] != missions:
+            raise UserError(f"{config['task']['out']}: flies other missions than the first one")
+        _require_same(Path(config["task"]["out"]), config)
+
+    with Fleet(configs, workers or default_workers()) as fleet:
+        jobs = _jobs(missions, first, Campaign(first), fleet)
+        folders = [Path(config["task"]["out"]) for config in configs]
+        _flown(fleet, jobs, folders, f"{len(configs)} perceptions")
+
+
+def _flown(
+    fleet: Fleet, jobs: Mapping[str, Job], folders: Sequence[Path], name: str
+) -> list[pd.DataFrame]:
+    """Returns the rows of all flights by folder; those that have none yet are flown."""
+    paths = [folder / FLIGHTS for folder in folders]
+    tables = [
+        pd.read_csv(path, keep_default_na=False) if path.is_file() else pd.DataFrame()
+        for path in paths
+    ]
+    known = [set(table["flight"]) if len(table) else set() for table in tables]
+    missing = [
+        (number, job, folder)
+        for flight, job in jobs.items()
+        for number, folder in enumerate(folders)
+        if flight not in known[number]
+    ]
+    for number, row in tracked(fleet.flown(missing), f"flying {name}", len(missing)):
+        table = pd.concat([tables[number], pd.DataFrame([row])])
+        tables[number] = table.sort_values("flight", ignore_index=True)
+        write_table(tables[number], paths[number])
+    return tables
+
+
+def _jobs(
+    missions: str | None, config: Mapping, campaign: Campaign, fleet: Fleet
+) -> dict[str, Job]:
+    """Returns the missions of a file, or those of the configuration, by the name of the flight."""
+    table = _given(Path(missions)) if missions else _missions(config, campaign, fleet)
+    return {job.mission.flight: job for job in map(Job.of, table.to_dict("records"))}
 
 
 def films_of(flights: pd.DataFrame) -> dict[str, str]:
@@ -89,13 +128,8 @@ def films_of(flights: pd.DataFrame) -> dict[str, str]:
 
 def _missions(config: Mapping, campaign: Campaign, fleet: Fleet) -> pd.DataFrame:
     """Returns the missions of a configuration, drawn where they are not there."""
-    keys = {key: dict(config[key]) for key in OF_MISSIONS}
-    # They are chosen with one threshold.
-    keys["planner"].pop("threshold", None)
-    keys |= {key: config["task"][key] for key in ("grid", "rules")}
-    keys |= {"traffic": config["sim"]["traffic"], "code": code_of(CODE)}
-    folder = Path(config["paths"]["data"]) / f"missions-{digest_of(keys)}"
-    path = folder / MISSIONS
+    digest = digest_of({**_of_missions(config), "code": code_of(CODE)})
+    path = Path(config["paths"]["data"]) / f"missions-{digest}" / MISSIONS
 
     table = _read(path) if path.is_file() else pd.DataFrame(columns=["town", "seed"])
     places = campaign.missions.places()
@@ -106,6 +140,15 @@ def _missions(config: Mapping, campaign: Campaign, fleet: Fleet) -> pd.DataFrame
         table = pd.concat(parts).sort_values("flight", ignore_index=True)
         write_table(table, path)
     return table
+
+
+def _of_missions(config: Mapping) -> dict[str, object]:
+    """Returns the settings that say which missions there are."""
+    keys = {key: dict(config[key]) for key in OF_MISSIONS}
+    # They are chosen with one threshold.
+    keys["planner"].pop("threshold", None)
+    keys |= {key: config["task"][key] for key in ("grid", "rules")}
+    return keys | {"traffic": config["sim"]["traffic"]}
 
 
 def _read(path: Path) -> pd.DataFrame:

@@ -14,7 +14,7 @@ from src.loop.campaign import Campaign
 from src.report.flight_film import SHOWN
 from src.results.counts import Counts
 from src.results.flights import FLIGHTS
-from src.tasks.fly import films_of, fly
+from src.tasks.fly import films_of, fly, fly_together
 from tests.synthetic import sound_config
 
 YARD = (
@@ -63,6 +63,30 @@ def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
     assert run(config(tmp_path, "perception=seen")).equals(seen)
     with pytest.raises(UserError, match=r"another configuration.*task.out"):
         run(config(tmp_path, "perception=truth"), out=f"{tmp_path}/one")
+
+
+@pytest.mark.slow
+def test_perceptions_that_take_turns_fly_as_each_does_alone(tmp_path):
+    overrides = "perception=seen", "perception=all_free", "perception=truth"
+    plain = "task.films=false", "task.workers=1"
+    alone = [run(config(tmp_path, *plain, each)) for each in overrides]
+
+    configs = [
+        OmegaConf.to_container(
+            config(tmp_path, *plain, each, f"task.out={tmp_path}/together/{number}"), resolve=True
+        )
+        for number, each in enumerate(overrides)
+    ]
+    fly_together(configs)
+    flown = [
+        pd.read_csv(f"{tmp_path}/together/{number}/{FLIGHTS}", keep_default_na=False)
+        for number in range(len(overrides))
+    ]
+    assert all(map(pd.DataFrame.equals, flown, alone))
+
+    other = config(tmp_path, "mission.maps=1", f"task.out={tmp_path}/other")
+    with pytest.raises(UserError, match=r"other: flies other missions than the first one"):
+        fly_together([*configs, OmegaConf.to_container(other, resolve=True)])
 
 
 @pytest.mark.slow
