@@ -119,7 +119,7 @@ def _table(
     return Table(
         f"attitude_{which}",
         title,
-        f"{text.format(reference=ladder.reference)} {_drawn(attitude, conditions, names)}",
+        f"{text.format(reference=ladder.reference)} {how_drawn(attitude, conditions, names)}",
         heads,
         pivoted(attitude.scores, rows, columns),
         best=dict.fromkeys(heads, "high"),
@@ -127,7 +127,9 @@ def _table(
     )
 
 
-def _drawn(attitude: AttitudeScores, conditions: Sequence[Condition], names: Sequence[str]) -> str:
+def how_drawn(
+    attitude: AttitudeScores, conditions: Sequence[Condition], names: Sequence[str]
+) -> str:
     """Says how the intervals were drawn; each column has clips of its own."""
     columns = [attitude.resamples[condition] for condition in conditions]
     every = attitude.resamples.values()

@@ -15,7 +15,7 @@ from ..results.free_bias import read_free_bias
 from ..results.render import Cell, Row, Table
 from ..results.runs import ScoredRun
 from ..results.table import Resamples
-from .attitude_tables import AttitudeScores, tilt_in_words
+from .attitude_tables import AttitudeScores, how_drawn, tilt_in_words
 from .captions import resampling
 from .shared_settings import FACTOR_KEYS, SEED, differing, factors_of
 
@@ -122,7 +122,10 @@ def cube_tables(
         and not condition.level
         and resamples.samples.keys() >= {*vertices.values()}
     }
-    return [*tables, *([_by_tilt(bins, vertices)] if bins else [])]
+    found = {name: weights for name, weights, _ in effects(vertices)}
+    if bins and FACTORS[0] in found:
+        tables.append(_by_tilt(attitude, bins, found[FACTORS[0]]))
+    return tables
 
 
 def _effects_table(
@@ -151,14 +154,16 @@ def _effects_table(
     )
 
 
-def _by_tilt(bins: Mapping[Condition, Resamples], vertices: Mapping[Vertex, str]) -> Table:
+def _by_tilt(
+    attitude: AttitudeScores, bins: Mapping[Condition, Resamples], weights: Mapping[str, float]
+) -> Table:
     """Returns what the attitude adds to KAR-mIoU in frames of each tilt."""
-    name, weights, _ = next(effects(vertices))
     cells = [_cell(resamples, weights, "kar_miou") for resamples in bins.values()]
     columns = [tilt_in_words(condition, each.frames) for condition, each in bins.items()]
-    drawn = resampling(next(iter(bins.values())), [*vertices.values()], differences=True)
+    drawn = how_drawn(attitude, [*bins], [*weights])
     text = f"Effect on KAR-mIoU in frames of each tilt |roll| + |pitch|. {drawn}"
-    return Table("cube_tilt", "Effect by tilt", text, columns, [(name, cells)], head="Effect of")
+    rows: list[Row] = [(FACTORS[0], cells)]
+    return Table("cube_tilt", "Effect by tilt", text, columns, rows, head="Effect of")
 
 
 def _cell(resamples: Resamples, weights: Mapping[str, float], score: str) -> Cell | None:

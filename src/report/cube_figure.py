@@ -19,7 +19,7 @@ CAPTION = (
 )
 # The tables whose effects are drawn, their color and their name.
 DRAWN = {
-    "cube": ("#2962ff", "as the class with the highest logit"),
+    "cube": ("#2962ff", "as trained"),
     "cube_free_bias": ("#d1495b", "with the weight of free that validation prefers"),
 }
 # The scores that have axes.

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from ..errors import UserError
+from ..metrics.protocol import require_same_protocol
 from ..run_folder import TALLIES
 from .counts import Counts
 from .runs import ScoredRun
@@ -11,11 +13,21 @@ FREE_BIAS = "free_bias"
 
 
 def read_free_bias(runs: Sequence[ScoredRun]) -> dict[str, dict[int, Counts]]:
-    """Reads the counts of experiments by seed; nothing unless all runs were scored so."""
+    """Reads the counts of experiments by seed; nothing unless all runs were scored so.
+
+    Raises `UserError` where a run was scored so by another protocol, or on other frames, than
+    itself.
+    """
     files = [run.path / FREE_BIAS / TALLIES / f"{run.experiment}.npz" for run in runs]
     if not all(file.is_file() for file in files):
         return {}
     counts: dict[str, dict[int, Counts]] = {}
     for run, file in zip(runs, files):
-        counts.setdefault(run.experiment, {})[run.seed] = Counts.read(file)
+        read = Counts.read(file)
+        require_same_protocol({str(run.path): run.counts.protocol, str(file): read.protocol})
+        if other := read.scored_on_other(run.counts):
+            raise UserError(
+                f"{file}: was scored on {other} than {run.path}; run task=free_bias on it again"
+            )
+        counts.setdefault(run.experiment, {})[run.seed] = read
     return counts

@@ -126,12 +126,31 @@ def test_what_was_scored_by_tilt_and_with_a_bias_has_tables(runs):
     tuned, plain = (table(out, key)[scores] for key in ("cube_free_bias", "cube"))
     pd.testing.assert_frame_equal(tuned, plain)
     assert list(table(out, "cube_tilt").index) == [FACTORS[0]]
+    assert "clips that have such frames" in (out / "report.md").read_text()
+
+    # Of models that differ in something else, nothing is said of the attitude.
+    keys = set(pd.read_csv(reported(runs, cube=["baseline", "lovasz"]) / "tables.csv")["table"])
+    assert "cube_free_bias" in keys
+    assert "cube_tilt" not in keys
 
     # With one of them gone, effects of some models alone would say something else.
     shutil.rmtree(runs / "skyocc/seed0/free_bias")
     again = pd.read_csv(reported(runs, cube=NAMES) / "tables.csv")["table"]
     assert "cube_free_bias" not in set(again)
     assert "cube" in set(again)
+
+
+def test_a_free_bias_of_other_frames_is_refused(runs, tmp_path):
+    other = write_run(tmp_path / "other", "skyocc", 0, labels=1)
+    for folder in (runs / "skyocc/seed0", runs / "baseline/seed0"):
+        counts = f"tallies/{folder.parent.name}.npz"
+        source = other if folder.parent.name == "skyocc" else folder
+        (folder / "free_bias/tallies").mkdir(parents=True)
+        shutil.copy(source / counts, folder / "free_bias" / counts)
+    for folder in runs.glob("*/seed1"):
+        shutil.rmtree(folder)
+    with pytest.raises(UserError, match=r"skyocc.npz: was scored on other labels .*free_bias on"):
+        reported(runs, cube=["baseline", "skyocc"])
 
 
 def test_what_is_no_cube_is_refused(runs):
