@@ -1,6 +1,8 @@
 """What task=free_bias has counted: the test split with the free bias that validation prefers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
 
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
@@ -10,6 +12,7 @@ from .runs import ScoredRun
 
 # Its folder in a run's folder, and the name of its table.
 FREE_BIAS = "free_bias"
+BIAS, SCORED = "bias", "val/kar_miou"
 
 
 def read_free_bias(runs: Sequence[ScoredRun]) -> dict[str, dict[int, Counts]]:
@@ -31,3 +34,14 @@ def read_free_bias(runs: Sequence[ScoredRun]) -> dict[str, dict[int, Counts]]:
             )
         counts.setdefault(run.experiment, {})[run.seed] = read
     return counts
+
+
+def best_bias(curve: Mapping[float, float]) -> float:
+    """Returns the bias with the highest score; of several best ones the smallest."""
+    return max(curve, key=lambda each: (curve[each], -abs(each)))
+
+
+def read_bias(run: ScoredRun) -> float:
+    """Reads which bias a run was scored with."""
+    table = pd.read_csv(run.path / FREE_BIAS / f"{FREE_BIAS}.csv")
+    return best_bias(dict(zip(table[BIAS], table[SCORED])))

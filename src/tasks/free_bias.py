@@ -19,7 +19,7 @@ from ..data.truth import truth_of
 from ..errors import UserError
 from ..ontology import FREE
 from ..results.files import write_table
-from ..results.free_bias import FREE_BIAS
+from ..results.free_bias import BIAS, FREE_BIAS, SCORED, best_bias
 from ..run_folder import TALLIES
 from ..terminal import say, tracked
 from .counting import SCORE
@@ -44,7 +44,7 @@ def free_bias(cfg: DictConfig, bias: Sequence[float]) -> None:
     logits_of = predictor(checkpoint.network(), trainer)
 
     curve = _on_validation(session, logits_of, biases)
-    best = max(curve, key=lambda each: (curve[each], -abs(each)))
+    best = best_bias(curve)
     suite, samples = suite_of(cfg, data), data.split["test"]
     for batch in tracked(data.in_order("test"), "scoring"):
         suite.update(_shifted(logits_of(batch), best), truth_of(batch))
@@ -53,7 +53,7 @@ def free_bias(cfg: DictConfig, bias: Sequence[float]) -> None:
     folder = run.path / FREE_BIAS
     with replacing_folder(folder) as new:
         counts.write(new / TALLIES / f"{cfg.name}.npz")
-        table = pd.DataFrame({"bias": list(curve), f"val/{SCORE}": list(curve.values())})
+        table = pd.DataFrame({BIAS: list(curve), SCORED: list(curve.values())})
         write_table(table, new / f"{FREE_BIAS}.csv")
     score = float(counts.scores("occupancy")[SCORE])
     say(f"free {best:+g}: KAR-mIoU {100 * curve[best]:.1f} % on validation, {100 * score:.1f} %")

@@ -113,6 +113,12 @@ def test_a_missing_model_is_told(runs):
     assert missing in (out / "report.md").read_text()
 
 
+def write_biases(folder):
+    """Of the two best ones the smaller is taken."""
+    curve = {"bias": [-1.0, -0.5, 0.0], "val/kar_miou": [0.3, 0.3, 0.2]}
+    pd.DataFrame(curve).to_csv(folder / "free_bias/free_bias.csv", index=False)
+
+
 def test_what_was_scored_by_tilt_and_with_a_bias_has_tables(runs):
     for folder in runs.glob("*/seed1"):
         shutil.rmtree(folder)
@@ -121,10 +127,15 @@ def test_what_was_scored_by_tilt_and_with_a_bias_has_tables(runs):
         (folder / "free_bias/tallies").mkdir(parents=True)
         name = f"{folder.parent.name}.npz"
         shutil.copy(folder / "tallies" / name, folder / "free_bias/tallies" / name)
+        write_biases(folder)
     out = reported(runs, cube=NAMES)
     scores = ["KAR-mIoU", "mIoU", "Car"]
     tuned, plain = (table(out, key)[scores] for key in ("cube_free_bias", "cube"))
     pd.testing.assert_frame_equal(tuned, plain)
+    cells = pd.read_csv(out / "tables.csv").query("table == 'free_bias' and row == 'skyocc'")
+    values = cells.set_index("column")["value"]
+    assert values["added to free"] == "-0.5"
+    assert float(values["KAR-mIoU"]) == pytest.approx(kar_of(runs, "skyocc"), abs=1e-4)
     assert list(table(out, "cube_tilt").index) == [FACTORS[0]]
     assert "clips that have such frames" in (out / "report.md").read_text()
 
