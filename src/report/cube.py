@@ -112,12 +112,10 @@ def cube_tables(
 
     of_cube = [run for run in runs if run.experiment in vertices.values()]
     if tuned := read_free_bias(of_cube):
-        title, resamples = (
-            "Effects at the weight of free that validation prefers, test",
-            Resamples(tuned),
-        )
-        tables.append(_effects_table("cube_free_bias", title, resamples, vertices))
-        tables.append(_tuned_table(of_cube, resamples))
+        of_tuned = Resamples(tuned)
+        tables.append(_tuned_table(of_cube, of_tuned))
+        title = "Effects at the weight of free that validation prefers, test"
+        tables.append(_effects_table("cube_free_bias", title, of_tuned, vertices))
 
     bins = {
         condition: resamples
@@ -160,10 +158,9 @@ def _effects_table(
 
 def _tuned_table(runs: Sequence[ScoredRun], resamples: Resamples) -> Table:
     """Returns the models at the weight of free that validation prefers, and that of each seed."""
-    scored = {
-        score for by_seed in resamples.samples.values() for of in by_seed.values() for score in of
-    }
-    scores = {score: name for score, name in SCORES.items() if score in scored}
+    some = next(iter(next(iter(resamples.samples.values())).values()))
+    scores = {score: name for score, name in SCORES.items() if score in some}
+
     rows: list[Row] = []
     for name in resamples.samples:
         biases = [f"{read_bias(run):+g}" for run in runs if run.experiment == name]
