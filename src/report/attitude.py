@@ -16,15 +16,15 @@ from .figure_file import write_figure
 # Another marker is taken when all colors have been used.
 COLORS = ("#2962ff", "#d1495b", "#00898a", "#8a5a00", "#6a3fb5", "#5a606a")
 MARKERS = ("o", "s", "^", "D")
-SIZE_INCHES, DPI = (11.0, 6.8), 130
+WIDTH_INCHES, ROW_INCHES, DPI = 11.0, 3.4, 130
 
 TILT = "tilt |roll| + |pitch| (°), number of frames"
 TOLD = "dashed: told level flight"
 FAULTS = {"noise_deg": "noise of roll and pitch (°)", "delay_s": "delay of the attitude (s)"}
 CAPTION = (
-    "KAR-mIoU by tilt, what it gains over {reference}, and what the true attitude gains over being "
-    "told that the UAV flies level; below, under a wrongly measured attitude. Bars are intervals, "
-    "as in the tables."
+    "KAR-mIoU by tilt, what it gains over {reference}, and, where that was scored, what the true "
+    "attitude gains over being told that the UAV flies level; below, under a wrongly measured "
+    "attitude. Bars are intervals, as in the tables."
 )
 
 # The marker and the color of each run.
@@ -76,9 +76,11 @@ def draw_attitude(
 
 
 def attitude_figure(scores: Rows, changes: Mapping[str, Rows]) -> Figure:
-    """Returns the figure of `draw_attitude`: above by tilt, below by fault."""
-    figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
-    above, below = figure.subfigures(2, 1)
+    """Returns the figure of `draw_attitude`: above by tilt, below by fault, where there is one."""
+    faults = [key for key in FAULTS if any((rows[key] > 0).any() for rows in scores.values())]
+    size_inches = WIDTH_INCHES, ROW_INCHES * (2 if faults else 1)
+    figure = Figure(figsize=size_inches, dpi=DPI, layout="constrained")
+    above, *below = figure.subfigures(2 if faults else 1, 1, squeeze=False)[:, 0]
     styles = dict(zip(scores, cycle(product(MARKERS, COLORS))))
 
     first, *others = above.subplots(1, 1 + len(changes), squeeze=False)[0]
@@ -90,12 +92,12 @@ def attitude_figure(scores: Rows, changes: Mapping[str, Rows]) -> Figure:
         _draw_tilt(axes, rows, styles)
         axes.set_ylabel(name, color=INK)
 
-    faults = below.subplots(1, len(FAULTS))
-    for axes, key in zip(faults, FAULTS):
-        axes.sharey(first)
-        _draw_fault(axes, scores, styles, key)
-    for axes in (first, faults[0]):
-        axes.set_ylabel("KAR-mIoU (%)", color=INK)
+    first.set_ylabel("KAR-mIoU (%)", color=INK)
+    for figure_below in below:
+        for axes, key in zip(figure_below.subplots(1, len(faults), squeeze=False)[0], faults):
+            axes.sharey(first)
+            _draw_fault(axes, scores, styles, key)
+            axes.set_ylabel("KAR-mIoU (%)", color=INK)
     first.set_ylim(bottom=0)
     return figure
 

@@ -134,10 +134,7 @@ def _effects_table(
     key: str, title: str, resamples: Resamples, vertices: Mapping[Vertex, str]
 ) -> Table:
     """Returns the effects on every score, in percentage points, with paired intervals."""
-    some = next(iter(vertices.values()))
-    scored = {score for samples in resamples.samples[some].values() for score in samples}
-    scores = {score: name for score, name in SCORES.items() if score in scored}
-
+    scores = _shown(resamples)
     rows: list[Row] = []
     for name, weights, comparisons in effects(vertices):
         cells = [_cell(resamples, weights, score) for score in scores]
@@ -158,9 +155,7 @@ def _effects_table(
 
 def _tuned_table(runs: Sequence[ScoredRun], resamples: Resamples) -> Table:
     """Returns the models at the weight of free that validation prefers, and that of each seed."""
-    some = next(iter(next(iter(resamples.samples.values())).values()))
-    scores = {score: name for score, name in SCORES.items() if score in some}
-
+    scores = _shown(resamples)
     rows: list[Row] = []
     for name in resamples.samples:
         biases = [f"{read_bias(run):+g}" for run in runs if run.experiment == name]
@@ -188,6 +183,12 @@ def _by_tilt(
     text = f"Effect on KAR-mIoU in frames of each tilt |roll| + |pitch|. {drawn}"
     rows: list[Row] = [(FACTORS[0], cells)]
     return Table("cube_tilt", "Effect by tilt", text, columns, rows, head="Effect of")
+
+
+def _shown(resamples: Resamples) -> dict[str, str]:
+    """Returns those of the `SCORES` that there are, and their names."""
+    some = next(iter(next(iter(resamples.samples.values())).values()))
+    return {score: name for score, name in SCORES.items() if score in some}
 
 
 def _cell(

@@ -13,9 +13,8 @@ from torch import Tensor
 
 from ..data.batch import Batch
 from ..errors import UserError
-from ..metrics.protocol import require_same_protocol
 from ..run_folder import TALLIES
-from .counts import Counts
+from .counts import Counts, require_same_frames
 from .runs import ScoredRun
 
 # The folder of task=attitude in a run's folder, and its table.
@@ -140,7 +139,8 @@ def read_conditions(runs: Sequence[ScoredRun]) -> Conditions:
             counts = Counts.read(path)
             if condition == Condition():
                 _require_own(run, path, counts)
-            _require_same_frames(*firsts.setdefault(condition, (path, counts)), path, counts)
+            first = firsts.setdefault(condition, (path, counts))
+            require_same_frames(*first, path, counts, AGAIN)
             by_experiment = conditions.setdefault(condition, {})
             by_experiment.setdefault(run.experiment, {})[run.seed] = counts
     return {each: conditions[each] for each in sorted(conditions, key=_order)}
@@ -188,7 +188,7 @@ def _require_own(run: ScoredRun, path: Path, counts: Counts) -> None:
     """Raises `UserError` where the true attitude was counted unlike the run itself."""
     # Its part has another name, but all frames are those that the run was scored on.
     protocol = replace(counts.protocol, part=run.counts.protocol.part)
-    _require_same_frames(path, replace(counts, protocol=protocol), run.path, run.counts)
+    require_same_frames(path, replace(counts, protocol=protocol), run.path, run.counts, AGAIN)
 
     table, own = (each.tables["occupancy"]["count"] for each in (counts, run.counts))
     moved = float((table - own).abs().sum() / 2 / own.sum())
@@ -197,10 +197,3 @@ def _require_own(run: ScoredRun, path: Path, counts: Counts) -> None:
             f"{path}: counts {100 * moved:.2g} % of the voxels otherwise than the run; run "
             "task=attitude on the run's best checkpoint again"
         )
-
-
-def _require_same_frames(first: Path, of_first: Counts, path: Path, counts: Counts) -> None:
-    protocols = {first: of_first.protocol, path: counts.protocol}
-    require_same_protocol({str(each): protocol for each, protocol in protocols.items()})
-    if other := counts.scored_on_other(of_first):
-        raise UserError(f"{path}: was scored on {other} than {first}; {AGAIN}")

@@ -11,7 +11,7 @@ import torch
 from ..atomic import replacing
 from ..data.files import BROKEN
 from ..errors import UserError
-from ..metrics.protocol import Protocol
+from ..metrics.protocol import Protocol, require_same_protocol
 from ..metrics.suite import ScoreSuite
 from ..metrics.tables import Scores, Tables
 
@@ -113,3 +113,13 @@ class Counts:
         except (*BROKEN, SyntaxError, TokenError) as error:
             reason = " ".join(str(error).split())
             raise UserError(f"{path}: cannot be read ({reason}); delete it and {AGAIN}") from error
+
+
+def require_same_frames(
+    first: Path, of_first: Counts, path: Path, counts: Counts, way_out: str
+) -> None:
+    """Raises `UserError` where two files have counts of other protocols or other frames."""
+    protocols = {first: of_first.protocol, path: counts.protocol}
+    require_same_protocol({str(each): protocol for each, protocol in protocols.items()})
+    if other := counts.scored_on_other(of_first):
+        raise UserError(f"{path}: was scored on {other} than {first}; {way_out}")

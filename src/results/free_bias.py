@@ -4,10 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from ..errors import UserError
-from ..metrics.protocol import require_same_protocol
 from ..run_folder import TALLIES
-from .counts import Counts
+from .counts import Counts, require_same_frames
 from .runs import ScoredRun
 
 # Its folder in a run's folder, and the name of its table.
@@ -27,11 +25,7 @@ def read_free_bias(runs: Sequence[ScoredRun]) -> dict[str, dict[int, Counts]]:
     counts: dict[str, dict[int, Counts]] = {}
     for run, file in zip(runs, files):
         read = Counts.read(file)
-        require_same_protocol({str(run.path): run.counts.protocol, str(file): read.protocol})
-        if other := read.scored_on_other(run.counts):
-            raise UserError(
-                f"{file}: was scored on {other} than {run.path}; run task=free_bias on it again"
-            )
+        require_same_frames(run.path, run.counts, file, read, "run task=free_bias on it again")
         counts.setdefault(run.experiment, {})[run.seed] = read
     return counts
 

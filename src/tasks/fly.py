@@ -6,6 +6,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import pandas as pd
+from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from ..bounds import require_count
@@ -51,7 +52,7 @@ def fly(
     _require_same(folder, config)
 
     with Fleet([config], workers or default_workers()) as fleet:
-        jobs = _jobs(missions, config, campaign, fleet)
+        jobs = _jobs(missions, config, fleet)
         [table] = _flown(fleet, jobs, [folder], campaign.pilot.name)
         if films:
             wanted = {folder / f"{stem}.gif": jobs[each] for stem, each in films_of(table).items()}
@@ -78,7 +79,7 @@ def fly_together(configs: Sequence[Mapping]) -> None:
         _require_same(Path(config["task"]["out"]), config)
 
     with Fleet(configs, workers or default_workers()) as fleet:
-        jobs = _jobs(missions, first, Campaign(first), fleet)
+        jobs = _jobs(missions, first, fleet)
         folders = [Path(config["task"]["out"]) for config in configs]
         _flown(fleet, jobs, folders, f"{len(configs)} perceptions")
 
@@ -106,11 +107,9 @@ def _flown(
     return tables
 
 
-def _jobs(
-    missions: str | None, config: Mapping, campaign: Campaign, fleet: Fleet
-) -> dict[str, Job]:
+def _jobs(missions: str | None, config: Mapping, fleet: Fleet) -> dict[str, Job]:
     """Returns the missions of a file, or those of the configuration, by the name of the flight."""
-    table = _given(Path(missions)) if missions else _missions(config, campaign, fleet)
+    table = _given(Path(missions)) if missions else _missions(config, fleet)
     return {job.mission.flight: job for job in map(Job.of, table.to_dict("records"))}
 
 
@@ -126,13 +125,13 @@ def films_of(flights: pd.DataFrame) -> dict[str, str]:
     return {name: flight for name, found in films.items() for flight in found}
 
 
-def _missions(config: Mapping, campaign: Campaign, fleet: Fleet) -> pd.DataFrame:
+def _missions(config: Mapping, fleet: Fleet) -> pd.DataFrame:
     """Returns the missions of a configuration, drawn where they are not there."""
     digest = digest_of({**_of_missions(config), "code": code_of(CODE)})
     path = Path(config["paths"]["data"]) / f"missions-{digest}" / MISSIONS
 
     table = _read(path) if path.is_file() else pd.DataFrame(columns=["town", "seed"])
-    places = campaign.missions.places()
+    places = instantiate(config["mission"]).places()
     known = set(zip(table["town"], table["seed"]))
     missing = [place for place in places if place not in known]
     for rows in tracked(fleet.chosen(missing), "choosing missions", len(missing)):

@@ -83,3 +83,15 @@ def test_told_a_level_attitude_each_run_has_a_dashed_line_that_is_named_once(fig
 def test_of_one_run_there_are_its_scores_alone():
     figure = attitude_figure({"mine": table(0.3)}, {})
     assert len(figure.axes) == 3
+
+
+def test_without_a_fault_there_is_no_empty_panel():
+    rows = table(0.1)
+    rows = rows[(rows["noise_deg"] == 0) & (rows["delay_s"] == 0)]
+    assert len(attitude_figure({"Baseline": rows}, {}).axes) == 1
+
+    noisy = table(0.1).query("delay_s == 0")
+    assert [axes.get_xlabel()[:5] for axes in attitude_figure({"a": noisy}, {}).axes] == [
+        "tilt ",
+        "noise",
+    ]
