@@ -97,25 +97,29 @@ def ladder_report(
         settings=statement(rungs or groups[0].runs, ladder),
         differing=differing(rungs or groups[0].runs),
         warnings=(*surprises(rungs, ladder), *code_lines(runs), *_mixed(groups)),
-        missing=tuple(_missing(groups, unfinished, seeds)),
+        missing=tuple(_missing(groups, unfinished, seeds, cube)),
         others=tuple(other_experiments(groups[0].runs, ladder)),
     )
 
 
 def _missing(
-    groups: Sequence[RunGroup], unfinished: Sequence[UnfinishedRun], planned: Sequence[int]
+    groups: Sequence[RunGroup],
+    unfinished: Sequence[UnfinishedRun],
+    planned: Sequence[int],
+    cube: Sequence[str],
 ) -> list[str]:
-    """Lists runs of the ladder that a full sweep over the seeds would have, and other unfinished
-    ones."""
+    """Lists runs of the ladder and the cube that a full sweep over the seeds would have, and other
+    unfinished ones."""
     ladder = groups[0].ladder
+    names = dict.fromkeys((*ladder.names, *cube))
     finished = {(run.experiment, run.seed) for group in groups for run in group.runs}
     compared = {(run.experiment, run.seed) for run in groups[0].runs}
     begun = {(run.experiment, run.seed): run for run in unfinished}
-    # The seeds that one rung has are expected of every other one.
-    of_ladder = {key for key in (*compared, *begun) if key[0] in ladder}
+    # The seeds that one of them has are expected of every other one.
+    of_sweep = {key for key in (*compared, *begun) if key[0] in names}
 
     lines = []
-    for key in product(ladder.names, sorted({*planned, *(seed for _, seed in of_ladder)})):
+    for key in product(names, sorted({*planned, *(seed for _, seed in of_sweep)})):
         if key not in finished:
             run = begun.pop(key, None)
             lines.append(str(run) if run else f"{key[0]} seed {key[1]}: no run")

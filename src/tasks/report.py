@@ -70,7 +70,7 @@ def report(
 
     with unpacked(places) as (folders, named):
         finished, unfinished = _read(folders, folder, named)
-        _require_experiments((*rungs, *cube), {run.experiment for run in (*finished, *unfinished)})
+        _require_experiments(rungs, {run.experiment for run in (*finished, *unfinished)})
         groups = groups_of(finished, mixed, ladder)
         with Console().status("resampling"):
             attitude = AttitudeScores.of(read_conditions(groups[0].runs), ladder)
@@ -120,7 +120,7 @@ def _require_experiments(rungs: Sequence[str], trained: Collection[str]) -> None
     for name in rungs:
         if name not in known:
             raise UserError(
-                f"task.rungs/task.cube: no run and no experiment is called {name!r}"
+                f"task.rungs: no run and no experiment is called {name!r}"
                 f"{closest(name, known)} "
                 f"there are {', '.join(sorted(known))}"
             )

@@ -313,7 +313,7 @@ def test_a_broken_run_or_none_at_all_is_one_line_and_leaves_nothing(runs, damage
         ({"seeds": [0, "a"]}, r"^task\.seeds: 'a' is no seed"),
         (
             {"rungs": ["basline", "skyocc"]},
-            r"^task.rungs/task.cube: no run and .* called 'basline'; did you mean 'baseline'\?",
+            r"^task.rungs: no run and .* called 'basline'; did you mean 'baseline'\?",
         ),
     ],
 )
