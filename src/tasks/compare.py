@@ -22,7 +22,7 @@ from ..results.table import Resamples
 from ..terminal import say
 
 # Of all scores, which differences.csv has, these are printed.
-PRINTED = ("miou", "miou_occupied", "kar_miou", "collision_miss_rate", "geometric_iou", "ray_iou")
+PRINTED = ("miou", "miou_occupied", "kar_miou", "geometric_iou", "primitive_miss", "ray_iou")
 
 
 def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = ()) -> None:
