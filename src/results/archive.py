@@ -1,4 +1,4 @@
-"""A study as one compressed file: the runs of a report, small enough to be published."""
+"""A study as one compressed file, small enough to be published: runs of a report, or flights."""
 
 import lzma
 import tempfile
@@ -14,6 +14,8 @@ from ..errors import UserError
 from ..run_folder import CODE, CONFIG, METRICS, RESULTS, TALLIES
 from .conditions import ATTITUDE, TABLE
 from .counts import Counts
+from .flights import FLIGHTS
+from .foretelling import MAPS, Perception, counts_by_map
 from .free_bias import FREE_BIAS
 from .runs import ScoredRun
 
@@ -61,6 +63,22 @@ def publish_runs(
                     _add(archive, folder / name, _packed(each, without))
 
 
+def publish_flights(perceptions: Sequence[Perception], path: Path) -> None:
+    """Writes ``<stratum>/<name>/<set>`` of all perceptions into an archive: their flights, and the
+    counts of frames by map in place of those by second.
+
+    Raises `UserError` for a file that cannot be written.
+    """
+    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for each in perceptions:
+            for frames, place in each.frames.items():
+                folder = PurePosixPath(each.stratum) / each.name / frames
+                for name in (CONFIG, FLIGHTS):
+                    if (place.parent / name).is_file():
+                        _add(archive, folder / name, (place.parent / name).read_bytes())
+                _add(archive, folder / MAPS, _packed(counts_by_map(place), ()))
+
+
 def _packed(counts: Counts, without: Collection[str]) -> bytes:
     """Returns the file of some counts, uncompressed: the archive packs it tighter than numpy."""
     tables = {name: table for name, table in counts.tables.items() if name not in without}
@@ -82,7 +100,7 @@ def unpacked(places: Sequence[Path]) -> Iterator[tuple[list[Path], Naming]]:
     ``runs.zip`` is an archive, and so is ``runs`` where only ``runs.zip`` exists; places below it,
     as ``runs/skyocc/seed0``, are found in it. The second thing that it yields puts an archive's
     name into a text in place of its folder; errors that leave the block have it, too. Raises
-    `UserError` for a file that is no archive of runs.
+    `UserError` for a file that is no archive of a study.
     """
     with ExitStack() as stack:
         folders: dict[Path, Path] = {}
@@ -129,12 +147,13 @@ def _unpack(path: Path, folder: Path) -> None:
             # The sizes that it declares; zipfile stops where a member is larger than it says.
             if sum(member.file_size for member in members) > LARGEST:
                 raise ValueError(f"it holds more than {LARGEST:,} bytes")
-            if not any(PurePosixPath(member.filename).name == CONFIG for member in members):
-                raise ValueError("it holds no run")
+            names = {PurePosixPath(member.filename).name for member in members}
+            if not names & {CONFIG, FLIGHTS}:
+                raise ValueError("it holds no run and no flights")
             # Whatever the names of its members are, zipfile writes files in the folder alone.
             archive.extractall(folder)
     except NO_ARCHIVE as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UserError(
-            f"{path}: is no archive of runs ({reason}); make it with task=report task.publish=true"
+            f"{path}: is no archive of a study ({reason}); make it with task.publish=true"
         ) from error

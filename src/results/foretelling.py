@@ -13,8 +13,6 @@ from jaxtyping import Float, Int, Shaped
 from torch import Generator, Tensor
 
 from ..errors import UserError
-from ..metrics.suite import ScoreSuite
-from ..metrics.tables import Tables
 from .bootstrap import interval_of, resamplings, score_samples
 from .counts import Counts
 from .flights import FLIGHTS, holm, p_value, require_same_flights, samples_of
@@ -25,6 +23,8 @@ Samples = Float[np.ndarray, "1+r k"]
 # What a good score should foretell; less of each is better.
 TARGETS = ("collisions", "stuck", "phantom_stops_per_min")
 ALL = "all"
+# The counts of a set of frames by map, in place of the folder with those of every flight.
+MAPS = "maps.npz"
 # The difference of two correlations whose power is told, and what 95 % of a normal lies within.
 DIFFERENCE, BOUND = 0.2, 1.96
 
@@ -35,9 +35,9 @@ MEMBER = re.compile(r"(-seed|_)[\d.]+$")
 
 @dataclass(frozen=True)
 class Perception:
-    """One of those that are compared: its name, its ``stratum``, its flights, and folders with the
-    counts of frames, by the name of their set. Those of one ``family``, as the seeds of a model,
-    are no independent evidence."""
+    """One of those that are compared: its name, its ``stratum``, its flights, and where the counts
+    of its frames are, as `counts_by_map` reads them, by the name of their set. Those of one
+    ``family``, as the seeds of a model, are no independent evidence."""
 
     name: str
     stratum: str
@@ -48,6 +48,11 @@ class Perception:
     def family(self) -> str:
         return MEMBER.sub("", self.name)
 
+    @property
+    def has_seconds(self) -> bool:
+        """Whether its own flights are counted second by second."""
+        return "flown" in self.frames and self.frames["flown"].is_dir()
+
     @classmethod
     def all_below(cls, folder: Path) -> list["Perception"]:
         """Returns those of ``<folder>/<stratum>/<name>/<set>/``, whose set ``flown`` has flights.
@@ -57,7 +62,8 @@ class Perception:
         found = []
         for path in sorted(folder.glob(f"*/*/flown/{FLIGHTS}")):
             own = path.parent.parent
-            frames = {each.parent.name: each for each in sorted(own.glob("*/frames"))}
+            places = sorted([*own.glob("*/frames"), *own.glob(f"*/{MAPS}")])
+            frames = {each.parent.name: each for each in places}
             flights = pd.read_csv(path, keep_default_na=False)
             found.append(cls(own.name, own.parent.name, flights, frames))
         if not found:
@@ -107,16 +113,17 @@ def foretelling(
     for frames in sorted({name for each in compared for name in each.frames}):
         members = [each for each in compared if frames in each.frames]
 
-        folders = [each.frames[frames] for each in members]
-        units = _units(folders)
-        own = weights if units == maps else resamplings(len(units), resamples, generator)
+        places = [each.frames[frames] for each in members]
+        counts = [counts_by_map(place) for place in places]
         # Only those that flew themselves saw frames of their own.
-        values = _scores(folders, own, alike=frames != "flown")
+        _require_same_frames(places, counts, alike=frames != "flown")
+        units = counts[0].clips
+        own = weights if units == maps else resamplings(len(units), resamples, generator)
+        values = _scores(counts, own)
         for score in scores:
             if score not in values:
                 raise UserError(
-                    f"task.scores.{score}: no score of {members[0].frames[frames]}; there are "
-                    f"{', '.join(values)}"
+                    f"task.scores.{score}: no score of {places[0]}; there are {', '.join(values)}"
                 )
         targets = _targets([each.flights for each in members], flown, weights)
 
@@ -138,57 +145,50 @@ def foretelling(
     return table
 
 
-def _units(folders: Sequence[Path]) -> list[str]:
-    """Returns the maps of the frames in each folder, which all have the same frames. Raises
-    `UserError` for others."""
-    flights = [
-        sorted(each.relative_to(folder) for each in folder.glob("*/*")) for folder in folders
-    ]
-    for folder, own in zip(folders, flights):
-        if own != flights[0]:
-            raise UserError(f"{folder}: has other frames than {folders[0]}; give task=fly again")
-    return sorted({flight.parent.name for flight in flights[0]})
+def counts_by_map(place: Path) -> Counts:
+    """Returns the counts of whole maps, in the order of their names, in place of clips.
 
-
-def _scores(
-    folders: Sequence[Path], weights: Float[Tensor, "r m"], alike: bool
-) -> dict[str, Samples]:
-    """Returns every score of the frames in each folder, whole and by resampled maps.
-
-    Raises `UserError` for folders with other labels, where they should be ``alike``.
+    ``place`` is a file of such counts, or a folder with ``<map>/<flight>.npz``.
     """
-    of_folder, first = [], None
-    for folder in folders:
-        counts, tables = counts_by_map(folder)
-        # The sum over predictions leaves the labels alone.
-        labels = tables["occupancy"]["count"].sum(-1)
-        first = labels if first is None else first
-        if alike and not torch.equal(labels, first):
-            raise UserError(f"{folder}: has other frames than {folders[0]}; give task=fly again")
-        suite, samples = ScoreSuite.of(counts.protocol, counts.clips), {}
-        for metric, of_metric in tables.items():
-            samples |= score_samples(suite.metric(metric), of_metric, weights)
-        of_folder.append(samples)
-    names = [name for name in of_folder[0] if all(name in each for each in of_folder)]
-    return {s: np.stack([each[s].numpy() for each in of_folder], axis=1) for s in names}
-
-
-def counts_by_map(folder: Path) -> tuple[Counts, dict[str, Tables]]:
-    """Returns counts that say what tables mean, and the tables [maps, ...] of whole flights.
-
-    ``folder`` has ``<map>/<flight>.npz``; the maps are in the order of their names.
-    """
-    by_map = []
-    for one in sorted(each for each in folder.iterdir() if each.is_dir()):
-        read = [Counts.read(path) for path in sorted(one.glob("*.npz"))]
-        by_map.append([each.tables for each in read])
-    return read[0], {
-        metric: {
-            name: torch.stack([sum(each[metric][name].sum(0) for each in one) for one in by_map])
-            for name in tables
-        }
-        for metric, tables in by_map[0][0].items()
+    if place.is_file():
+        return Counts.read(place)
+    by_map = {
+        folder.name: [Counts.read(path) for path in sorted(folder.glob("*.npz"))]
+        for folder in sorted(place.iterdir())
+        if folder.is_dir()
     }
+    first = next(iter(by_map.values()))[0]
+    frames = [sum(sum(each.frames) for each in own) for own in by_map.values()]
+    tables = {
+        metric: {
+            name: torch.stack(
+                [sum(each.tables[metric][name].sum(0) for each in own) for own in by_map.values()]
+            )
+            for name in of_metric
+        }
+        for metric, of_metric in first.tables.items()
+    }
+    return Counts(first.name, first.protocol, list(by_map), frames, tables)
+
+
+def _require_same_frames(places: Sequence[Path], counts: Sequence[Counts], alike: bool) -> None:
+    """Raises `UserError` for frames of other maps, and for other ones where they should be
+    ``alike``."""
+    for place, own in zip(places, counts):
+        if own.clips != counts[0].clips or (alike and own.scored_on_other(counts[0])):
+            raise UserError(f"{place}: has other frames than {places[0]}; give task=fly again")
+
+
+def _scores(counts: Sequence[Counts], weights: Float[Tensor, "r m"]) -> dict[str, Samples]:
+    """Returns every score of all counts, whole and by resampled maps."""
+    of_counts = []
+    for own in counts:
+        suite, samples = own.suite(), {}
+        for metric, tables in own.tables.items():
+            samples |= score_samples(suite.metric(metric), tables, weights)
+        of_counts.append(samples)
+    names = [name for name in of_counts[0] if all(name in each for each in of_counts)]
+    return {s: np.stack([each[s].numpy() for each in of_counts], axis=1) for s in names}
 
 
 def _targets(

@@ -9,11 +9,14 @@ from omegaconf import DictConfig
 
 from ..errors import UserError
 from ..report.foretell_figure import draw_foretelling
+from ..results.archive import publish_flights, unpacked
 from ..results.files import write_table
 from ..results.foreseeing import foreseen
 from ..results.foretelling import ALL, Perception, compared_with, foretelling
 from ..results.render import Cell, Table, print_table
 from ..terminal import say
+
+ARCHIVE = "flights.zip"
 
 
 def foretell(
@@ -24,32 +27,38 @@ def foretell(
     scores: Mapping[str, str],
     resamples: int,
     out: str,
+    publish: bool = False,
 ) -> None:
     """Writes ``correlations.csv``, ``foreseen.csv`` and ``correlations.png`` to ``out``, and prints
     the correlations with collisions over all strata.
 
-    ``flights`` is a folder as `Perception.all_below` reads it. Raises `UserError` for a score that
-    is compared with and is none of the ``scores``, for an end that is neither high nor low, and as
-    `foretelling` does.
+    ``flights`` is a folder as `Perception.all_below` reads it, or an archive of one, which
+    ``publish`` leaves there: ``flights.zip``. An archive has no seconds of flights, so that no
+    ``foreseen.csv`` is made from it. Raises `UserError` for a score that is compared with and is
+    none of the ``scores``, for an end that is neither high nor low, and as `foretelling` does.
     """
     if against not in scores:
         raise UserError(f"task.against: {against} is not in task.scores")
     for name, end in scores.items():
         if end not in ("high", "low"):
             raise UserError(f"task.scores.{name}: {end}; say which end is better, high or low")
-    perceptions = Perception.all_below(Path(flights))
-    generator = torch.Generator().manual_seed(0)
-    table = foretelling(perceptions, reference, scores, against, resamples, generator)
-    if table.empty:
-        raise UserError(f"{flights}: fewer than three perceptions with scored frames; fly more")
+    folder, generator = Path(out), torch.Generator().manual_seed(0)
+    with unpacked([Path(flights)]) as ((place,), _):
+        perceptions = Perception.all_below(place)
+        table = foretelling(perceptions, reference, scores, against, resamples, generator)
+        if table.empty:
+            raise UserError(f"{flights}: fewer than three perceptions with scored frames; fly more")
+        write_table(table, folder / "correlations.csv")
 
-    folder = Path(out)
-    write_table(table, folder / "correlations.csv")
-    compared = compared_with(reference, perceptions)
-    flown = [each for each in compared if "flown" in each.frames]
-    of_reference = next(each.flights for each in perceptions if each.name == reference)
-    foresight = foreseen(flown, of_reference, scores, resamples, generator)
-    write_table(foresight, folder / "foreseen.csv")
+        compared = compared_with(reference, perceptions)
+        flown = [each for each in compared if each.has_seconds]
+        if flown:
+            of_reference = next(each.flights for each in perceptions if each.name == reference)
+            foresight = foreseen(flown, of_reference, scores, resamples, generator)
+            write_table(foresight, folder / "foreseen.csv")
+        if publish:
+            publish_flights(perceptions, folder / ARCHIVE)
+
     draw_foretelling(table, folder / "correlations.png")
     for frames in dict.fromkeys(table["frames"]):
         print_table(_printed(table, frames, against))

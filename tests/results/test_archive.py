@@ -82,7 +82,7 @@ def test_the_same_runs_give_the_same_bytes(archive, runs, tmp_path):
 )
 def test_what_is_no_archive_is_refused_in_one_line(archive, damage):
     damage(archive)
-    refused = pytest.raises(UserError, match=r"runs\.zip: is no archive of runs \(.*task\.publish")
+    refused = pytest.raises(UserError, match=r"runs\.zip: is no archive of .* \(.*task\.publish")
     with refused as error, unpacked([archive]):
         pass
     assert "\n" not in str(error.value)
@@ -92,7 +92,7 @@ def test_an_archive_of_something_else_or_of_too_much_is_refused(archive, tmp_pat
     other = tmp_path / "other.zip"
     with zipfile.ZipFile(other, "w") as file:
         file.writestr("readme.txt", "x")
-    with pytest.raises(UserError, match=r"other\.zip: is no archive of runs"), unpacked([other]):
+    with pytest.raises(UserError, match=r"other\.zip: is no archive of a study"), unpacked([other]):
         pass
     monkeypatch.setattr("src.results.archive.LARGEST", 1000)
     with pytest.raises(UserError, match=r"more than 1,000 bytes"), unpacked([archive]):

@@ -30,6 +30,19 @@ def test_it_leaves_tables_and_a_picture(tmp_path, capsys):
     assert "frames flown, 3 perceptions" in " ".join(capsys.readouterr().out.split())
 
 
+def test_published_flights_give_the_same_correlations(tmp_path):
+    root, out = tmp_path / "flight", tmp_path / "again"
+    write_flown(root, "seen", 1.0, lambda m, n: False, "anchors")
+    for k in range(3):
+        few = lambda m, n, k=k: 2 * m + n < k  # noqa: E731
+        write_flown(root, f"n{k}", 0.9 - 0.2 * k, few, sets=("flown", "verge"))
+    run(tmp_path, "task.publish=true")
+    run(tmp_path, f"task.flights={root}/flights.zip", f"task.out={out}", "task.publish=true")
+    for name in ("correlations.csv", "flights.zip"):
+        assert (out / name).read_bytes() == (root / name).read_bytes()
+    assert not (out / "foreseen.csv").exists()
+
+
 @pytest.mark.parametrize(
     ("overrides", "match"),
     [
