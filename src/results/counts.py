@@ -16,6 +16,9 @@ from ..metrics.suite import ScoreSuite
 from ..metrics.tables import Scores, Tables
 
 FORMAT = 1
+# The share of voxels that may be labelled unlike. Of the same flights made on two kinds of
+# processors, which round unlike, 3 in a million were (docs/conventions.md).
+SAME_LABELS = 1e-4
 AGAIN = "give the command of its run again, which scores it, or task=score for predictions"
 
 
@@ -63,13 +66,15 @@ class Counts:
         """Says in what the scored data differ: clips, frames, or labels; empty where they agree.
 
         Labels are compared as far as counts can tell: by the voxels of each class in each clip.
+        Those of the same flights from another processor agree (`SAME_LABELS`).
         """
         if (self.clips, self.frames) != (other.clips, other.frames):
             return "other clips or frames"
 
         # The sum over predictions leaves the labels alone.
         labels, other_labels = (each.tables["occupancy"]["count"].sum(-1) for each in (self, other))
-        return "" if torch.equal(labels, other_labels) else "other labels"
+        unlike = int((labels - other_labels).abs().sum()) / 2
+        return "" if unlike <= SAME_LABELS * int(labels.sum()) else "other labels"
 
     def write(self, path: Path, compressed: bool = True) -> None:
         """Writes an ``.npz`` of plain arrays; the file is replaced as a whole or not at all."""
