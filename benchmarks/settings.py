@@ -8,6 +8,7 @@ from omegaconf import DictConfig
 
 from src.data.datamodule import SkyShieldData
 from src.failures import quiet_libraries, told_in_one_line
+from src.heap import keep_freed_memory
 from src.provenance import machine
 from src.settings import GROUPS
 from src.tasks.dataset import data_of, finished_dataset
@@ -28,6 +29,7 @@ def composed_with_data(overrides: Sequence[str]) -> tuple[DictConfig, SkyShieldD
 def run(main: Callable[[], None]) -> None:
     """Runs a benchmark as run.py runs a task: without warnings, each mistake in one line."""
     quiet_libraries()
+    keep_freed_memory()
     with told_in_one_line():
         main()
 

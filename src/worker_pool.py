@@ -11,6 +11,8 @@ from typing import Final, TypeVar
 
 import torch
 
+from .heap import keep_freed_memory
+
 T = TypeVar("T")
 
 # Forked processes would share bullet's and numba's state with their parent.
@@ -75,6 +77,7 @@ def _start_worker(setup: Callable[..., None] | None, arguments: tuple) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, daemon=True).start()
     torch.set_num_threads(1)
+    keep_freed_memory()
     if setup is not None:
         setup(*arguments)
 

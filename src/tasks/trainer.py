@@ -17,6 +17,7 @@ from torch import Tensor
 
 from ..data.batch import Batch
 from ..errors import UserError
+from ..heap import keep_freed_memory
 from ..models.network import SkyOcc
 
 AUTO, FP32, BF16, FP16 = "auto", "32-true", "bf16-mixed", "16-mixed"
@@ -31,6 +32,7 @@ def trainer_of(cfg: DictConfig) -> Trainer:
     device or a precision that is not to be had.
     """
     precision = precision_of(cfg)
+    keep_freed_memory()
     if cfg.threads is not None:
         torch.set_num_threads(cfg.threads)
 
