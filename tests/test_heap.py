@@ -3,8 +3,6 @@
 import subprocess
 import sys
 
-import pytest
-
 PROGRAM = """
 import resource
 import torch
@@ -26,6 +24,5 @@ def page_faults(call: str) -> int:
     return int(done.stdout)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the parameters are those of glibc")
 def test_pages_of_a_freed_tensor_are_not_taken_again():
     assert page_faults("keep_freed_memory()") < page_faults("") / 4

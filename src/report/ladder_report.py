@@ -96,7 +96,12 @@ def ladder_report(
         scores=joined([long_table([*parts, *of_others]), attitude.scores]),
         settings=statement(rungs or groups[0].runs, ladder),
         differing=differing(rungs or groups[0].runs),
-        warnings=(*surprises(rungs, ladder), *code_lines(runs), *_mixed(groups)),
+        warnings=(
+            *surprises(rungs, ladder),
+            *code_lines(runs),
+            *_made_elsewhere(groups),
+            *_mixed(groups),
+        ),
         missing=tuple(_missing(groups, unfinished, seeds, cube)),
         others=tuple(other_experiments(groups[0].runs, ladder)),
     )
@@ -134,6 +139,16 @@ def _missing(
             "difference of the means beside it"
         )
     return lines
+
+
+def _made_elsewhere(groups: Sequence[RunGroup]) -> list[str]:
+    """Says how far labels differ of which processors made a few otherwise."""
+    return [
+        f"runs{group.label} were scored on labels of several processors, unlike in up to "
+        f"{1e6 * group.unlike_labels:.1f} of a million voxels"
+        for group in groups
+        if group.unlike_labels
+    ]
 
 
 def _mixed(groups: Sequence[RunGroup]) -> list[str]:

@@ -16,9 +16,7 @@ from ..metrics.suite import ScoreSuite
 from ..metrics.tables import Scores, Tables
 
 FORMAT = 1
-# The share of voxels that may be labelled unlike. Of the same flights made on two kinds of
-# processors, which round unlike, 3 in a million were (docs/conventions.md).
-SAME_LABELS = 1e-4
+OTHER_LABELS = "other labels"
 AGAIN = "give the command of its run again, which scores it, or task=score for predictions"
 
 
@@ -65,16 +63,18 @@ class Counts:
     def scored_on_other(self, other: "Counts") -> str:
         """Says in what the scored data differ: clips, frames, or labels; empty where they agree.
 
-        Labels are compared as far as counts can tell: by the voxels of each class in each clip.
-        Those of the same flights from another processor agree (`SAME_LABELS`).
+        Labels are compared as far as counts can tell, as in `unlike_labels`.
         """
         if (self.clips, self.frames) != (other.clips, other.frames):
             return "other clips or frames"
+        return OTHER_LABELS if self.unlike_labels(other) else ""
 
+    def unlike_labels(self, other: "Counts") -> float:
+        """Returns the share of voxels that other counts of the same clips label otherwise, by the
+        voxels of each class in each clip; there may be more."""
         # The sum over predictions leaves the labels alone.
         labels, other_labels = (each.tables["occupancy"]["count"].sum(-1) for each in (self, other))
-        unlike = int((labels - other_labels).abs().sum()) / 2
-        return "" if unlike <= SAME_LABELS * int(labels.sum()) else "other labels"
+        return int((labels - other_labels).abs().sum()) / 2 / max(int(labels.sum()), 1)
 
     def write(self, path: Path, compressed: bool = True) -> None:
         """Writes an ``.npz`` of plain arrays; the file is replaced as a whole or not at all."""

@@ -62,7 +62,8 @@ class Perception:
         found = []
         for path in sorted(folder.glob(f"*/*/flown/{FLIGHTS}")):
             own = path.parent.parent
-            places = sorted([*own.glob("*/frames"), *own.glob(f"*/{MAPS}")])
+            # Where a set has both, those by flight say more.
+            places = [*sorted(own.glob(f"*/{MAPS}")), *sorted(own.glob("*/frames"))]
             frames = {each.parent.name: each for each in places}
             flights = pd.read_csv(path, keep_default_na=False)
             found.append(cls(own.name, own.parent.name, flights, frames))
@@ -172,10 +173,13 @@ def counts_by_map(place: Path) -> Counts:
 
 
 def _require_same_frames(places: Sequence[Path], counts: Sequence[Counts], alike: bool) -> None:
-    """Raises `UserError` for frames of other maps, and for other ones where they should be
-    ``alike``."""
-    for place, own in zip(places, counts):
-        if own.clips != counts[0].clips or (alike and own.scored_on_other(counts[0])):
+    """Raises `UserError` for frames of other maps or flights, and for other frames of these where
+    they should be ``alike``."""
+    flights = [sorted(each.relative_to(place) for each in place.glob("*/*")) for place in places]
+    listed = [own for own, place in zip(flights, places) if place.is_dir()]
+    for place, own, names in zip(places, counts, flights):
+        same = own.clips == counts[0].clips and (place.is_file() or names == listed[0])
+        if not same or (alike and own.scored_on_other(counts[0])):
             raise UserError(f"{place}: has other frames than {places[0]}; give task=fly again")
 
 

@@ -6,8 +6,10 @@ import pandas as pd
 import pytest
 
 from src.errors import UserError
+from src.ontology import FREE
+from src.report.ladder_report import _made_elsewhere
 from src.report.paper_tables import main_table
-from src.report.run_group import groups_of
+from src.report.run_group import OTHER_PROCESSOR, groups_of
 from src.results.runs import read_run
 from src.run_folder import ANCHORS
 from src.tasks.scoring import parts_of
@@ -68,6 +70,34 @@ def test_other_labels_are_noticed_where_the_anchors_are_kept_elsewhere(tmp_path)
         (runs[0] / f"tallies/{anchor}.npz").unlink()
     with pytest.raises(UserError, match=r"was scored on other labels than .*attitude/seed0"):
         groups_of(ladder_of(tmp_path), mixed=False)
+
+
+def labelled_otherwise(folder, beyond):
+    """Two runs, of which one has as many voxels labelled otherwise as may be, and some more."""
+    runs = [read_run(write_run(folder, name)) for name in ("baseline", "skyocc")]
+    count = 1000 * runs[0].counts.tables["occupancy"]["count"]
+    moved, voxels = count.clone(), int(OTHER_PROCESSOR * int(count.sum())) + beyond
+    moved[0, FREE, FREE] -= voxels
+    moved[0, 0, FREE] += voxels
+    return [
+        dataclasses.replace(
+            run, counts=dataclasses.replace(run.counts, tables={"occupancy": {"count": table}})
+        )
+        for run, table in zip(runs, (count, moved))
+    ]
+
+
+def test_labels_of_another_processor_stand_in_one_report_which_says_so(tmp_path):
+    (group,) = groups_of(labelled_otherwise(tmp_path, beyond=0), mixed=False)
+    assert group.runs[1].counts.scored_on_other(group.runs[0].counts) == "other labels"
+    (line,) = _made_elsewhere([group])
+    assert line.endswith(f"unlike in up to {1e6 * group.unlike_labels:.1f} of a million voxels")
+    assert 90 < 1e6 * group.unlike_labels <= 100
+
+
+def test_labels_that_differ_in_more_are_refused(tmp_path):
+    with pytest.raises(UserError, match="was scored on other labels"):
+        groups_of(labelled_otherwise(tmp_path, beyond=1), mixed=False)
 
 
 def test_other_clips_are_refused(tmp_path):

@@ -82,7 +82,8 @@ def test_the_same_runs_give_the_same_bytes(archive, runs, tmp_path):
 )
 def test_what_is_no_archive_is_refused_in_one_line(archive, damage):
     damage(archive)
-    refused = pytest.raises(UserError, match=r"runs\.zip: is no archive of .* \(.*task\.publish")
+    said = r"runs\.zip: is no archive of a study \(.*task\.publish"
+    refused = pytest.raises(UserError, match=said)
     with refused as error, unpacked([archive]):
         pass
     assert "\n" not in str(error.value)

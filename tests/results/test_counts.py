@@ -1,14 +1,11 @@
 """The counts of a run on disk: read back as they were, or refused in one line."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 
 from src.errors import UserError
-from src.ontology import FREE
-from src.results.counts import SAME_LABELS, Counts
+from src.results.counts import Counts
 from src.results.table import run_table
 from tests.results.scored import counts, predicted
 
@@ -32,20 +29,6 @@ def test_counts_read_back_and_score_the_same(mine, tmp_path, compressed):
     scored = first.set_index("score")
     for name, value in mine.scores("occupancy").items():
         assert scored.loc[name, "value"] == pytest.approx(float(value), nan_ok=True)
-
-
-def test_labels_of_another_processor_are_the_same_and_those_of_other_flights_are_not(mine):
-    count = 1000 * mine.tables["occupancy"]["count"]
-    few = int(SAME_LABELS * int(count.sum()))
-    assert few > 0
-    for voxels, said in ((few, ""), (few + 1, "other labels")):
-        moved = count.clone()
-        moved[0, FREE, FREE] -= voxels
-        moved[0, 0, FREE] += voxels
-        first, second = (
-            replace(mine, tables={"occupancy": {"count": each}}) for each in (count, moved)
-        )
-        assert second.scored_on_other(first) == said
 
 
 @pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all", "other", None])
