@@ -139,7 +139,6 @@ def _shifted(array: np.ndarray, cells: np.ndarray) -> np.ndarray:
 @njit
 def _gather(held, movable, occupied, known, may_move, voxels, world_from_occ, cells):
     """Writes the highest probability of the voxels in each cell, and whether that one may move."""
-    place = np.empty(3)
     for i in range(occupied.shape[0]):
         for j in range(occupied.shape[1]):
             for k in range(occupied.shape[2]):
@@ -149,13 +148,17 @@ def _gather(held, movable, occupied, known, may_move, voxels, world_from_occ, ce
                 x = voxels.lower_m[0] + (i + 0.5) * voxels.side_m
                 y = voxels.lower_m[1] + (j + 0.5) * voxels.side_m
                 z = voxels.lower_m[2] + (k + 0.5) * voxels.side_m
-                for a in range(3):
-                    of_x, of_y, of_z, offset = world_from_occ[a]
-                    place[a] = of_x * x + of_y * y + of_z * z + offset - cells.lower_m[a]
-
-                u, v, w = np.floor(place / cells.side_m)
+                u = _cell(world_from_occ[0], x, y, z, cells.lower_m[0], cells.side_m)
+                v = _cell(world_from_occ[1], x, y, z, cells.lower_m[1], cells.side_m)
+                w = _cell(world_from_occ[2], x, y, z, cells.lower_m[2], cells.side_m)
                 if 0 <= u < held.shape[0] and 0 <= v < held.shape[1] and 0 <= w < held.shape[2]:
                     cell = int(u), int(v), int(w)
                     if occupied[i, j, k] > held[cell]:
                         held[cell] = occupied[i, j, k]
                         movable[cell] = may_move[i, j, k]
+
+
+@njit(inline="always")
+def _cell(row, x, y, z, lower_m, side_m):
+    """Returns one index of the cell of a place, from its row of the transform."""
+    return np.floor((row[0] * x + row[1] * y + row[2] * z + row[3] - lower_m) / side_m)

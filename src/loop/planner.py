@@ -13,7 +13,7 @@ from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..jit import njit
 from .belief import LEAST, MOST, BeliefMap
-from .distance_field import distance_at, distances
+from .distance_field import apart, distance_at, distances
 
 Vector = Float[np.ndarray, "3"]
 
@@ -247,14 +247,15 @@ def _judge(
     ends, position, velocity, acceleration, target, field, seen, lower, cell, limits, prices
 ):
     """Returns the price of every primitive, inf where it is not admissible, and its clearance,
-    which of those that go on is looked at no further then."""
+    which of those that go on is not looked for then."""
     costs, clearances = np.full(len(ends), np.inf), np.zeros(len(ends))
     fastest, hardest, brake, need = limits
     cruise, of_height, of_closeness, of_unknown, of_jerk, of_detour = prices
     # Where the UAV is too near already, it must get away.
     here = distance_at(field, (position - lower) / cell)
     first = min(need, max(here - 0.05, 0.0))
-    place, speed, push, jerk = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    # Taken once: an expression of arrays would take new ones for every sample.
+    place, speed, push, jerk, index = np.empty((5, 3))
 
     for n in range(len(ends)):
         duration, end, end_velocity = ends[n, 0], ends[n, 1:4], ends[n, 4:]
@@ -269,28 +270,31 @@ def _judge(
                 speed[a] = c1 + t * (2 * c2 + t * (3 * c3 + t * (4 * c4 + t * 5 * c5)))
                 push[a] = 2 * c2 + t * (6 * c3 + t * (12 * c4 + t * 20 * c5))
                 jerk[a] = 6 * c3 + t * (24 * c4 + t * 60 * c5)
-            if _square(speed) > max(fastest, 1.02 * np.sqrt(_square(velocity))) ** 2:
-                possible = False
-            if _square(push) > hardest**2:
-                possible = False
-
-            index = (place - lower) / cell
-            clearance = distance_at(field, index)
-            nearest = min(nearest, clearance)
-            if clearance < min(need, first + 0.5 * np.sqrt(_square(place - position))):
+                index[a] = (place[a] - lower[a]) / cell
+            too_fast = _square(speed) > max(fastest, 1.02 * np.sqrt(_square(velocity))) ** 2
+            if too_fast or _square(push) > hardest**2:
                 possible = False
             if not possible and pace > 0:
                 break
+
+            clearance = distance_at(field, index)
+            nearest = min(nearest, clearance)
+            if clearance < min(need, first + 0.5 * apart(place, position)):
+                possible = False
             step = duration / SAMPLES
             price += of_jerk * _square(jerk) * step
             price += of_closeness * max(0.0, 1.0 - (clearance - need) / 1.5) ** 2 * step
             if of_unknown > 0 and not _is_seen(seen, index):
                 price += of_unknown * step
 
+        if not possible and pace > 0:
+            continue
         # After its end it must be able to stop straight on.
         way = pace * pace / (2 * brake)
         for s in range(1, int(np.ceil(way / STOP_SAMPLE_M)) + 1):
-            index = (end + end_velocity / pace * min(s * STOP_SAMPLE_M, way) - lower) / cell
+            further = min(s * STOP_SAMPLE_M, way)
+            for a in range(3):
+                index[a] = (end[a] + end_velocity[a] / pace * further - lower[a]) / cell
             clearance = distance_at(field, index)
             nearest = min(nearest, clearance)
             if clearance < need:
@@ -298,7 +302,7 @@ def _judge(
         clearances[n] = nearest
         if possible:
             # What is left of the way, the time taken, and what it takes to be fast again.
-            price += np.sqrt(_square(target - end)) + cruise * duration
+            price += apart(target, end) + cruise * duration
             price += (cruise - pace) ** 2 / (2 * PICKS_UP_MPS2)
             price += of_detour * _blocked_m(field, end, target, lower, cell, need)
             costs[n] = price + of_height * abs(end[2] - target[2])
@@ -308,12 +312,13 @@ def _judge(
 @njit
 def _blocked_m(field, start, target, lower, cell, need):
     """Returns how much of a straight way is too near to what is occupied."""
-    length = np.sqrt(_square(target - start))
+    length = apart(target, start)
     steps = int(np.ceil(length / STOP_SAMPLE_M))
-    blocked = 0
+    blocked, index = 0, np.empty(3)
     for s in range(1, steps + 1):
-        place = start + (target - start) * (s / steps)
-        if distance_at(field, (place - lower) / cell) < need:
+        for a in range(3):
+            index[a] = (start[a] + (target[a] - start[a]) * (s / steps) - lower[a]) / cell
+        if distance_at(field, index) < need:
             blocked += 1
     return blocked * length / max(steps, 1)
 

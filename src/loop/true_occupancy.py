@@ -1,8 +1,10 @@
 """What every voxel around the UAV truly holds, from points on all surfaces of a scene."""
 
-from collections.abc import Set
+import math
+from collections.abc import Iterator, Set
 from copy import copy
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -13,10 +15,13 @@ from ..ontology import FREE
 from ..sim.scene import Scene
 from ..sim.voxel_kernels import Lattice, count_votes, elect
 from ..voxels import advance, enter, is_inside
+from .distance_field import apart
 
 # Surfaces have a point on every piece of this side: no voxel that one passes through its middle is
 # missed, only corners of it.
 SPACING_M = 0.25
+# Side of the blocks in which points are looked up.
+BLOCK_M = 8.0
 # Points of one class in touching cells of this side are one object.
 OBJECT_CELL_M = 0.5
 
@@ -40,32 +45,26 @@ class TrueOccupancy:
 
         points_m, face = points_on(triangles_m)
         near = ((points_m > lower_m) & (points_m < upper_m)).all(axis=1)
-        points_m, class_id = points_m[near], class_id[face[near]]
-
-        # In the order of one axis, so that those of a grid are found at once.
-        self._axis = int(np.argmax(upper_m - lower_m))
-        order = np.argsort(points_m[:, self._axis], kind="stable")
-        self._static = np.ascontiguousarray(points_m[order]), class_id[order]
+        self._static = _Blocks.of(points_m[near], class_id[face[near]])
 
         self._actors, self._last = [], None
         for actor in scene.actors:
             points_m, _ = points_on(actor.triangles_m)
-            classes = np.full(len(points_m), actor.class_id, np.uint8)
-            self._actors.append((actor, points_m, classes))
+            self._actors.append((actor, points_m, np.full(len(points_m), actor.class_id, np.uint8)))
 
     def without(self, rng: np.random.Generator, share: float, classes: Set[int]) -> "TrueOccupancy":
         """Returns the truth without some of the objects of these classes, each lost with a chance.
 
         An object is an actor, or all points of one class that are connected.
         """
-        points_m, class_id = self._static
+        points_m, class_id = self._static[:2]
         objects = connected(points_m, class_id)
         lost = rng.random(objects.max(initial=-1) + 1) < share
         kept = ~(lost[objects] & np.isin(class_id, list(classes)))
 
         other = copy(self)
         other._last = None
-        other._static = np.ascontiguousarray(points_m[kept]), class_id[kept]
+        other._static = _Blocks.of(points_m[kept], class_id[kept])
         other._actors = [
             each
             for each in self._actors
@@ -86,23 +85,45 @@ class TrueOccupancy:
         occ_from_world = inverse(world_from_occ)
         lattice, free = Lattice.of(grid), np.ones(grid.shape, dtype=bool)
         votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
-        moving = np.zeros_like(votes)
         for actor, *points in self._actors:
-            count_votes(moving, lattice, occ_from_world @ actor.world_from_actor[step], *points)
+            count_votes(votes, lattice, occ_from_world @ actor.world_from_actor[step], *points)
+        moving = votes.any(axis=-1)
 
-        near = self._around(world_from_occ, grid)
-        count_votes(votes, lattice, occ_from_world, *(each[near] for each in self._static))
-        self._last = key, (elect(votes + moving, free), moving.any(axis=-1))
+        for points in self._static.around(world_from_occ, grid):
+            count_votes(votes, lattice, occ_from_world, *points)
+        self._last = key, (elect(votes, free), moving)
         return self._last[1]
 
-    def _around(self, world_from_occ: Matrix, grid: VoxelGrid) -> slice:
-        """Returns the static points that are no farther from the grid's middle, along the axis,
-        than its corners."""
+
+class _Blocks(NamedTuple):
+    """Points and their classes, by the block of space that they lie in: those of a grid are found
+    at once. Each block begins at one of the points ``first`` and ends before the next."""
+
+    points_m: Points
+    class_id: UInt8[np.ndarray, "n"]
+    first: Int[np.ndarray, "blocks+1"]
+    middle_m: Float[np.ndarray, "blocks 3"]
+
+    @classmethod
+    def of(cls, points_m: Points, class_id: UInt8[np.ndarray, "n"]) -> "_Blocks":
+        block = np.floor(points_m / BLOCK_M).astype(np.int64)
+        corner = block.min(axis=0, initial=0)
+        _, rows, layers = block.max(axis=0, initial=0) - corner + 1
+        key = ((block - corner) * [rows * layers, layers, 1]).sum(axis=1)
+        order = np.argsort(key, kind="stable")
+        first = np.unique(key[order], return_index=True)[1]
+        middle_m = (block[order[first]] + 0.5) * BLOCK_M
+        return cls(points_m[order], class_id[order], np.append(first, len(key)), middle_m)
+
+    def around(self, world_from_occ: Matrix, grid: VoxelGrid) -> Iterator[tuple]:
+        """Yields points and classes of all blocks that a grid may touch."""
         low, high = np.array(grid.lower_m), np.array(grid.upper_m)
-        middle_m = (world_from_occ @ [*(low + high) / 2, 1.0])[self._axis]
-        reach_m = np.linalg.norm(high - low) / 2
-        ends_m = middle_m - reach_m, middle_m + reach_m
-        return slice(*np.searchsorted(self._static[0][:, self._axis], ends_m))
+        middle_m = (world_from_occ @ [*(low + high) / 2, 1.0])[:3]
+        reach_m = (np.linalg.norm(high - low) + math.sqrt(3) * BLOCK_M) / 2
+        apart_m = np.linalg.norm(self.middle_m - middle_m, axis=1)
+        for n in np.flatnonzero(apart_m <= reach_m):
+            part = slice(*self.first[n : n + 2])
+            yield self.points_m[part], self.class_id[part]
 
 
 def points_on(
@@ -132,9 +153,9 @@ def _fill(points, counts, triangles):
     n, writes = 0, len(points) > 0
     for f in range(len(triangles)):
         apex, u, v = triangles[f, 0], triangles[f, 1], triangles[f, 2]
-        long = max(_apart(apex, u), _apart(apex, v))
+        long = max(apart(apex, u), apart(apex, v))
 
-        rows, side = max(int(np.ceil(long / SPACING_M)), 1), _apart(u, v)
+        rows, side = max(int(np.ceil(long / SPACING_M)), 1), apart(u, v)
 
         begin = n
         for i in range(rows + 1):
@@ -146,11 +167,6 @@ def _fill(points, counts, triangles):
                     points[n] = apex + share * ((1 - across) * (u - apex) + across * (v - apex))
                 n += 1
         counts[f] = n - begin
-
-
-@njit(inline="always")
-def _apart(a, b):
-    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
 def connected(points_m: Points, class_id: UInt8[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
