@@ -3,7 +3,7 @@
 import lzma
 import tempfile
 import zipfile
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -18,6 +18,7 @@ from .flights import FLIGHTS
 from .foretelling import MAPS, Perception, counts_by_map
 from .free_bias import FREE_BIAS
 from .runs import ScoredRun
+from .windows import WINDOWS, Windows, packed_windows
 
 FILES = (
     *(CONFIG, CODE, METRICS, RESULTS, "class_weights.json"),
@@ -63,9 +64,11 @@ def publish_runs(
                     _add(archive, folder / name, _packed(each, without))
 
 
-def publish_flights(perceptions: Sequence[Perception], path: Path) -> None:
+def publish_flights(
+    perceptions: Sequence[Perception], windows: Mapping[str, Mapping[str, Windows]], path: Path
+) -> None:
     """Writes ``<stratum>/<name>/<set>`` of all perceptions into an archive: their flights, and the
-    counts of frames by map in place of those by second.
+    counts of frames by map and their ``windows`` in place of the counts by second.
 
     Raises `UserError` for a file that cannot be written.
     """
@@ -77,6 +80,8 @@ def publish_flights(perceptions: Sequence[Perception], path: Path) -> None:
                     if (place.parent / name).is_file():
                         _add(archive, folder / name, (place.parent / name).read_bytes())
                 _add(archive, folder / MAPS, _packed(counts_by_map(place), ()))
+                if frames == "flown" and each.name in windows:
+                    _add(archive, folder / WINDOWS, packed_windows(windows[each.name]))
 
 
 def _packed(counts: Counts, without: Collection[str]) -> bytes:

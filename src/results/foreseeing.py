@@ -3,29 +3,26 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import torch
-from jaxtyping import Float
+from jaxtyping import Float32
 from torch import Generator
 
 from .bootstrap import interval_of, resamplings
-from .counts import Counts
 from .foretelling import Perception
+from .windows import WINDOW_S, Windows
 
-# A window is of two whole seconds. That before a collision ends one or more before it; the earlier
-# one of the same flight ends three before that.
-WINDOW_S, BEFORE_S, EARLIER_S = 2, 1, 3
+# The window before a collision ends one second or more before it; the earlier one of the same
+# flight ends three before that.
+BEFORE_S, EARLIER_S = 1, 3
 CONTROLS = ("others", "earlier")
-
-# By score what it was in the window that ends with each second, higher being better.
-Windows = Mapping[str, Float[np.ndarray, "seconds"]]
 
 
 def foreseen(
     perceptions: Sequence[Perception],
+    windows: Mapping[str, Mapping[str, Windows]],
     reference: pd.DataFrame,
     scores: Mapping[str, str],
     resamples: int,
@@ -33,6 +30,7 @@ def foreseen(
 ) -> pd.DataFrame:
     """Returns how well each score tells the seconds before a collision from others.
 
+    ``windows`` has the scores of two seconds at a time, by perception and flight (`windows_of`).
     A row has a score, a control, the number of ``collisions`` on missions that the ``reference``
     completed, how many of them have that control, and the area under the curve (AUROC): the share
     of pairs in which the score was worse in two seconds that end 1 to 2 s before a collision than
@@ -43,7 +41,7 @@ def foreseen(
     Each collision weighs the same. Maps and families of perceptions are resampled together.
     """
     completed = set(reference[reference["outcome"] == "arrived"]["flight"])
-    found = pd.DataFrame(_collisions(perceptions, scores, completed))
+    found = pd.DataFrame(_collisions(perceptions, windows, scores, completed))
     if found.empty:
         return pd.DataFrame(columns=["score", "control", "collisions", "compared", "auroc"])
     weights = torch.ones(resamples + 1, len(found), dtype=torch.float64)
@@ -66,7 +64,10 @@ def foreseen(
 
 
 def _collisions(
-    perceptions: Sequence[Perception], scores: Mapping[str, str], completed: set[str]
+    perceptions: Sequence[Perception],
+    windows: Mapping[str, Mapping[str, Windows]],
+    scores: Mapping[str, str],
+    completed: set[str],
 ) -> Iterator[dict[object, object]]:
     """Yields for every collision, by control and score, how often it was worse before it."""
     by_flight = defaultdict(list)
@@ -78,15 +79,14 @@ def _collisions(
     for flight, flown in by_flight.items():
         if all(row["outcome"] != "collided" for _, row in flown):
             continue
-        path = f"{flight}.npz"
-        windows = {each.name: _windows(each.frames["flown"] / path, scores) for each, _ in flown}
-        arrived = [windows[each.name] for each, row in flown if row["outcome"] == "arrived"]
+        values = {each.name: _goodness(windows[each.name][flight], scores) for each, _ in flown}
+        arrived = [values[each.name] for each, row in flown if row["outcome"] == "arrived"]
 
         for each, row in flown:
             if row["outcome"] != "collided":
                 continue
             last = math.floor(row["time_s"]) - BEFORE_S - 1
-            own = windows[each.name]
+            own = values[each.name]
             controls = {
                 "others": [(other, last) for other in arrived],
                 "earlier": [(own, last - EARLIER_S)],
@@ -99,23 +99,18 @@ def _collisions(
             yield {"map": row["map"], "family": each.family, **shares}
 
 
-def _windows(path: Path, scores: Mapping[str, str]) -> Windows:
-    """Returns the scores of all windows of a flight; the first seconds have none."""
-    counts, values = Counts.read(path), {}
-    suite = counts.suite()
-    for metric, tables in counts.tables.items():
-        sums = {name: table[1:] + table[:-1] for name, table in tables.items()}
-        values |= suite.metric(metric).scores(sums)
+def _goodness(windows: Windows, scores: Mapping[str, str]) -> Windows:
+    """Returns the scores with their better end up; with nothing to count they are at their best."""
     return {
-        score: np.nan_to_num(
-            np.r_[math.nan, values[score].numpy()] * (1 if end == "high" else -1), nan=math.inf
-        )
+        score: np.nan_to_num(windows[score] * (1 if end == "high" else -1), nan=math.inf)
         for score, end in scores.items()
     }
 
 
 def _worse(
-    own: Float[np.ndarray, "s"], last: int, controls: Sequence[tuple[Float[np.ndarray, "s"], int]]
+    own: Float32[np.ndarray, "s"],
+    last: int,
+    controls: Sequence[tuple[Float32[np.ndarray, "s"], int]],
 ) -> float:
     """Returns the share of controls that were better than a window; NaN without any."""
     first = WINDOW_S - 1

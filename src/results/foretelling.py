@@ -16,6 +16,7 @@ from ..errors import UserError
 from .bootstrap import interval_of, resamplings, score_samples
 from .counts import Counts
 from .flights import FLIGHTS, holm, p_value, require_same_flights, samples_of
+from .windows import WINDOWS
 
 # The first row is of all maps and perceptions, the others are resampled; a column a perception.
 Samples = Float[np.ndarray, "1+r k"]
@@ -49,27 +50,36 @@ class Perception:
         return MEMBER.sub("", self.name)
 
     @property
-    def has_seconds(self) -> bool:
-        """Whether its own flights are counted second by second."""
-        return "flown" in self.frames and self.frames["flown"].is_dir()
+    def windows(self) -> Path | None:
+        """Where the scores of its own flights by second are, as `windows_of` reads them."""
+        place = self.frames.get("flown")
+        if place is None or place.is_dir():
+            return place
+        beside = place.with_name(WINDOWS)
+        return beside if beside.is_file() else None
 
     @classmethod
-    def all_below(cls, folder: Path) -> list["Perception"]:
-        """Returns those of ``<folder>/<stratum>/<name>/<set>/``, whose set ``flown`` has flights.
+    def all_below(cls, folders: Sequence[Path]) -> list["Perception"]:
+        """Returns those of ``<folder>/<stratum>/<name>/<set>/``, whose set ``flown`` has flights,
+        by stratum and name.
 
-        Raises `UserError` where there is none.
+        Raises `UserError` where there is none, and for one that is there twice.
         """
-        found = []
-        for path in sorted(folder.glob(f"*/*/flown/{FLIGHTS}")):
+        found: dict[tuple[str, str], Perception] = {}
+        for path in (path for folder in folders for path in folder.glob(f"*/*/flown/{FLIGHTS}")):
             own = path.parent.parent
             # Where a set has both, those by flight say more.
             places = [*sorted(own.glob(f"*/{MAPS}")), *sorted(own.glob("*/frames"))]
             frames = {each.parent.name: each for each in places}
             flights = pd.read_csv(path, keep_default_na=False)
-            found.append(cls(own.name, own.parent.name, flights, frames))
+            key = own.parent.name, own.name
+            if key in found:
+                raise UserError(f"task.flights: {own.name} is there twice; leave one out")
+            found[key] = cls(own.name, own.parent.name, flights, frames)
         if not found:
-            raise UserError(f"{folder}: has no <stratum>/<name>/flown/{FLIGHTS}; fly them first")
-        return found
+            places = ", ".join(map(str, folders))
+            raise UserError(f"{places}: no <stratum>/<name>/flown/{FLIGHTS} there; fly them first")
+        return [found[key] for key in sorted(found)]
 
 
 def compared_with(reference: str, perceptions: Sequence[Perception]) -> list[Perception]:

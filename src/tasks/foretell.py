@@ -1,6 +1,6 @@
 """task=foretell: which offline score orders perceptions as their flights do."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -14,14 +14,15 @@ from ..results.files import write_table
 from ..results.foreseeing import foreseen
 from ..results.foretelling import ALL, Perception, compared_with, foretelling
 from ..results.render import Cell, Table, print_table
-from ..terminal import say
+from ..results.windows import windows_of
+from ..terminal import say, tracked
 
 ARCHIVE = "flights.zip"
 
 
 def foretell(
     cfg: DictConfig,
-    flights: str,
+    flights: Sequence[str],
     reference: str,
     against: str,
     scores: Mapping[str, str],
@@ -32,10 +33,10 @@ def foretell(
     """Writes ``correlations.csv``, ``foreseen.csv`` and ``correlations.png`` to ``out``, and prints
     the correlations with collisions over all strata.
 
-    ``flights`` is a folder as `Perception.all_below` reads it, or an archive of one, which
-    ``publish`` leaves there: ``flights.zip``. An archive has no seconds of flights, so that no
-    ``foreseen.csv`` is made from it. Raises `UserError` for a score that is compared with and is
-    none of the ``scores``, for an end that is neither high nor low, and as `foretelling` does.
+    ``flights`` are folders as `Perception.all_below` reads them, or archives of such, as
+    ``publish`` leaves one: ``flights.zip``. Raises `UserError` for a score that is compared with
+    and is none of the ``scores``, for an end that is neither high nor low, and as `foretelling`
+    does.
     """
     if against not in scores:
         raise UserError(f"task.against: {against} is not in task.scores")
@@ -43,21 +44,28 @@ def foretell(
         if end not in ("high", "low"):
             raise UserError(f"task.scores.{name}: {end}; say which end is better, high or low")
     folder, generator = Path(out), torch.Generator().manual_seed(0)
-    with unpacked([Path(flights)]) as ((place,), _):
-        perceptions = Perception.all_below(place)
+    with unpacked([Path(each) for each in flights]) as (places, _):
+        perceptions = Perception.all_below(places)
         table = foretelling(perceptions, reference, scores, against, resamples, generator)
         if table.empty:
-            raise UserError(f"{flights}: fewer than three perceptions with scored frames; fly more")
+            raise UserError(
+                "task.flights: fewer than three perceptions have scored frames; fly more"
+            )
         write_table(table, folder / "correlations.csv")
 
         compared = compared_with(reference, perceptions)
-        flown = [each for each in compared if each.has_seconds]
+        counted = [each for each in perceptions if each.windows]
+        windows = {
+            each.name: windows_of(each.windows, scores)
+            for each in tracked(counted, "scoring the seconds of flights")
+        }
+        flown = [each for each in compared if each.name in windows]
         if flown:
             of_reference = next(each.flights for each in perceptions if each.name == reference)
-            foresight = foreseen(flown, of_reference, scores, resamples, generator)
+            foresight = foreseen(flown, windows, of_reference, scores, resamples, generator)
             write_table(foresight, folder / "foreseen.csv")
         if publish:
-            publish_flights(perceptions, folder / ARCHIVE)
+            publish_flights(perceptions, windows, folder / ARCHIVE)
 
     draw_foretelling(table, folder / "correlations.png")
     for frames in dict.fromkeys(table["frames"]):

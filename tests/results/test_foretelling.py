@@ -17,6 +17,7 @@ from src.results.foretelling import (
     kendall,
     spearman,
 )
+from src.results.windows import windows_of
 from tests.results.flown import write_flown
 
 SCORES = {"miou_occupied": "high", "kar_miou": "high", "geometric_iou": "high"}
@@ -28,7 +29,7 @@ def generator():
 
 
 def table_of(root, scores=SCORES, resamples=50):
-    perceptions = Perception.all_below(root)
+    perceptions = Perception.all_below([root])
     return foretelling(perceptions, "seen", scores, "kar_miou", resamples, generator())
 
 
@@ -116,10 +117,11 @@ def test_collisions_of_the_reference_are_no_one_elses(root, tmp_path):
 
 
 def foreseen_by(root, *names, scores=SCORES):
-    perceptions = Perception.all_below(root)
+    perceptions = Perception.all_below([root])
     seen = next(each.flights for each in perceptions if each.name == "seen")
     kept = [each for each in perceptions if each.name in names]
-    table = foreseen(kept, seen, scores, 50, generator())
+    windows = {each.name: windows_of(each.windows, scores) for each in kept}
+    table = foreseen(kept, windows, seen, scores, 50, generator())
     return table.set_index(["control", "score"]).sort_index()
 
 
@@ -158,11 +160,19 @@ def test_without_a_flight_that_arrived_there_is_nothing_to_compare_with(root):
 
 
 def test_nothing_flown_and_an_absent_reference_are_refused(tmp_path):
-    with pytest.raises(UserError, match=r"has no <stratum>/<name>/flown/flights.csv"):
-        Perception.all_below(tmp_path)
+    with pytest.raises(UserError, match=r"no <stratum>/<name>/flown/flights.csv there"):
+        Perception.all_below([tmp_path])
     write_flown(tmp_path, "mine", 0.9, lambda m, n: False)
     with pytest.raises(UserError, match=r"task.reference: no flights of seen"):
         table_of(tmp_path)
+
+
+def test_perceptions_of_several_places_are_put_together_and_none_is_there_twice(root, tmp_path):
+    write_flown(tmp_path, "voxels_0.5", 0.9, lambda m, n: False)
+    names = [each.name for each in Perception.all_below([tmp_path, root])]
+    assert names == [each.name for each in Perception.all_below([root])] + ["voxels_0.5"]
+    with pytest.raises(UserError, match=r"task.flights: seen is there twice"):
+        Perception.all_below([root, tmp_path, root])
 
 
 def test_perceptions_that_flew_other_missions_are_refused(root, tmp_path):

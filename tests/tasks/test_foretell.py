@@ -30,17 +30,16 @@ def test_it_leaves_tables_and_a_picture(tmp_path, capsys):
     assert "frames flown, 3 perceptions" in " ".join(capsys.readouterr().out.split())
 
 
-def test_published_flights_give_the_same_correlations(tmp_path):
+def test_published_flights_give_the_same_tables(tmp_path):
     root, out = tmp_path / "flight", tmp_path / "again"
     write_flown(root, "seen", 1.0, lambda m, n: False, "anchors")
     for k in range(3):
         few = lambda m, n, k=k: 2 * m + n < k  # noqa: E731
-        write_flown(root, f"n{k}", 0.9 - 0.2 * k, few, sets=("flown", "verge"))
+        write_flown(root, f"n{k}", 0.9 - 0.2 * k, few, sets=("flown", "verge"), before=0.3)
     run(tmp_path, "task.publish=true")
-    run(tmp_path, f"task.flights={root}/flights.zip", f"task.out={out}", "task.publish=true")
-    for name in ("correlations.csv", "flights.zip"):
+    run(tmp_path, f"task.flights=[{root}/flights.zip]", f"task.out={out}", "task.publish=true")
+    for name in ("correlations.csv", "foreseen.csv", "flights.zip"):
         assert (out / name).read_bytes() == (root / name).read_bytes()
-    assert not (out / "foreseen.csv").exists()
 
 
 @pytest.mark.parametrize(
@@ -48,7 +47,7 @@ def test_published_flights_give_the_same_correlations(tmp_path):
     [
         (["task.against=mine"], "task.against: mine is not in task.scores"),
         (["task.scores.miou=up"], "task.scores.miou: up; say which end is better"),
-        ([], "has no <stratum>/<name>/flown"),
+        ([], "no <stratum>/<name>/flown/flights.csv there"),
     ],
 )
 def test_mistakes_are_told_in_one_line(overrides, match, tmp_path):

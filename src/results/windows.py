@@ -1,0 +1,78 @@
+"""What a flight scored in every two seconds of it."""
+
+import math
+from collections.abc import Collection, Mapping
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float32
+
+from ..data.files import BROKEN
+from ..errors import UserError
+from .counts import Counts
+
+# A window is of two whole seconds.
+WINDOW_S = 2
+# The windows of all flights of a perception, in place of the folder with their counts by second.
+WINDOWS = "windows.npz"
+
+# By score what it was in the window that ends with each second; NaN where it counted nothing.
+Windows = Mapping[str, Float32[np.ndarray, "seconds"]]
+
+
+def windows_of(place: Path, scores: Collection[str]) -> dict[str, Windows]:
+    """Returns some scores of all windows, by flight. No window ends with the first second.
+
+    ``place`` is a folder with counts by second, ``<map>/<flight>.npz``, or a file of
+    `packed_windows`. Raises `UserError` for a score that there is not, and for a file that cannot
+    be read.
+    """
+    if place.is_file():
+        return _read(place, scores)
+    found, suite = {}, None
+    for path in sorted(place.glob("*/*.npz")):
+        counts, values = Counts.read(path), {}
+        # To make one takes longer than to use it, and all flights have the same.
+        suite = suite or counts.suite()
+        for metric, tables in counts.tables.items():
+            sums = {name: table[1:] + table[:-1] for name, table in tables.items()}
+            values |= suite.metric(metric).scores(sums)
+        _require(scores, values, place)
+        found[f"{path.parent.name}/{path.stem}"] = {
+            score: np.r_[math.nan, values[score].numpy()].astype(np.float32) for score in scores
+        }
+    return found
+
+
+def packed_windows(windows: Mapping[str, Windows]) -> bytes:
+    """Returns an ``.npz`` of plain arrays: the flights, their seconds, and all values of a score,
+    flight after flight."""
+    flights = list(windows.values())
+    arrays = {score: np.concatenate([each[score] for each in flights]) for score in flights[0]}
+    seconds = [len(next(iter(each.values()))) for each in flights]
+
+    np.savez(file := BytesIO(), flights=np.array(list(windows)), seconds=seconds, **arrays)
+    return file.getvalue()
+
+
+def _read(path: Path, scores: Collection[str]) -> dict[str, Windows]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        flights, ends = arrays.pop("flights").tolist(), np.cumsum(arrays.pop("seconds"))[:-1]
+        _require(scores, arrays, path)
+        parts = {score: np.split(arrays[score], ends) for score in scores}
+    except BROKEN as error:
+        raise UserError(f"{path}: cannot be read ({error}); publish it again") from error
+    return {
+        flight: {score: part[n] for score, part in parts.items()}
+        for n, flight in enumerate(flights)
+    }
+
+
+def _require(scores: Collection[str], known: Collection[str], place: Path) -> None:
+    if missing := [score for score in scores if score not in known]:
+        raise UserError(
+            f"task.scores.{missing[0]}: no score of {place}; there are {', '.join(known)}"
+        )
