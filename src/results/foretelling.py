@@ -63,23 +63,22 @@ class Perception:
         """Returns those of ``<folder>/<stratum>/<name>/<set>/``, whose set ``flown`` has flights,
         by stratum and name.
 
-        Raises `UserError` where there is none, and for one that is there twice.
+        Raises `UserError` where there is none, and for a name that is there twice.
         """
-        found: dict[tuple[str, str], Perception] = {}
+        found: dict[str, Perception] = {}
         for path in (path for folder in folders for path in folder.glob(f"*/*/flown/{FLIGHTS}")):
             own = path.parent.parent
             # Where a set has both, those by flight say more.
             places = [*sorted(own.glob(f"*/{MAPS}")), *sorted(own.glob("*/frames"))]
             frames = {each.parent.name: each for each in places}
             flights = pd.read_csv(path, keep_default_na=False)
-            key = own.parent.name, own.name
-            if key in found:
+            if own.name in found:
                 raise UserError(f"task.flights: {own.name} is there twice; leave one out")
-            found[key] = cls(own.name, own.parent.name, flights, frames)
+            found[own.name] = cls(own.name, own.parent.name, flights, frames)
         if not found:
             places = ", ".join(map(str, folders))
             raise UserError(f"{places}: no <stratum>/<name>/flown/{FLIGHTS} there; fly them first")
-        return [found[key] for key in sorted(found)]
+        return sorted(found.values(), key=lambda each: (each.stratum, each.name))
 
 
 def compared_with(reference: str, perceptions: Sequence[Perception]) -> list[Perception]:

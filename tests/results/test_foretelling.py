@@ -173,6 +173,10 @@ def test_perceptions_of_several_places_are_put_together_and_none_is_there_twice(
     assert names == [each.name for each in Perception.all_below([root])] + ["voxels_0.5"]
     with pytest.raises(UserError, match=r"task.flights: seen is there twice"):
         Perception.all_below([root, tmp_path, root])
+    # Also not in another stratum: scores are known by the name.
+    write_flown(tmp_path, "noisy1", 0.9, lambda m, n: False, "faulty")
+    with pytest.raises(UserError, match=r"task.flights: noisy1 is there twice"):
+        Perception.all_below([tmp_path, root])
 
 
 def test_perceptions_that_flew_other_missions_are_refused(root, tmp_path):
