@@ -1,6 +1,6 @@
 """Scores of flights: how often they end well, and what a perception costs beyond the camera's."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -10,7 +10,7 @@ from pandas.api.types import is_numeric_dtype
 from torch import Generator, Tensor
 
 from ..errors import UserError
-from .bootstrap import interval_of, resamplings
+from .bootstrap import interval_of, resamplings, seed_resamplings
 
 # A score is a sum over flights by another one; each is better lower but for the first two.
 SCORES = {
@@ -41,27 +41,32 @@ FLIGHTS = "flights.csv"
 
 
 def flight_scores(
-    flights: Mapping[str, pd.DataFrame], reference: str | None, resamples: int, generator: Generator
+    flights: Mapping[str, Sequence[pd.DataFrame]],
+    reference: str | None,
+    resamples: int,
+    generator: Generator,
 ) -> pd.DataFrame:
     """Returns the scores of perceptions that flew the same missions, by stratum and over all.
 
-    ``flights`` are their tables of flights. Intervals are over resampled maps, the same ones for
-    all perceptions. ``excess_*`` are differences from the ``reference``, paired by flight: what is
-    lost beyond what the camera's view and the planner lose; ``speed_mps`` and ``jerk2`` only over
-    flights on which both arrived. ``p`` of a difference is twice the share of resamples in which it
-    is none or has the other sign, and ``p_holm`` the same for all perceptions together, by Holm's
-    rule.
+    ``flights`` are their tables of flights, one for each seed of their training. A score is the
+    mean over the seeds. Intervals are over resampled maps and seeds, the same ones for all
+    perceptions. ``excess_*`` are differences from the ``reference``, paired by flight and, where it
+    has several, by seed: what is lost beyond what the camera's view and the planner lose;
+    ``speed_mps`` and ``jerk2`` only over flights on which both arrived. ``p`` of a difference is
+    twice the share of resamples in which it is none or has the other sign, and ``p_holm`` the same
+    for all perceptions together, by Holm's rule.
     ``success_by_time`` weighs success by the time that a UAV needs that knows the truth, as a share
     of the time taken.
 
-    Raises `UserError` for perceptions that flew other missions.
+    Raises `UserError` for perceptions that flew other missions, and for other numbers of seeds.
     """
-    require_same_flights(flights)
+    tables = [(name, table) for name, of_seeds in flights.items() for table in of_seeds]
+    require_same_flights(tables)
     rows = []
-    for stratum in (*sorted(set(next(iter(flights.values()))["stratum"])), ALL):
+    for stratum in (*sorted(set(tables[0][1]["stratum"])), ALL):
         kept = {
-            name: table if stratum == ALL else table[table["stratum"] == stratum]
-            for name, table in flights.items()
+            name: [each[(each["stratum"] == stratum) | (stratum == ALL)] for each in of_seeds]
+            for name, of_seeds in flights.items()
         }
         rows += _of_stratum(kept, stratum, reference, resamples, generator)
 
@@ -80,34 +85,65 @@ def holm(p_values: pd.Series) -> pd.Series:
 
 
 def _of_stratum(
-    flights: Mapping[str, pd.DataFrame],
+    flights: Mapping[str, Sequence[pd.DataFrame]],
     stratum: str,
     reference: str | None,
     resamples: int,
     generator: Generator,
 ) -> list[dict[str, object]]:
-    maps = len(set(next(iter(flights.values()))["map"]))
-    weights = resamplings(maps, resamples, generator)
-    # The first row is of all maps, once each.
-    weights = torch.cat([torch.ones(1, maps, dtype=weights.dtype), weights])
-    samples = {name: samples_of(table, weights) for name, table in flights.items()}
+    # The first row is of all maps, once each; so it is with the seeds.
+    maps = len(set(next(iter(flights.values()))[0]["map"]))
+    weights = torch.cat([torch.ones(1, maps), resamplings(maps, resamples, generator)])
+    samples = {name: [samples_of(t, weights) for t in tables] for name, tables in flights.items()}
+    shares = {
+        n: torch.cat([torch.ones(1, n), seed_resamplings(n, resamples, generator)]) / n
+        for n in sorted(set(map(len, flights.values())))
+    }
 
     rows = []
-    for name, scores in samples.items():
-        key = {"perception": name, "stratum": stratum, "flights": len(flights[name])}
-        for score, sample in scores.items():
+    for name, of_seeds in samples.items():
+        key = {"perception": name, "stratum": stratum}
+        key |= {"seeds": len(of_seeds), "flights": len(flights[name][0])}
+        values = {score: [each[score] for each in of_seeds] for score in SCORES}
+        if reference in samples and name != reference:
+            values |= _excess(_paired(name, reference, flights), weights)
+
+        for score, of_score in values.items():
+            sample = (torch.stack(of_score, dim=1) * shares[len(of_score)]).sum(1)
             value, low, high = interval_of(sample)
             rows.append({**key, "score": score, "value": value, "low": low, "high": high})
-        if reference in samples and name != reference:
-            pair = flights[name], flights[reference]
-            both = [samples_of(each, weights) for each in _completed_by_both(*pair)]
-            pairs = {score: (scores[score], samples[reference][score]) for score in EXCESS}
-            pairs |= {score: (both[0][score], both[1][score]) for score in EXCESS_BOTH}
-            for score, (one, other) in pairs.items():
-                value, low, high = interval_of(one - other)
-                excess = {"score": f"excess_{score}", "value": value, "low": low, "high": high}
-                rows.append({**key, **excess, "p": p_value(one - other)})
+            if score not in SCORES:
+                rows[-1]["p"] = p_value(sample)
     return rows
+
+
+def _paired(
+    name: str, reference: str, flights: Mapping[str, Sequence[pd.DataFrame]]
+) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
+    """Returns the tables of two perceptions, seed by seed; what has no seeds stands beside each."""
+    own, others = flights[name], flights[reference]
+    if len(own) != len(others) and 1 not in (len(own), len(others)):
+        raise UserError(
+            f"{name} has {len(own)} seeds and {reference} {len(others)}; give the same seeds"
+        )
+    pairs = max(len(own), len(others))
+    return [(own[n % len(own)], others[n % len(others)]) for n in range(pairs)]
+
+
+def _excess(
+    pairs: Sequence[tuple[pd.DataFrame, pd.DataFrame]], weights: Float[Tensor, "1+r maps"]
+) -> dict[str, list[Float[Tensor, "1+r"]]]:
+    """Returns the differences of each pair, whole and resampled."""
+    found: dict[str, list[Tensor]] = {}
+    for pair in pairs:
+        every, both = (
+            [samples_of(each, weights) for each in tables]
+            for tables in (pair, _completed_by_both(*pair))
+        )
+        for scores, (one, other) in ((EXCESS, every), (EXCESS_BOTH, both)):
+            for score in scores:
+                found.setdefault(f"excess_{score}", []).append(one[score] - other[score])
+    return found
 
 
 def p_value(sample: Float[Tensor, "1+r"]) -> float:
@@ -151,11 +187,11 @@ def _completed_by_both(*tables: pd.DataFrame) -> list[pd.DataFrame]:
     return indexed
 
 
-def require_same_flights(flights: Mapping[str, pd.DataFrame]) -> None:
+def require_same_flights(flights: Sequence[tuple[str, pd.DataFrame]]) -> None:
     """Raises `UserError` for perceptions that flew other missions than the first."""
-    first, *others = flights
-    for name in others:
-        if _missions(flights[name]) != _missions(flights[first]):
+    (first, of_first), *others = flights
+    for name, table in others:
+        if _missions(table) != _missions(of_first):
             raise UserError(
                 f"{name} did not fly the missions of {first}; fly them with the same "
                 "mission, planner, airframe and task.rules, to the end"

@@ -115,7 +115,7 @@ def foretelling(
     """
     compared = compared_with(reference, perceptions)
     flown = next(each.flights for each in perceptions if each.name == reference)
-    require_same_flights({reference: flown} | {each.name: each.flights for each in compared})
+    require_same_flights([(reference, flown), *((each.name, each.flights) for each in compared)])
     maps = sorted(set(flown["map"]))
     weights = resamplings(len(maps), resamples, generator)
 

@@ -1,5 +1,8 @@
 """task=flights: perceptions side by side, thresholds as a curve, mistakes in one line."""
 
+import shutil
+import zipfile
+
 import pandas as pd
 import pytest
 from PIL import Image
@@ -43,6 +46,25 @@ def test_one_that_flew_with_several_thresholds_is_a_curve(tmp_path, seen):
     assert set(scores["perception"]) == {"seen", "model at 0.7", "model at 0.3"}
     with Image.open(tmp_path / "out" / "thresholds.png") as picture:
         assert picture.width > 500
+
+
+def test_the_seeds_of_a_model_are_one_perception_in_folders_and_archives(tmp_path, seen):
+    of_seed = {0: ["arrived", "collided", "arrived"], 1: ["collided", "collided", "arrived"]}
+    for seed, outcomes in of_seed.items():
+        write(tmp_path / f"all/learned/m-seed{seed}/flown", outcomes, f"m-seed{seed}")
+    with zipfile.ZipFile(tmp_path / "packed.zip", "w") as archive:
+        for path in (tmp_path / "all").rglob("*.*"):
+            archive.write(path, path.relative_to(tmp_path / "all"))
+
+    places = ("all", "packed.zip", "packed/learned")
+    both, *others = (run(tmp_path, [seen, str(tmp_path / each)]) for each in places)
+    shutil.rmtree(tmp_path / "all/learned/m-seed1")
+    assert all(other.equals(both) for other in others)
+    values = both.set_index(["perception", "stratum", "score"])["value"]
+    assert values["m", "all", "excess_collisions"] == pytest.approx(0.5)
+
+    [alone] = {*run(tmp_path, [seen, str(tmp_path / "all")])["perception"]} - {"seen"}
+    assert alone == "m-seed0"
 
 
 def test_mistakes_are_told_in_one_line(tmp_path, seen):
