@@ -24,6 +24,28 @@ _UP: Final = (0.0, 0.0, 1.0)
 TextureCoordinates = Float[np.ndarray, "v 2"]
 
 
+class _Rows:
+    """Lists of the rows of arrays, whose rows are always the same lists.
+
+    pybullet 3.2.7 never lets go of a list of vertices that it has read, nor of its rows: 50 MB for
+    every town that is drawn. What it keeps is used again here, and `Drawing.add` empties the rest.
+    """
+
+    def __init__(self) -> None:
+        self._rows: list[list[float]] = []
+
+    def of(self, values: Float[np.ndarray, "v k"]) -> list[list[float]]:
+        """Returns the rows of an array, until the next call."""
+        self._rows.extend([] for _ in range(len(values) - len(self._rows)))
+        rows = self._rows[: len(values)]
+        for row, new in zip(rows, values.tolist()):
+            row[:] = new
+        return rows
+
+
+_VERTICES, _UVS, _NORMALS = _Rows(), _Rows(), _Rows()
+
+
 class Drawing:
     """A bullet client of one renderer; see `renderer.RENDERERS`. Meshes have ids from 0 on.
 
@@ -67,10 +89,15 @@ class Drawing:
         ``uvs`` says where its vertices lie in the texture of that name.
         """
         bullet, client = self._bullet, self._client
-        geometry = {"rgbaColor": [1, 1, 1, 1], **self._geometry(mesh, uvs)}
+        geometry = self._geometry(mesh, uvs)
 
         with silent():
-            shape = bullet.createVisualShape(bullet.GEOM_MESH, **geometry, **client)
+            shape = bullet.createVisualShape(
+                bullet.GEOM_MESH, rgbaColor=[1, 1, 1, 1], **geometry, **client
+            )
+            for kept in geometry.values():
+                if isinstance(kept, list):
+                    kept.clear()
             bullet_id = bullet.createMultiBody(0, -1, shape, **client)
             image = self._texture(texture)
             bullet.changeVisualShape(bullet_id, -1, textureUniqueId=image, **client)
@@ -129,10 +156,10 @@ class Drawing:
             return {"fileName": str(path)}
 
         return {
-            "vertices": mesh.vertices_m.tolist(),
+            "vertices": _VERTICES.of(mesh.vertices_m),
             "indices": mesh.faces.reshape(-1).tolist(),
-            "uvs": uvs.tolist(),
-            "normals": mesh.normals.tolist(),
+            "uvs": _UVS.of(uvs),
+            "normals": _NORMALS.of(mesh.normals),
         }
 
     def _texture(self, name: str) -> int:

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
 
+from ..errors import UserError
 from ..loop.campaign import Campaign, Job
 from ..loop.outcome import Row
 from ..report.flight_film import Film
@@ -57,7 +59,14 @@ class Fleet:
             home = self._homes.setdefault(name, len(self._homes) % self._count)
             futures.append(self._pools[home].submit(function, *arguments))
         for future in as_completed(futures):
-            yield future.result()
+            try:
+                result = future.result()
+            except BrokenProcessPool as error:
+                raise UserError(
+                    "task.workers: a worker died (out of memory?); finished flights are kept: run "
+                    "it again with fewer workers"
+                ) from error
+            yield result
 
 
 # --------------------------------------------------------------------------- in the worker process
