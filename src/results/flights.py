@@ -1,6 +1,7 @@
 """Scores of flights: how often they end well, and what a perception costs beyond the camera's."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -41,15 +42,15 @@ FLIGHTS = "flights.csv"
 
 
 def flight_scores(
-    flights: Mapping[str, Sequence[pd.DataFrame]],
+    flights: Mapping[str, Mapping[str, pd.DataFrame]],
     reference: str | None,
     resamples: int,
     generator: Generator,
 ) -> pd.DataFrame:
     """Returns the scores of perceptions that flew the same missions, by stratum and over all.
 
-    ``flights`` are their tables of flights, one for each seed of their training. A score is the
-    mean over the seeds. Intervals are over resampled maps and seeds, the same ones for all
+    ``flights`` are their tables of flights, by the seed of their training. A score is the mean over
+    the seeds. Intervals are over resampled maps and seeds, the same ones for all
     perceptions. ``excess_*`` are differences from the ``reference``, paired by flight and, where it
     has several, by seed: what is lost beyond what the camera's view and the planner lose;
     ``speed_mps`` and ``jerk2`` only over flights on which both arrived. ``p`` of a difference is
@@ -58,14 +59,18 @@ def flight_scores(
     ``success_by_time`` weighs success by the time that a UAV needs that knows the truth, as a share
     of the time taken.
 
-    Raises `UserError` for perceptions that flew other missions, and for other numbers of seeds.
+    Raises `UserError` for perceptions that flew other missions, and for other seeds than the
+    reference's, where both have several.
     """
-    tables = [(name, table) for name, of_seeds in flights.items() for table in of_seeds]
+    tables = [(name, table) for name, of_seeds in flights.items() for table in of_seeds.values()]
     require_same_flights(tables)
     rows = []
     for stratum in (*sorted(set(tables[0][1]["stratum"])), ALL):
         kept = {
-            name: [each[(each["stratum"] == stratum) | (stratum == ALL)] for each in of_seeds]
+            name: {
+                seed: each[(each["stratum"] == stratum) | (stratum == ALL)]
+                for seed, each in sorted(of_seeds.items())
+            }
             for name, of_seeds in flights.items()
         }
         rows += _of_stratum(kept, stratum, reference, resamples, generator)
@@ -85,27 +90,28 @@ def holm(p_values: pd.Series) -> pd.Series:
 
 
 def _of_stratum(
-    flights: Mapping[str, Sequence[pd.DataFrame]],
+    flights: Mapping[str, Mapping[str, pd.DataFrame]],
     stratum: str,
     reference: str | None,
     resamples: int,
     generator: Generator,
 ) -> list[dict[str, object]]:
     # The first row is of all maps, once each; so it is with the seeds.
-    maps = len(set(next(iter(flights.values()))[0]["map"]))
+    some = next(iter(next(iter(flights.values())).values()))
+    maps = len(set(some["map"]))
     weights = torch.cat([torch.ones(1, maps), resamplings(maps, resamples, generator)])
-    samples = {name: [samples_of(t, weights) for t in tables] for name, tables in flights.items()}
     shares = {
         n: torch.cat([torch.ones(1, n), seed_resamplings(n, resamples, generator)]) / n
         for n in sorted(set(map(len, flights.values())))
     }
 
     rows = []
-    for name, of_seeds in samples.items():
+    for name, of_seeds in flights.items():
         key = {"perception": name, "stratum": stratum}
-        key |= {"seeds": len(of_seeds), "flights": len(flights[name][0])}
-        values = {score: [each[score] for each in of_seeds] for score in SCORES}
-        if reference in samples and name != reference:
+        key |= {"seeds": len(of_seeds), "flights": len(some)}
+        samples = [samples_of(each, weights) for each in of_seeds.values()]
+        values = {score: [each[score] for each in samples] for score in SCORES}
+        if reference in flights and name != reference:
             values |= _excess(_paired(name, reference, flights), weights)
 
         for score, of_score in values.items():
@@ -118,16 +124,18 @@ def _of_stratum(
 
 
 def _paired(
-    name: str, reference: str, flights: Mapping[str, Sequence[pd.DataFrame]]
+    name: str, reference: str, flights: Mapping[str, Mapping[str, pd.DataFrame]]
 ) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
     """Returns the tables of two perceptions, seed by seed; what has no seeds stands beside each."""
     own, others = flights[name], flights[reference]
-    if len(own) != len(others) and 1 not in (len(own), len(others)):
+    if len(own) == 1 or len(others) == 1:
+        return list(product(own.values(), others.values()))
+    if list(own) != list(others):
         raise UserError(
-            f"{name} has {len(own)} seeds and {reference} {len(others)}; give the same seeds"
+            f"{name} has the seeds {', '.join(own)} and {reference} {', '.join(others)}; give the "
+            "same seeds"
         )
-    pairs = max(len(own), len(others))
-    return [(own[n % len(own)], others[n % len(others)]) for n in range(pairs)]
+    return list(zip(own.values(), others.values()))
 
 
 def _excess(

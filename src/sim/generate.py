@@ -23,10 +23,6 @@ from .renderer import require_renderer
 
 LOCK = ".lock"
 
-# Bullet never frees a mesh that it was given, so a worker grows by some 50 MB a clip, and a fresh
-# one takes over after these.
-CLIPS_A_PROCESS = 10
-
 
 def generate(sim: Mapping, root: Path) -> int:
     """Makes the clips of this shard that do not exist yet and returns their number.
@@ -84,15 +80,13 @@ def _make_all(plans: Sequence[ClipPlan], sim: Mapping, root: Path) -> None:
 
     with progress.Progress("{task.description}", *counts, *times) as bars:
         bar = bars.add_task(f"generating {root.name}", total=frames)
-        for first in range(0, len(plans), workers * CLIPS_A_PROCESS):
-            batch = plans[first : first + workers * CLIPS_A_PROCESS]
-            with worker_pool(workers, _start_maker, (sim, root, frames_done)) as pool:
-                pending = {pool.submit(_make_clip, plan): plan for plan in batch}
-                while pending:
-                    finished, _ = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-                    bars.update(bar, completed=frames_done.value)
-                    for future in finished:
-                        _finish(future, pending.pop(future))
+        with worker_pool(workers, _start_maker, (sim, root, frames_done)) as pool:
+            pending = {pool.submit(_make_clip, plan): plan for plan in plans}
+            while pending:
+                finished, _ = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+                bars.update(bar, completed=frames_done.value)
+                for future in finished:
+                    _finish(future, pending.pop(future))
 
 
 def _finish(future: Future, plan: ClipPlan) -> None:

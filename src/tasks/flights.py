@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import pandas as pd
 import torch
@@ -27,15 +26,6 @@ BEST = {
 PRINTED = tuple(BEST)
 
 
-class Flown(NamedTuple):
-    """The flights of a perception with a threshold of the planner, and its name without a seed."""
-
-    name: str
-    family: str
-    threshold: float
-    table: pd.DataFrame
-
-
 def flights(cfg: DictConfig, flights: list[str], reference: str, resamples: int, out: str) -> None:
     """Writes ``scores.csv`` to ``out``, and prints the main ones.
 
@@ -50,25 +40,25 @@ def flights(cfg: DictConfig, flights: list[str], reference: str, resamples: int,
     if not flights:
         raise UserError("task.flights: name a folder or more, as task.flights=[runs/flights/seen]")
     with unpacked([Path(each) for each in flights]) as (places, _):
-        flown = [each for place in places for each in _read(place)]
-    labels = _labels(flown)
-    tables = {label: [flown[n].table for n in places] for label, places in labels.items()}
-    if reference not in tables and reference in {each.family for each in flown}:
-        several = ", ".join(label for label in labels if label.startswith(f"{reference} at "))
+        flown = _together([each for place in places for each in _read(place)])
+    labels = {
+        name: {each: f"{name} at {each:g}" if len(of_name) > 1 else name for each in of_name}
+        for name, of_name in flown.items()
+    }
+    tables = {labels[name][each]: own for name, of in flown.items() for each, own in of.items()}
+    if reference in flown and reference not in tables:
+        several = ", ".join(labels[reference].values())
         raise UserError(f"task.reference: {reference} flew more than once; name one of {several}")
     table = print_scores(tables, reference, resamples)
     write_table(table, Path(out) / "scores.csv")
 
-    curves: dict[str, dict[float, str]] = {}
-    for label, (first, *_) in labels.items():
-        curves.setdefault(flown[first].family, {})[flown[first].threshold] = label
-    if curves := {name: of for name, of in curves.items() if len(of) > 1}:
+    if curves := {name: of for name, of in labels.items() if len(of) > 1}:
         draw_thresholds(table, curves, Path(out) / "thresholds.png")
     say(Path(out) / "scores.csv")
 
 
 def print_scores(
-    flights: Mapping[str, Sequence[pd.DataFrame]], reference: str | None, resamples: int
+    flights: Mapping[str, Mapping[str, pd.DataFrame]], reference: str | None, resamples: int
 ) -> pd.DataFrame:
     """Prints the main `flight_scores`, a table a stratum, and returns all of them."""
     generator = torch.Generator().manual_seed(0)
@@ -78,35 +68,38 @@ def print_scores(
     return table
 
 
-def _read(place: Path) -> Iterator[Flown]:
-    """Yields the flights of a folder of `task=fly`, or of all sets ``flown`` below a folder."""
+def _read(place: Path) -> Iterator[tuple[str, float, pd.DataFrame]]:
+    """Yields the perception's name, the planner's threshold and the flights: of a folder of
+    `task=fly`, or of all sets ``flown`` below a folder."""
     alone = place / FLIGHTS
     paths = [alone] if alone.is_file() else sorted(place.rglob(f"flown/{FLIGHTS}"))
     if not paths:
         raise UserError(f"task.flights: {place} has no {FLIGHTS}; make it by task=fly")
     for path in paths:
         table = pd.read_csv(path, keep_default_na=False)
-        name = str(table["perception"].iloc[0])
-        threshold = float(OmegaConf.load(path.parent / CONFIG).planner.threshold)
-        yield Flown(name, SEED.sub("", name), threshold, table)
+        threshold = OmegaConf.load(path.parent / CONFIG).planner.threshold
+        yield str(table["perception"].iloc[0]), float(threshold), table
 
 
-def _labels(flown: Sequence[Flown]) -> dict[str, list[int]]:
-    """Returns the places of a perception's seeds by its name: with its threshold, where it flew
-    with several, and with its seed, where that is the only one."""
-    found: dict[str, list[int]] = {}
-    for n, each in enumerate(flown):
-        alike = [other for other in flown if other.family == each.family]
-        seeds = {other.name for other in alike}
-        label = each.family if len(seeds) > 1 else each.name
-        if len({other.threshold for other in alike}) > 1:
-            label += f" at {each.threshold:g}"
-        if each.name in (flown[place].name for place in found.get(label, ())):
+def _together(
+    flown: Sequence[tuple[str, float, pd.DataFrame]],
+) -> dict[str, dict[float, dict[str, pd.DataFrame]]]:
+    """Returns the flights by perception, threshold and seed. A model with one seed keeps its name
+    with it."""
+    by_model: dict[tuple[str, float], dict[str, pd.DataFrame]] = {}
+    for name, threshold, table in flown:
+        seeds = by_model.setdefault((SEED.sub("", name), threshold), {})
+        if name in seeds:
             raise UserError(
-                f"task.flights: {each.name} at {each.threshold:g} is there twice; name each folder "
-                "once"
+                f"task.flights: {name} at {threshold:g} is there twice; name each folder once"
             )
-        found.setdefault(label, []).append(n)
+        seeds[name] = table
+
+    found: dict[str, dict[float, dict[str, pd.DataFrame]]] = {}
+    for (model, threshold), seeds in by_model.items():
+        name = model if len(seeds) > 1 else next(iter(seeds))
+        own = {each.removeprefix(f"{model}-seed"): table for each, table in seeds.items()}
+        found.setdefault(name, {})[threshold] = own
     return found
 
 

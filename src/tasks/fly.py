@@ -58,7 +58,7 @@ def fly(
             wanted = {folder / f"{stem}.gif": jobs[each] for stem, each in films_of(table).items()}
             missing = {path: job for path, job in wanted.items() if not path.exists()}
             deque(tracked(fleet.drawn(missing), "drawing", len(missing)), maxlen=0)
-    print_scores({campaign.pilot.name: [table]}, None, RESAMPLES)
+    print_scores({campaign.pilot.name: {"": table}}, None, RESAMPLES)
     say(folder / FLIGHTS)
 
 

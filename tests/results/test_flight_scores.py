@@ -26,7 +26,7 @@ def table(outcomes, perception="any", time_s=12.0, maps=4):
 
 def scores(flights, reference="seen", **changes):
     generator = torch.Generator().manual_seed(0)
-    flights = {k: v if isinstance(v, list) else [v] for k, v in flights.items()}
+    flights = {name: own if isinstance(own, dict) else {"": own} for name, own in flights.items()}
     long = flight_scores(flights, reference, changes.get("resamples", 200), generator)
     return long.set_index(["perception", "stratum", "score"]).sort_index()
 
@@ -98,7 +98,7 @@ def test_what_is_lost_beyond_the_reference_is_paired_by_flight():
 def test_a_score_is_the_mean_over_the_seeds_and_a_difference_is_paired_by_seed():
     """On every map the same, so only the drawn seeds move a mean, and nothing a difference."""
     good, bad, worse = (table(["collided"] * n + ["arrived"] * (4 - n)) for n in (0, 1, 2))
-    flights = {"seen": good, "early": [bad, worse], "late": [good, bad]}
+    flights = {"seen": good, "early": {"0": bad, "1": worse}, "late": {"1": bad, "0": good}}
     values = scores(flights).xs("all", level="stratum")
     of_early = values.loc["early", "collisions"]
     assert of_early[["value", "low", "high"]].tolist() == [0.375, 0.25, 0.5]
@@ -109,8 +109,8 @@ def test_a_score_is_the_mean_over_the_seeds_and_a_difference_is_paired_by_seed()
     assert apart.loc[("early", "excess_collisions")].tolist() == [0.25] * 3
     assert apart.loc[("seen", "excess_collisions")].tolist() == [-0.125, -0.25, 0.0]
 
-    with pytest.raises(UserError, match="early has 2 seeds and late 3; give the same seeds"):
-        scores(flights | {"late": [good, bad, bad]}, "late")
+    with pytest.raises(UserError, match="early has the seeds 0, 1 and late 0, 2; give the same"):
+        scores(flights | {"late": {"0": good, "2": bad}}, "late")
 
 
 def test_intervals_come_from_the_maps():
