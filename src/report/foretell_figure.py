@@ -1,5 +1,7 @@
-"""How well scores foretell what comes of flights, as a picture."""
+"""How well scores foretell what comes of flights, as pictures."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -12,6 +14,7 @@ from .figure_file import write_figure
 DPI, WIDTH_INCHES, ROW_INCHES = 150, 4.2, 0.22
 # Of each stratum; over all it is black.
 COLORS = ("#2962ff", "#d1495b", "#2a9d8f", "#c98a00")
+PANELS, PANEL_INCHES = 5, (2.3, 2.0)
 
 
 def draw_foretelling(table: pd.DataFrame, path: str | Path) -> None:
@@ -54,4 +57,35 @@ def draw_foretelling(table: pd.DataFrame, path: str | Path) -> None:
     all_axes[0].invert_yaxis()
     handles, labels = all_axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", frameon=False, ncols=4)
+    write_figure(figure, path)
+
+
+def draw_standings(
+    standings: pd.DataFrame, scores: Sequence[str], reference: str, path: str | Path
+) -> None:
+    """Writes a PNG of the perceptions of a set of frames, as `foretelling` returns them.
+
+    There are axes for each score; points are perceptions, and higher ones collide more often than
+    the reference does. Raises `UserError` for a path that cannot be written.
+    """
+    columns = min(PANELS, len(scores))
+    rows = math.ceil(len(scores) / columns)
+    size = PANEL_INCHES[0] * columns, PANEL_INCHES[1] * rows + 0.5
+    figure = Figure(figsize=size, dpi=DPI, layout="constrained")
+    all_axes = figure.subplots(rows, columns, sharey=True, squeeze=False).flat
+
+    for axes, score in zip(all_axes, scores):
+        for (stratum, own), color in zip(standings.groupby("stratum"), COLORS):
+            values = 100 * own[[score, "collisions"]]
+            axes.scatter(*values.to_numpy().T, s=12, color=color, label=stratum, alpha=0.7)
+        axes.set_title(score, fontsize=8, color=INK)
+        axes.tick_params(labelsize=7)
+        axes.spines[["top", "right"]].set_visible(False)
+    for axes in list(all_axes)[len(scores) :]:
+        axes.set_axis_off()
+
+    figure.supylabel(f"collisions beyond those of {reference}, % of flights", fontsize=9)
+    figure.supxlabel("score (%)", fontsize=9)
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", frameon=False, ncols=len(labels))
     write_figure(figure, path)

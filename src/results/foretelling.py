@@ -97,15 +97,16 @@ def foretelling(
     against: str,
     resamples: int,
     generator: Generator,
-) -> pd.DataFrame:
-    """Returns how well each score orders the perceptions by what comes of their flights.
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Returns how well each score orders the perceptions by what comes of their flights, and what
+    it orders: a row a perception and set of frames, with its scores and what came of its flights.
 
-    ``scores`` says of each whether its "high" or "low" end is the better. A row has the set of
-    frames, the stratum, the score, the target, Spearman's correlation with its interval, Kendall's
-    tau-b, the difference of Spearman's from that of the score ``against`` with its interval and
-    ``p``, that by Holm's rule for all scores together, and the power to tell a difference of 0.2. A
-    correlation is positive where better scores go with less of the target. Collisions are those
-    beyond the perception ``reference``.
+    ``scores`` says of each whether its "high" or "low" end is the better. A row of the first table
+    has the set of frames, the stratum, the score, the target, Spearman's correlation with its
+    interval, Kendall's tau-b, the difference of Spearman's from that of the score ``against`` with
+    its interval and ``p``, that by Holm's rule for all scores together, and the power to tell a
+    difference of 0.2. A correlation is positive where better scores go with less of the target.
+    Collisions are those beyond the perception ``reference``, a flight.
 
     Over all strata ranks are taken within each, so that no stratum's level makes a correlation.
     Maps and, within the strata, families of perceptions are resampled together; of frames from
@@ -119,7 +120,7 @@ def foretelling(
     maps = sorted(set(flown["map"]))
     weights = resamplings(len(maps), resamples, generator)
 
-    rows = []
+    rows, standings = [], []
     for frames in sorted({name for each in compared for name in each.frames}):
         members = [each for each in compared if frames in each.frames]
 
@@ -136,6 +137,7 @@ def foretelling(
                     f"task.scores.{score}: no score of {places[0]}; there are {', '.join(values)}"
                 )
         targets = _targets([each.flights for each in members], flown, weights)
+        standings.append(_standings(frames, members, targets | {s: values[s] for s in scores}))
 
         of_member = np.array([each.stratum for each in members])
         for stratum in (*sorted(set(of_member)), ALL):
@@ -152,7 +154,7 @@ def foretelling(
     table = pd.DataFrame(rows)
     if "p" in table:
         table["p_holm"] = table.groupby(["frames", "stratum", "target"])["p"].transform(holm)
-    return table
+    return table, pd.concat(standings, ignore_index=True) if standings else pd.DataFrame()
 
 
 def counts_by_map(place: Path) -> Counts:
@@ -215,6 +217,14 @@ def _targets(
         "collisions": of_target["collisions"][:, :-1] - of_target["collisions"][:, -1:]
     }
     return of_target
+
+
+def _standings(
+    frames: str, members: Sequence[Perception], values: Mapping[str, Samples]
+) -> pd.DataFrame:
+    """Returns a row a perception: the values over all maps."""
+    own = [{"frames": frames, "stratum": e.stratum, "perception": e.name} for e in members]
+    return pd.DataFrame(own).assign(**{name: sample[0] for name, sample in values.items()})
 
 
 def _drawn(

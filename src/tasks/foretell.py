@@ -8,7 +8,7 @@ import torch
 from omegaconf import DictConfig
 
 from ..errors import UserError
-from ..report.foretell_figure import draw_foretelling
+from ..report.foretell_figure import draw_foretelling, draw_standings
 from ..results.archive import publish_flights, unpacked
 from ..results.files import write_table
 from ..results.foreseeing import foreseen
@@ -30,8 +30,8 @@ def foretell(
     out: str,
     publish: bool = False,
 ) -> None:
-    """Writes ``correlations.csv``, ``foreseen.csv`` and ``correlations.png`` to ``out``, and prints
-    the correlations with collisions over all strata.
+    """Writes ``correlations.csv``, ``perceptions.csv``, ``foreseen.csv`` and pictures of the first
+    two to ``out``, and prints the correlations with collisions over all strata.
 
     ``flights`` are folders as `Perception.all_below` reads them, or archives of such, as
     ``publish`` leaves one: ``flights.zip``. Raises `UserError` for a score that is compared with
@@ -46,12 +46,15 @@ def foretell(
     folder, generator = Path(out), torch.Generator().manual_seed(0)
     with unpacked([Path(each) for each in flights]) as (places, _):
         perceptions = Perception.all_below(places)
-        table = foretelling(perceptions, reference, scores, against, resamples, generator)
+        table, standings = foretelling(
+            perceptions, reference, scores, against, resamples, generator
+        )
         if table.empty:
             raise UserError(
                 "task.flights: fewer than three perceptions have scored frames; fly more"
             )
         write_table(table, folder / "correlations.csv")
+        write_table(standings, folder / "perceptions.csv")
 
         compared = compared_with(reference, perceptions)
         counted = [each for each in perceptions if each.windows]
@@ -68,6 +71,8 @@ def foretell(
             publish_flights(perceptions, windows, folder / ARCHIVE)
 
     draw_foretelling(table, folder / "correlations.png")
+    for frames, of_set in standings.groupby("frames"):
+        draw_standings(of_set, list(scores), reference, folder / f"perceptions_{frames}.png")
     for frames in dict.fromkeys(table["frames"]):
         print_table(_printed(table, frames, against))
         if missing := [each.name for each in compared if frames not in each.frames]:

@@ -13,6 +13,7 @@ from src.results.foreseeing import foreseen
 from src.results.foretelling import (
     Perception,
     _drawn,
+    counts_by_map,
     foretelling,
     kendall,
     spearman,
@@ -30,7 +31,7 @@ def generator():
 
 def table_of(root, scores=SCORES, resamples=50):
     perceptions = Perception.all_below([root])
-    return foretelling(perceptions, "seen", scores, "kar_miou", resamples, generator())
+    return foretelling(perceptions, "seen", scores, "kar_miou", resamples, generator())[0]
 
 
 # ------------------------------------------------------------------------------------ by hand
@@ -99,6 +100,20 @@ def test_scores_that_order_perceptions_as_their_flights_do_have_correlation_one(
     same = table.loc[("verge", "damaged", "collisions", "miou_occupied")]
     assert (same["difference"], same["p"]) == (0.0, 1.0)
     assert math.isnan(table.loc[("verge", "damaged", "collisions", "kar_miou"), "difference"])
+
+
+def test_the_perceptions_stand_with_their_scores_and_collisions(root):
+    """Of six flights as many as one says, less the one of the reference."""
+    perceptions = Perception.all_below([root])
+    table = foretelling(perceptions, "seen", SCORES, "kar_miou", 5, generator())[1]
+    assert list(table.columns[:4]) == ["frames", "stratum", "perception", "collisions"]
+    verge = table[table["frames"] == "verge"].set_index("perception")
+    assert list(verge.index) == ["noisy0", "noisy1", "noisy2", "noisy3"]
+    assert list(verge["collisions"]) == pytest.approx([0.0, 1 / 6, 2 / 6, 3 / 6])
+    assert verge["kar_miou"].is_monotonic_decreasing
+    counts = counts_by_map(root / "damaged/noisy2/verge/frames")
+    wanted = next(each for m in counts.tables if (each := counts.scores(m).get("kar_miou")))
+    assert verge.loc["noisy2", "kar_miou"] == pytest.approx(float(wanted))
 
 
 def test_the_better_end_of_a_score_decides_the_sign(root):

@@ -25,8 +25,10 @@ def test_it_leaves_tables_and_a_picture(tmp_path, capsys):
     table = pd.read_csv(folder / "correlations.csv")
     assert "object_miss_rate" in set(table["score"])
     assert len(pd.read_csv(folder / "foreseen.csv")) == 2 * table["score"].nunique()
-    with Image.open(folder / "correlations.png") as picture:
-        assert picture.width > 500
+    assert len(pd.read_csv(folder / "perceptions.csv")) == 3
+    for name in ("correlations.png", "perceptions_flown.png"):
+        with Image.open(folder / name) as picture:
+            assert picture.width > 500
     assert "frames flown, 3 perceptions" in " ".join(capsys.readouterr().out.split())
 
 
@@ -38,7 +40,7 @@ def test_published_flights_give_the_same_tables(tmp_path):
         write_flown(root, f"n{k}", 0.9 - 0.2 * k, few, sets=("flown", "verge"), before=0.3)
     run(tmp_path, "task.publish=true")
     run(tmp_path, f"task.flights=[{root}/flights.zip]", f"task.out={out}", "task.publish=true")
-    for name in ("correlations.csv", "foreseen.csv", "flights.zip"):
+    for name in ("correlations.csv", "perceptions.csv", "foreseen.csv", "flights.zip"):
         assert (out / name).read_bytes() == (root / name).read_bytes()
 
 
