@@ -13,6 +13,7 @@ from jaxtyping import Float, Int, Shaped
 from torch import Generator, Tensor
 
 from ..errors import UserError
+from ..terminal import tracked
 from .bootstrap import interval_of, resamplings, score_samples
 from .counts import Counts
 from .flights import FLIGHTS, holm, p_value, require_same_flights, samples_of
@@ -196,9 +197,9 @@ def _require_same_frames(places: Sequence[Path], counts: Sequence[Counts], alike
 
 def _scores(counts: Sequence[Counts], weights: Float[Tensor, "r m"]) -> dict[str, Samples]:
     """Returns every score of all counts, whole and by resampled maps."""
-    of_counts = []
-    for own in counts:
-        suite, samples = own.suite(), {}
+    of_counts, shared = [], counts[0].suite()
+    for own in tracked(counts, "scoring resampled maps"):
+        suite, samples = shared if own.protocol == counts[0].protocol else own.suite(), {}
         for metric, tables in own.tables.items():
             samples |= score_samples(suite.metric(metric), tables, weights)
         of_counts.append(samples)
