@@ -1,7 +1,7 @@
 """How well scores foretell what comes of flights, as pictures."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -37,9 +37,7 @@ def draw_foretelling(table: pd.DataFrame, path: str | Path) -> None:
         for stratum, color in zip(strata, COLORS):
             if stratum in of_set.index:
                 values = of_set.loc[stratum]["spearman"].reindex(scores)
-                axes.scatter(
-                    values, range(len(scores)), s=14, color=color, label=stratum, alpha=0.8
-                )
+                axes.scatter(values, range(len(scores)), s=14, color=color, label=stratum, zorder=3)
         over = of_set.loc[ALL].reindex(scores)
         # A percentile interval need not hold its value.
         axes.hlines(range(len(scores)), over["low"], over["high"], color=INK, linewidth=1.2)
@@ -61,31 +59,40 @@ def draw_foretelling(table: pd.DataFrame, path: str | Path) -> None:
 
 
 def draw_standings(
-    standings: pd.DataFrame, scores: Sequence[str], reference: str, path: str | Path
+    standings: pd.DataFrame,
+    table: pd.DataFrame,
+    scores: Mapping[str, str],
+    reference: str,
+    path: str | Path,
 ) -> None:
     """Writes a PNG of the perceptions of a set of frames, as `foretelling` returns them.
 
-    There are axes for each score; points are perceptions, and higher ones collide more often than
-    the reference does. Raises `UserError` for a path that cannot be written.
+    There are axes for each score, its better end to the right, with its correlation over all
+    strata; points are perceptions, and higher ones collide more often than the reference does.
+    Raises `UserError` for a path that cannot be written.
     """
+    over = table[(table["stratum"] == ALL) & (table["target"] == "collisions")]
+    found = over[over["frames"] == standings["frames"].iloc[0]].set_index("score")["spearman"]
     columns = min(PANELS, len(scores))
     rows = math.ceil(len(scores) / columns)
     size = PANEL_INCHES[0] * columns, PANEL_INCHES[1] * rows + 0.5
     figure = Figure(figsize=size, dpi=DPI, layout="constrained")
     all_axes = figure.subplots(rows, columns, sharey=True, squeeze=False).flat
 
-    for axes, score in zip(all_axes, scores):
+    for axes, (score, end) in zip(all_axes, scores.items()):
         for (stratum, own), color in zip(standings.groupby("stratum"), COLORS):
             values = 100 * own[[score, "collisions"]]
             axes.scatter(*values.to_numpy().T, s=12, color=color, label=stratum, alpha=0.7)
-        axes.set_title(score, fontsize=8, color=INK)
+        if end == "low":
+            axes.invert_xaxis()
+        axes.set_title(f"{score}  {found.get(score, math.nan):+.2f}", fontsize=8, color=INK)
         axes.tick_params(labelsize=7)
         axes.spines[["top", "right"]].set_visible(False)
     for axes in list(all_axes)[len(scores) :]:
         axes.set_axis_off()
 
     figure.supylabel(f"collisions beyond those of {reference}, % of flights", fontsize=9)
-    figure.supxlabel("score (%)", fontsize=9)
+    figure.supxlabel("score (%), better to the right; beside its name: Spearman", fontsize=9)
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", frameon=False, ncols=len(labels))
     write_figure(figure, path)

@@ -72,7 +72,7 @@ def foretell(
 
     draw_foretelling(table, folder / "correlations.png")
     for frames, of_set in standings.groupby("frames"):
-        draw_standings(of_set, list(scores), reference, folder / f"perceptions_{frames}.png")
+        draw_standings(of_set, table, scores, reference, folder / f"perceptions_{frames}.png")
     for frames in dict.fromkeys(table["frames"]):
         print_table(_printed(table, frames, against))
         if missing := [each.name for each in compared if frames not in each.frames]:
