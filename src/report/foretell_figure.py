@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from itertools import cycle
 from pathlib import Path
 
 import pandas as pd
@@ -34,7 +35,7 @@ def draw_foretelling(table: pd.DataFrame, path: str | Path) -> None:
     for axes, frames in zip(all_axes, sets):
         of_set = table[table["frames"] == frames].set_index(["stratum", "score"])
         axes.axvline(0, color=MUTED, linewidth=1, zorder=0)
-        for stratum, color in zip(strata, COLORS):
+        for stratum, color in zip(strata, cycle(COLORS)):
             if stratum in of_set.index:
                 values = of_set.loc[stratum]["spearman"].reindex(scores)
                 axes.scatter(values, range(len(scores)), s=14, color=color, label=stratum, zorder=3)
@@ -77,10 +78,10 @@ def draw_standings(
     rows = math.ceil(len(scores) / columns)
     size = PANEL_INCHES[0] * columns, PANEL_INCHES[1] * rows + 0.5
     figure = Figure(figsize=size, dpi=DPI, layout="constrained")
-    all_axes = figure.subplots(rows, columns, sharey=True, squeeze=False).flat
+    all_axes = list(figure.subplots(rows, columns, sharey=True, squeeze=False).flat)
 
     for axes, (score, end) in zip(all_axes, scores.items()):
-        for (stratum, own), color in zip(standings.groupby("stratum"), COLORS):
+        for (stratum, own), color in zip(standings.groupby("stratum"), cycle(COLORS)):
             values = 100 * own[[score, "collisions"]]
             axes.scatter(*values.to_numpy().T, s=12, color=color, label=stratum, alpha=0.7)
         if end == "low":
@@ -88,7 +89,7 @@ def draw_standings(
         axes.set_title(f"{score}  {found.get(score, math.nan):+.2f}", fontsize=8, color=INK)
         axes.tick_params(labelsize=7)
         axes.spines[["top", "right"]].set_visible(False)
-    for axes in list(all_axes)[len(scores) :]:
+    for axes in all_axes[len(scores) :]:
         axes.set_axis_off()
 
     figure.supylabel(f"collisions beyond those of {reference}, % of flights", fontsize=9)

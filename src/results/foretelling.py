@@ -197,9 +197,9 @@ def _require_same_frames(places: Sequence[Path], counts: Sequence[Counts], alike
 
 def _scores(counts: Sequence[Counts], weights: Float[Tensor, "r m"]) -> dict[str, Samples]:
     """Returns every score of all counts, whole and by resampled maps."""
-    of_counts, shared = [], counts[0].suite()
+    of_counts = []
     for own in tracked(counts, "scoring resampled maps"):
-        suite, samples = shared if own.protocol == counts[0].protocol else own.suite(), {}
+        suite, samples = own.suite(), {}
         for metric, tables in own.tables.items():
             samples |= score_samples(suite.metric(metric), tables, weights)
         of_counts.append(samples)

@@ -5,6 +5,8 @@ import pytest
 from PIL import Image
 
 from src.errors import UserError
+from src.report import foretell_figure
+from src.report.foretell_figure import draw_standings
 from src.tasks.foretell import foretell
 from tests.results.flown import write_flown
 from tests.synthetic import sound_config
@@ -30,6 +32,22 @@ def test_it_leaves_tables_and_a_picture(tmp_path, capsys):
         with Image.open(folder / name) as picture:
             assert picture.width > 500
     assert "frames flown, 3 perceptions" in " ".join(capsys.readouterr().out.split())
+
+
+def test_every_stratum_is_drawn_and_no_axes_are_empty(tmp_path, monkeypatch):
+    """Six strata are more than there are colors, six scores do not fill two rows of five."""
+    figures = []
+    monkeypatch.setattr(foretell_figure, "write_figure", lambda figure, _: figures.append(figure))
+    scores = {f"score{n}": "low" if n % 2 else "high" for n in range(6)}
+    rows = [{"frames": "verge", "stratum": s, "collisions": 0.1} for s in "abcdef"]
+    standings = pd.DataFrame(rows).assign(**dict.fromkeys(scores, 0.5))
+    table = pd.DataFrame({"frames": "verge", "stratum": "all", "target": "collisions"}, [0])
+    draw_standings(standings, table.assign(score="score0", spearman=0.7), scores, "seen", tmp_path)
+    shown = [axes for axes in figures[0].axes if axes.axison]
+    assert len(figures[0].axes) == 10
+    assert [len(axes.collections) for axes in shown] == [6] * 6
+    assert [axes.xaxis_inverted() for axes in shown] == [False, True] * 3
+    assert shown[0].get_title() == "score0  +0.70"
 
 
 def test_published_flights_give_the_same_tables(tmp_path):
