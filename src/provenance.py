@@ -23,6 +23,14 @@ TRAINING_CODE = (
     *("models", "data", "metrics", "tasks/model.py"),
     *("geometry.py", "ontology.py", "voxels.py"),
 )
+# The digests of files that were changed and gave the same bytes as before, and of what they were.
+# They count as what they were, so that data sets and runs made with those stay finished.
+SAME_BYTES = {
+    "4cf12d3daf58": "107af539b21f",  # sim/renderer.py
+    "1bc9c89a99dc": "6f5268b2bcfb",  # sim/drawing.py
+    "d537184d4dbd": "2dc1e1f8f2f8",  # sim/generate.py
+    "caa16c0c30ef": "cfeb4d26a434",  # data/manifest.py
+}
 
 
 def digest_of(data: object) -> str:
@@ -96,7 +104,8 @@ def machine() -> str:
 
 @cache
 def _file_digest(source: str) -> str:
-    return digest_of(_meaning(ast.parse(source)))
+    digest = digest_of(_meaning(ast.parse(source)))
+    return SAME_BYTES.get(digest, digest)
 
 
 def _meaning(node: object) -> object:

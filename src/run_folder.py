@@ -33,7 +33,8 @@ KEYS = {
     # Where, how fast and what to do: no part of what shapes a run.
     "place": (
         *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
-        *("predictions", "dataset", "layout", "logger", "callbacks.progress"),
+        *("predictions", "dataset", "layout", "logger"),
+        *("callbacks.progress", "callbacks.preview"),
         *("data.workers", *(f"sim.{key}" for key in NOT_SHAPING)),
         *("trainer.default_root_dir", "trainer.log_every_n_steps"),
         *("trainer.enable_model_summary", "trainer.enable_progress_bar"),

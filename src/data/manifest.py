@@ -18,7 +18,10 @@ from .split import Split, held_out_clips
 
 MANIFEST = "manifest.json"
 MANIFEST_KEYS = {"scale", "sim", "generator", "packages", "split", "held_out", "clips", "digest"}
-PACKAGES = ("torch", "lightning", "torchmetrics", "numpy", "numba", "pybullet", "embreex", "pillow")
+PACKAGES = (
+    *("torch", "lightning", "torchmetrics", "numpy", "numba"),
+    *("pybullet", "pybullet-arm64", "embreex", "pillow"),
+)
 
 # Settings of ``sim`` that change no byte of a clip.
 NOT_SHAPING = ("workers", "dry_run", "shards", "shard")

@@ -143,9 +143,10 @@ class Drawing:
             _, _, rgba, buffer, bullet_id = bullet.getCameraImage(
                 width, height, view, projection, **settings, **self._client
             )
-        shape = (height, width)
-        color = np.asarray(rgba, dtype=np.uint8).reshape(*shape, 4)[..., :3]
-        return color, np.reshape(buffer, shape), np.reshape(bullet_id, shape)
+        # A build without numpy gives flat tuples of numbers, and one with numpy arrays of these types.
+        color, shape = np.asarray(rgba, dtype=np.uint8), (height, width)
+        depth, ids = np.asarray(buffer, dtype=np.float32), np.asarray(bullet_id, dtype=np.int32)
+        return color.reshape(*shape, 4)[..., :3], depth.reshape(shape), ids.reshape(shape)
 
     def _geometry(self, mesh: Mesh, uvs: TextureCoordinates) -> dict:
         if self._renderer == "egl":

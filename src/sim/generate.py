@@ -8,14 +8,13 @@ from contextlib import ExitStack, contextmanager
 from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
-from rich import progress
-
 from ..data.clip import unfinished
 from ..data.manifest import missing_clips
 from ..data.rates import frames_per_clip
 from ..data.shards import share_of
 from ..errors import UserError
 from ..locks import locked, telling
+from ..terminal import metered
 from ..worker_pool import SPAWN, default_workers, worker_pool
 from .clip_maker import ClipMaker, ClipPlan
 from .plan import plan_clips
@@ -67,7 +66,7 @@ def _remove_leftovers(root: Path, plans: Iterable[ClipPlan]) -> None:
 
 
 def _make_all(plans: Sequence[ClipPlan], sim: Mapping, root: Path) -> None:
-    """Makes clips in worker processes, with a progress bar over all their frames."""
+    """Makes clips in worker processes, and shows how many of all their frames are done."""
     if not plans:
         return
     # Shards are taken to share this machine, as they do under the joblib launcher.
@@ -75,16 +74,12 @@ def _make_all(plans: Sequence[ClipPlan], sim: Mapping, root: Path) -> None:
     frames_done = SPAWN.Value("q", 0)
     frames = frames_per_clip(sim["capture_hz"]) * len(plans)
 
-    counts = progress.BarColumn(), progress.MofNCompleteColumn(), "frames"
-    times = progress.TimeElapsedColumn(), "left", progress.TimeRemainingColumn()
-
-    with progress.Progress("{task.description}", *counts, *times) as bars:
-        bar = bars.add_task(f"generating {root.name}", total=frames)
+    with metered(f"generating {root.name}", frames) as meter:
         with worker_pool(workers, _start_maker, (sim, root, frames_done)) as pool:
             pending = {pool.submit(_make_clip, plan): plan for plan in plans}
             while pending:
                 finished, _ = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-                bars.update(bar, completed=frames_done.value)
+                meter.done = frames_done.value
                 for future in finished:
                     _finish(future, pending.pop(future))
 

@@ -81,21 +81,19 @@ def egl_plugin() -> str | None:
 
 
 def import_bullet():
-    """Imports and returns pybullet, whose wheels stop at Python 3.11. Training does not need it.
+    """Imports and returns pybullet, which only the generation of data needs.
 
-    Raises `UserError` where it is missing, or was built without numpy.
+    Its own wheels stop at Python 3.11; later Pythons get the same engine, under the same name, from
+    the package ``pybullet-arm64``. Raises `UserError` where there is none.
     """
     try:
         with silent():
             import pybullet
     except ImportError as error:
         raise UserError(
-            "pybullet is not installed, and generating data needs it: use Python 3.10 or 3.11 and "
-            "`pip install pybullet`, or point paths.dataset at a finished dataset"
+            "pybullet is not installed, and generating data needs it: give make setup, or point "
+            "paths.dataset at a finished dataset"
         ) from error
-
-    if not pybullet.isNumpyEnabled():
-        raise UserError("pybullet was built without numpy: reinstall it with numpy present")
     return pybullet
 
 

@@ -101,6 +101,6 @@ def _draw(cfg: DictConfig, folder: RunFolder, module: OccupancyModule, data: Sky
     from .scenes import draw_sheet
 
     heading = f"{cfg.name}, {cfg.scale_name}"
-    draw_sheet(module, data, folder.figures / "qualitative.png", heading, SHOWN_FRAMES)
+    draw_sheet(module, data, "test", folder.figures / "qualitative.png", heading, SHOWN_FRAMES)
     if folder.metrics.is_file():
         draw_curves(folder.metrics, folder.figures / "curves.png")

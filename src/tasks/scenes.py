@@ -65,10 +65,11 @@ def labels_of(network: Network, sample: Batch) -> Labels:
 
 
 def draw_sheet(
-    module: OccupancyModule, data: SkyShieldData, path: Path, heading: str, frames: int
+    module: OccupancyModule, data: SkyShieldData, part: str, path: Path, heading: str, frames: int
 ) -> None:
-    """Draws the qualitative sheet of so many test frames, chosen by `pick_frames`."""
-    dataset = data.dataset("test")
+    """Draws the qualitative sheet of so many frames of a part of the split, chosen by
+    `pick_frames`."""
+    dataset = data.dataset(part)
     tilts = np.array([tilt_rad(data.clips[clip], frame) for clip, frame in dataset.samples])
     module.eval()
 

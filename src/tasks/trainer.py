@@ -1,16 +1,13 @@
 """Lightning's trainer as configured: its device, its precision, and the lines that it prints."""
 
-import sys
-import time
 from collections.abc import Callable
 
 import torch
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from jaxtyping import Float
-from lightning import LightningModule, Trainer
+from lightning import Trainer
 from lightning.fabric.utilities import move_data_to_device
-from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.utilities import rank_zero_only
 from omegaconf import DictConfig
 from torch import Tensor
@@ -28,26 +25,19 @@ def trainer_of(cfg: DictConfig) -> Trainer:
     """Builds the trainer with the configured callbacks and logger, in the precision that
     `precision_of` says.
 
-    Without a terminal `EpochLines` takes the place of the progress bar. Raises `UserError` for a
-    device or a precision that is not to be had.
+    Raises `UserError` for a device or a precision that is not to be had.
     """
     precision = precision_of(cfg)
     keep_freed_memory()
     if cfg.threads is not None:
         torch.set_num_threads(cfg.threads)
 
-    # In a log file a progress bar would only leave rubbish.
-    callbacks, has_terminal = instantiate(cfg.callbacks), sys.stdout.isatty()
-    if not has_terminal:
-        callbacks["progress"] = EpochLines()
-
     try:
         return instantiate(
             cfg.trainer,
             precision=precision,
-            callbacks=list(callbacks.values()),
+            callbacks=list(instantiate(cfg.callbacks).values()),
             logger=instantiate(cfg.logger),
-            enable_progress_bar=has_terminal,
         )
     except InstantiationException as error:
         reason = " ".join(str(error.__cause__ or error).split())
@@ -117,36 +107,3 @@ def predictor(network: SkyOcc, trainer: Trainer) -> Predictor:
             return network(move_data_to_device(batch, network.device)).float()
 
     return logits
-
-
-class EpochLines(Callback):
-    """Prints one line after every validation: the losses, the score, and the time that is left.
-
-    The loss of the training is the mean over the epoch's batches.
-    """
-
-    def on_train_start(self, trainer: Trainer, module: LightningModule) -> None:
-        self._start_s, self._first_epoch = time.perf_counter(), trainer.current_epoch
-
-    def on_train_epoch_start(self, trainer: Trainer, module: LightningModule) -> None:
-        self._losses, self._batches = 0.0, 0
-
-    def on_train_batch_end(self, trainer: Trainer, module: LightningModule, *batch: object) -> None:
-        # Summed on the device: to read it here would wait for the device.
-        self._losses = self._losses + trainer.callback_metrics["train/loss"]
-        self._batches += 1
-
-    def on_validation_end(self, trainer: Trainer, module: LightningModule) -> None:
-        if not trainer.is_global_zero:
-            return
-        done = trainer.current_epoch + 1
-        spent_s = time.perf_counter() - self._start_s
-        left_s = spent_s / (done - self._first_epoch) * (trainer.max_epochs - done)
-
-        scores = trainer.callback_metrics
-        print(
-            f"epoch {done}/{trainer.max_epochs}: "
-            f"train loss {self._losses / self._batches:.3f}, val loss {scores['val/loss']:.3f}, "
-            f"val KAR-mIoU {100 * scores['val/kar_miou']:.1f} %, {left_s / 60:.1f} min left",
-            flush=True,
-        )
