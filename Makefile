@@ -1,52 +1,47 @@
-# make demo and make test each work alone on a fresh clone.
-VENV := .venv
-PYTHON := $(VENV)/bin/python
-READY := $(VENV)/.ready
-
-PYTEST := $(PYTHON) -m pytest --numprocesses auto --dist loadfile
+# make look, make demo and make test each work alone on a fresh clone.
+RUN := .venv/bin/python run.py
+PYTEST := .venv/bin/python -m pytest --numprocesses auto --dist loadfile
 NUMERIC := tests/models tests/metrics tests/test_geometry.py
+export PYTHON
 
-.PHONY: setup demo test test-processors test-slow lint clean
+.PHONY: setup setup-dev look demo test test-processors test-slow lint clean
 
-setup: $(READY)
+# Any Python 3 can run install.py, which finds the one for .venv and says what is missing.
+define install
+	@for python in "$$PYTHON" .venv/bin/python python3 python3.11 python3.12 python3.13 python3.10; do \
+		"$$python" -c '' 2>/dev/null && exec "$$python" install.py $(1); \
+	done; \
+	command -v uv >/dev/null && exec uv run --quiet --no-project --python 3.11 install.py $(1); \
+	echo "error: no Python here; install python3.11 with its module venv, or uv" >&2; exit 1
+endef
 
-demo: $(READY)
-	$(PYTHON) run.py +experiment=skyocc
+setup:
+	$(call install)
 
-test: $(READY)
+setup-dev:
+	$(call install,dev)
+
+look: setup
+	@$(RUN) task=look
+
+demo: setup
+	@$(RUN) +experiment=skyocc
+
+test: setup-dev
 	$(PYTEST) -m "not slow"
 
 # The arithmetic of lesser processors, and of two threads; make test has this one's, and one thread.
-test-processors: $(READY)
+test-processors: setup-dev
 	ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 $(PYTEST) -q -m "not slow" $(NUMERIC)
 	ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 $(PYTEST) -q -m "not slow" $(NUMERIC)
 	OMP_NUM_THREADS=2 $(PYTEST) -q -m "not slow" $(NUMERIC)
 
-test-slow: $(READY)
-	$(PYTHON) -m pytest -m slow
+test-slow: setup-dev
+	.venv/bin/python -m pytest -m slow
 
-lint: $(READY)
-	$(PYTHON) -m ruff check .
-	$(PYTHON) -m ruff format --check .
-
-# pybullet's wheels stop at Python 3.11, so 3.11 or 3.10 comes first, through uv where there is one.
-# 3.12 and 3.13 do everything but generate data.
-$(READY): pyproject.toml constraints.txt
-	@if command -v uv >/dev/null; then \
-		uv venv --quiet --allow-existing --python 3.11 --seed $(VENV); \
-	else \
-		for python in python3.11 python3.10 python3.12 python3.13 python3; do \
-			$$python -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' \
-				2>/dev/null && found=$$python && break; \
-		done; \
-		if [ -z "$$found" ]; then \
-			echo "error: no Python 3.10 to 3.13 here; install python3.11 with its venv package, or uv" >&2; \
-			exit 1; \
-		fi; \
-		$$found -m venv $(VENV); \
-	fi
-	$(PYTHON) -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
-	@touch $(READY)
+lint: setup-dev
+	.venv/bin/python -m ruff check .
+	.venv/bin/python -m ruff format --check .
 
 clean:
-	rm -rf $(VENV) .pytest_cache .ruff_cache *.egg-info
+	rm -rf .venv .pytest_cache .ruff_cache *.egg-info

@@ -2,7 +2,8 @@
 
 from typing import Final
 
-# sRGB, 0 to 255. The classes have the order of their labels; unknown is none of them.
+# sRGB, 0 to 255. The classes have the order of their labels; unknown is none of them. Who confuses
+# red and green can tell any two apart: see tests/test_ontology.py.
 COLORS: Final = {
     "building": (112, 128, 150),
     "ground": (188, 170, 146),
@@ -10,8 +11,8 @@ COLORS: Final = {
     "thin_structure": (240, 196, 25),
     "large_vehicle": (142, 68, 173),
     "car": (41, 98, 255),
-    "vru": (230, 30, 60),
-    "general": (0, 172, 172),
+    "vru": (240, 40, 40),
+    "general": (60, 215, 200),
     "free": (236, 242, 248),
     "unknown": (255, 255, 255),
 }

@@ -28,8 +28,9 @@ TRAINING_CODE = (
 SAME_BYTES = {
     "4cf12d3daf58": "107af539b21f",  # sim/renderer.py
     "1bc9c89a99dc": "6f5268b2bcfb",  # sim/drawing.py
-    "d537184d4dbd": "2dc1e1f8f2f8",  # sim/generate.py
+    "499b433a5f4e": "2dc1e1f8f2f8",  # sim/generate.py
     "caa16c0c30ef": "cfeb4d26a434",  # data/manifest.py
+    "90db0f455789": "1c067c03bdb8",  # ontology.py
 }
 
 

@@ -43,6 +43,11 @@ KEYS = {
     "machine": ("callbacks", "trainer"),
     # How a trained model is scored.
     "scoring": ("data.batch_size", "metric", "suite"),
+    # Which flights there are; a trained model may look at others than its own.
+    "flights": (
+        *("sim.seed", "sim.towns", "sim.clips_per_town", "sim.weathers", "sim.weather"),
+        *("data.val_clips", "data.test_clips"),
+    ),
     # Whose weights a checkpoint holds.
     "identity": ("name", "seed", "model", "loss"),
     # What a training begins with; its checkpoints hold what became of that.

@@ -12,15 +12,14 @@ from ..atomic import replacing
 from ..data.clip import Clip
 from ..data.predictions import Predictions, Sample
 from ..data.statistics import Statistics, visible_actors
-from .canvas import Canvas, beside, resized, within_bytes
+from .canvas import Canvas, resized, within_bytes
 from .picture import encoded
 from .scene import VoxelScene
 from .view import Frustum, Viewpoint
 from .voxels import view_of
 
 SECONDS, FRAME_HZ = 4.0, 5.0
-HEIGHT_PIX, VOXEL_ASPECT, GAP_PIX, TITLE_PIX = 224, 1.25, 8, 28
-VOXEL_PIX = (round(HEIGHT_PIX * VOXEL_ASPECT), HEIGHT_PIX)
+IMAGE_PIX, VOXEL_PIX, GAP_PIX, TITLE_PIX = 264, (360, 288), 8, 28
 MAX_BYTES = 1_000_000
 
 
@@ -81,15 +80,18 @@ def draw_scenes(
     durations_ms: Sequence[int],
     path: str | Path,
     titles: Sequence[str] | None = None,
+    max_bytes: int | None = None,
 ) -> None:
-    """Writes a GIF of at most 1 MB: of each frame the image and the volumes, for so long. The
-    ``titles`` are those of the images."""
+    """Writes a GIF of at most some bytes, 1 MB by default: of each frame the image and the volumes,
+    for so long. The ``titles`` are those of the images."""
     # One point of view for all frames and volumes, so that nothing moves but the flight.
     labels = [volume for scene in scenes for volume in scene.known().values()]
     view = view_of(labels, scenes[0].grid, VOXEL_PIX)
     titles = titles or ["Front camera"] * len(scenes)
     pictures = [_page(scene, title, view) for scene, title in zip(scenes, titles)]
-    encoded = within_bytes(pictures, partial(_gif, durations_ms=durations_ms), MAX_BYTES)
+    encoded = within_bytes(
+        pictures, partial(_gif, durations_ms=durations_ms), max_bytes or MAX_BYTES
+    )
 
     with replacing(path) as temporary:
         temporary.write_bytes(encoded)
@@ -111,17 +113,20 @@ def _scene(clip: Clip, frame: int, predictions: Predictions | None) -> VoxelScen
 
 
 def _page(scene: VoxelScene, title: str, view: Viewpoint) -> Image.Image:
-    """Draws the image and the volumes of a frame side by side, with a title over each."""
-    image = resized(scene.image, height_pix=HEIGHT_PIX)
+    """Draws the image and the volumes of a frame side by side, with a title over each and the
+    colors of the classes below the image."""
+    image = resized(scene.image, width_pix=IMAGE_PIX)
     pictures = {title: image, **scene.drawn(VOXEL_PIX, view)}
-    row = beside(list(pictures.values()), GAP_PIX)
-    page, left = Canvas(row.shape[1], TITLE_PIX + HEIGHT_PIX), 0
+    widths = [picture.shape[1] + GAP_PIX for picture in pictures.values()]
+    page, left = Canvas(sum(widths) - GAP_PIX, TITLE_PIX + VOXEL_PIX[1]), 0
 
-    page.picture(row, 0, TITLE_PIX)
-    for title, picture in pictures.items():
+    for (title, picture), width in zip(pictures.items(), widths):
+        page.picture(picture, left, TITLE_PIX)
         page.text(left + picture.shape[1] / 2, TITLE_PIX / 2, title, size=12, ha="center")
-        left += picture.shape[1] + GAP_PIX
+        left += width
 
+    below = (TITLE_PIX + image.shape[0] + page.height_pix) / 2
+    page.legend(below, u=IMAGE_PIX / 2, columns=2, size=10, skip=["free"])
     return page.drawn()
 
 

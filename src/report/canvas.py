@@ -43,8 +43,18 @@ class Canvas:
         """A picture, pixel by pixel, with its upper left corner at a place."""
         self._pictures.append((pixels, (u, v)))
 
-    def legend(self, v: float, skip: Sequence[str] = ()) -> None:
-        """The classes' colors with their names, in one line whose middle is at height ``v``."""
+    def legend(
+        self,
+        v: float,
+        u: float | None = None,
+        columns: int | None = None,
+        size: float = 16,
+        skip: Sequence[str] = (),
+    ) -> None:
+        """The classes' colors with their names, in letters of a size in points, around a place.
+
+        Without ``u`` it is in the middle of the page, and without ``columns`` in one line.
+        """
         patches = [
             Patch(facecolor=np.array(COLORS[name]) / 255, edgecolor="#9aa0a8", label=readable(name))
             for name in CLASSES
@@ -54,10 +64,10 @@ class Canvas:
         self.figure.legend(
             handles=patches,
             loc="center",
-            bbox_to_anchor=(0.5, 1 - v / self.height_pix),
-            ncols=len(patches),
+            bbox_to_anchor=(0.5 if u is None else u / self.width_pix, 1 - v / self.height_pix),
+            ncols=columns or len(patches),
             frameon=False,
-            fontsize=16,
+            fontsize=size,
             handlelength=1.1,
             handleheight=1.0,
             columnspacing=1.6,

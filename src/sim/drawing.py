@@ -143,7 +143,7 @@ class Drawing:
             _, _, rgba, buffer, bullet_id = bullet.getCameraImage(
                 width, height, view, projection, **settings, **self._client
             )
-        # A build without numpy gives flat tuples of numbers, and one with numpy arrays of these types.
+        # A build with numpy gives arrays of these types, one without gives flat tuples of numbers.
         color, shape = np.asarray(rgba, dtype=np.uint8), (height, width)
         depth, ids = np.asarray(buffer, dtype=np.float32), np.asarray(bullet_id, dtype=np.int32)
         return color.reshape(*shape, 4)[..., :3], depth.reshape(shape), ids.reshape(shape)

@@ -74,14 +74,14 @@ def _make_all(plans: Sequence[ClipPlan], sim: Mapping, root: Path) -> None:
     frames_done = SPAWN.Value("q", 0)
     frames = frames_per_clip(sim["capture_hz"]) * len(plans)
 
-    with metered(f"generating {root.name}", frames) as meter:
-        with worker_pool(workers, _start_maker, (sim, root, frames_done)) as pool:
-            pending = {pool.submit(_make_clip, plan): plan for plan in plans}
-            while pending:
-                finished, _ = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-                meter.done = frames_done.value
-                for future in finished:
-                    _finish(future, pending.pop(future))
+    pool_of_makers = worker_pool(workers, _start_maker, (sim, root, frames_done))
+    with metered(f"generating {root.name}", frames) as meter, pool_of_makers as pool:
+        pending = {pool.submit(_make_clip, plan): plan for plan in plans}
+        while pending:
+            finished, _ = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+            meter.done = frames_done.value
+            for future in finished:
+                _finish(future, pending.pop(future))
 
 
 def _finish(future: Future, plan: ClipPlan) -> None:

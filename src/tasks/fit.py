@@ -16,6 +16,7 @@ from ..terminal import say
 from .evaluate import evaluate
 from .model import module_of, network_of, origin_of, require_buildable
 from .session import Session
+from .stages import announce, stages_of_training
 from .trainer import is_first_process
 
 SKIPPED = "already finished, skipped"
@@ -35,6 +36,7 @@ def fit(cfg: DictConfig) -> str:
     _ = session.trainer  # for its refusal of a device or a precision
     named = None if cfg.ckpt_path is None else _checkpoint_to_resume(session)
     require_buildable(cfg)
+    _announce_stages(session, named)
     require_unseen(cfg.model.backbone.get("weights"), session.data.root.name, cfg.data.test_clips)
     session.data.require_pixels()
 
@@ -83,6 +85,17 @@ def _train(session: Session, named: Path | None) -> str:
     load_weights(module, Checkpoint.read(folder.best_checkpoint).state, folder.best_checkpoint)
     evaluate(session, module, folder)
     return f"finished, went on after {done}" if done else "finished"
+
+
+def _announce_stages(session: Session, named: Path | None) -> None:
+    """Prints what is to be done and about how long it takes, before any of it begins."""
+    cfg, folder = session.cfg, session.folder
+    if not is_first_process():
+        return
+    path = named or folder.to_resume(afresh=cfg.overwrite)
+    epochs_done = 0 if path is None else Checkpoint.read(path).epochs
+    heading = f"{cfg.name}, scale {cfg.scale_name}, seed {cfg.seed}, in {folder.path}"
+    announce(heading, stages_of_training(cfg, epochs_done))
 
 
 def _module(session: Session, checkpoint: Checkpoint | None) -> OccupancyModule:

@@ -1,6 +1,5 @@
 """task=generate: only the dataset; with sim.dry_run=true only its plan, split, size and time."""
 
-import math
 from collections.abc import Mapping, Sequence
 
 import pandas as pd
@@ -9,14 +8,13 @@ from omegaconf import DictConfig, OmegaConf
 from ..data.rates import frames_per_clip
 from ..sim.clip_maker import ClipPlan
 from ..sim.plan import plan_clips
-from ..terminal import say
+from ..terminal import duration, say
 from ..worker_pool import default_workers
 from .dataset import make_dataset, root_of, split_of
+from .stages import cores, generation_s, work_of
 
 # Of the image, both label arrays and the tables, measured on the dataset of scale=small.
 BYTES = {"pixel": 0.76, "voxel": 0.076, "frame": 8_600}
-# Of one core, from the tables of benchmarks/generation.py in docs/results/world.
-SECONDS = {"pixel": 1.0e-6, "voxel": 6.5e-8, "frame": 0.003, "clip": 7.6, "town": 6.0}
 
 
 def generate(cfg: DictConfig) -> None:
@@ -29,7 +27,7 @@ def generate(cfg: DictConfig) -> None:
         frames = frames_per_clip(sim["capture_hz"]) * len(plans)
         say(f"{root}: {len(plans)} clips, {frames:,} frames")
         say(" / ".join(f"{part} {len(samples):,}" for part, samples in split.items()))
-        say(_effort(sim, len(plans), frames))
+        say(_effort(sim, len(plans)))
         say(_matrix(sim, plans).to_string())
         return
 
@@ -48,19 +46,9 @@ def _matrix(sim: Mapping, plans: Sequence[ClipPlan]) -> pd.DataFrame:
     return counts.rename_axis(index=None, columns=None)
 
 
-def _effort(sim: Mapping, clips: int, frames: int) -> str:
+def _effort(sim: Mapping, clips: int) -> str:
     """Estimates disk and time from measured costs of a pixel, a voxel, a frame and so on."""
-    counts = {
-        "pixel": frames * sim["image"]["width"] * sim["image"]["height"],
-        "voxel": frames * math.prod(sim["grid"]["shape"]),
-        "frame": frames,
-        "clip": clips,
-    }
+    counts, workers = work_of(sim, clips), sim["workers"] or default_workers()
     size_mib = sum(counts[unit] * cost for unit, cost in BYTES.items()) / 2**20
-
-    # Every worker builds every town.
-    workers = sim["workers"] or default_workers()
-    counts["town"] = len(sim["towns"]) * workers
-    minutes = sum(counts[unit] * cost for unit, cost in SECONDS.items()) / workers / 60
-    cores = "1 core" if workers == 1 else f"{workers} cores"
-    return f"about {size_mib:,.0f} MiB on disk, and {minutes:,.0f} minutes on {cores}"
+    time = duration(generation_s(sim, clips))
+    return f"about {size_mib:,.0f} MiB on disk, and {time} on {cores(workers)}"

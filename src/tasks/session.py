@@ -17,6 +17,8 @@ from ..run_folder import KEYS, RunFolder, is_listed, require_same_config
 from .dataset import data_of, finished_dataset, ready_dataset, root_of
 from .trainer import trainer_of
 
+LOOK = "src.tasks.look.look"
+
 
 class Session:
     """The work of one command on one configuration.
@@ -79,12 +81,15 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
     """Returns the configuration to work with: the checkpoint's, where a command names the file of
     one and nothing that shapes a model, else ``cfg``.
 
-    ``overrides`` are those of the command line. Raises `UserError` as `Checkpoint.read` does.
+    ``overrides`` are those of the command line. task=look shows other flights than those that the
+    weights were trained on: which, its own configuration says. Raises `UserError` as
+    `Checkpoint.read` does.
     """
     # An override of the model names another rung, whose configuration must then be given whole.
     parsed = OverridesParser.create().parse_overrides(list(overrides))
     keys = [override.key_or_group for override in parsed]
-    says_nothing = (*KEYS["place"], *KEYS["machine"], *KEYS["scoring"])
+    flights = KEYS["flights"] if cfg.task._target_ == LOOK else ()
+    says_nothing = (*KEYS["place"], *KEYS["machine"], *KEYS["scoring"], *flights)
     neutral = all(is_listed(key, says_nothing) for key in keys)
     if cfg.ckpt_path in (None, "best", "last") or not neutral:
         return cfg
@@ -103,7 +108,7 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
 
     # What the checkpoint does not say, or the command says itself.
     unsaid = [key for key in KEYS["place"] if key.partition(".")[0] in taken]
-    for key in (*unsaid, *keys):
+    for key in (*unsaid, *flights, *keys):
         if "." in key:
             OmegaConf.update(adopted, key, OmegaConf.select(cfg, key))
     return adopted

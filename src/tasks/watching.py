@@ -46,11 +46,12 @@ class Progress(Callback):
         if not trainer.is_global_zero:
             return
         scores, left_s = trainer.callback_metrics, self._meter.left_s
-        left = "" if left_s is None else f", {duration(left_s)} left"
+        is_last = trainer.current_epoch + 1 == trainer.max_epochs
+        left = "" if is_last or left_s is None else f", {duration(left_s)} left of the training"
         say(
             f"epoch {trainer.current_epoch + 1}/{trainer.max_epochs}: "
             f"train loss {self._losses / self._batches:.3f}, val loss {scores['val/loss']:.3f}, "
-            f"val KAR-mIoU {100 * scores['val/kar_miou']:.1f} %{left} of the training"
+            f"val KAR-mIoU {100 * scores['val/kar_miou']:.1f} %{left}"
         )
 
     def on_test_start(self, trainer: Trainer, module: LightningModule) -> None:
@@ -68,8 +69,10 @@ class Progress(Callback):
         self._shown.close()  # also where the work was interrupted
 
     def _show(self, trainer: Trainer, doing: str, total: float) -> None:
-        work = metered(doing, total) if trainer.is_global_zero else Meter(doing, total)
-        self._meter = self._shown.enter_context(work) if trainer.is_global_zero else work
+        if trainer.is_global_zero:
+            self._meter = self._shown.enter_context(metered(doing, total))
+        else:
+            self._meter = Meter(doing, total)
 
 
 class Preview(Callback):

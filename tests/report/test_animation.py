@@ -13,7 +13,7 @@ from src.ontology import BUILDING, UNKNOWN
 from src.report import animation
 from src.report.animation import (
     GAP_PIX,
-    HEIGHT_PIX,
+    IMAGE_PIX,
     TITLE_PIX,
     VOXEL_PIX,
     draw_flight,
@@ -24,7 +24,7 @@ from tests.synthetic import write_clip
 CLIPS = ["town/clip00", "town/clip01", "town/clip02"]
 
 # The front image is 96x64.
-WIDTH_PIX = round(HEIGHT_PIX * 96 / 64)
+SIZE_PIX = IMAGE_PIX, round(IMAGE_PIX * 64 / 96)
 
 
 @pytest.fixture(scope="module")
@@ -61,14 +61,14 @@ def frames_of(path):
 def panels_of(picture):
     """The image and the volumes of a frame, without their titles."""
     image, *volumes = np.split(
-        picture[TITLE_PIX:], range(WIDTH_PIX, picture.shape[1], VOXEL_PIX[0] + GAP_PIX), axis=1
+        picture[TITLE_PIX:], range(IMAGE_PIX, picture.shape[1], VOXEL_PIX[0] + GAP_PIX), axis=1
     )
-    return image, *(volume[:, GAP_PIX:] for volume in volumes)
+    return image[: SIZE_PIX[1]], *(volume[:, GAP_PIX:] for volume in volumes)
 
 
 def shows(picture, clip, frame):
     """Tells whether a picture begins with the image of a frame."""
-    image = Image.fromarray(clip.image(frame)).resize((WIDTH_PIX, HEIGHT_PIX))
+    image = Image.fromarray(clip.image(frame)).resize(SIZE_PIX)
     return np.abs(panels_of(picture)[0] - np.asarray(image)).mean() < 6
 
 
@@ -86,7 +86,7 @@ def test_it_loops_in_real_time_with_the_image_beside_the_labels(root, tmp_path, 
     assert np.abs(first - last).mean() > 2
     # Its title stands over the middle of each panel, and is dark.
     dark = pictures[0][:TITLE_PIX].min(axis=(0, 2)) < 100
-    middles = (WIDTH_PIX // 2, WIDTH_PIX + GAP_PIX + VOXEL_PIX[0] // 2)
+    middles = (IMAGE_PIX // 2, IMAGE_PIX + GAP_PIX + VOXEL_PIX[0] // 2)
     assert all(dark[middle - 20 : middle + 20].any() for middle in middles)
 
 

@@ -1,0 +1,250 @@
+"""Makes ``.venv`` with all that SkyShield needs: ``make setup`` calls it, under any Python 3.
+
+``install.py dev`` adds what the tests need. The variable PYTHON names an interpreter for ``.venv``
+other than the one that is found. Standard library alone: nothing is installed yet.
+"""
+
+import fcntl
+import hashlib
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+VENV = ROOT / ".venv"
+OWN_PYTHON = VENV / "bin/python"
+# Written last: a ``.venv`` without it was not finished.
+STAMP = VENV / ".ready"
+
+NAMES = ("python3.11", "python3.12", "python3.13", "python3.10", "python3")
+SUPPORTED = ("3.10.", "3.11.", "3.12.", "3.13.")
+PROBE = """
+import sys
+print("%d.%d.%d" % sys.version_info[:3])
+import ensurepip, venv
+print("with venv")
+"""
+
+FREE_GB = 3.0
+# Variables that pip reads, any of which may be what is wrong.
+INDEXES = ("PIP_INDEX_URL", "PIP_EXTRA_INDEX_URL", "PIP_FIND_LINKS", "PIP_NO_INDEX")
+PROXIES = ("PIP_PROXY", "https_proxy", "HTTPS_PROXY", "http_proxy", "HTTP_PROXY", "ALL_PROXY")
+GO_ON = "then the same command goes on"
+
+
+class Refusal(Exception):
+    """What stands in the way of an installation and the way out, in one line."""
+
+
+def main(extra: str) -> None:
+    """Leaves a whole ``.venv``. One that is whole already is left as it is, without a word."""
+    require_writable()
+    # Of two commands at once one installs, and the other one waits for it here.
+    lock = os.open(ROOT, os.O_RDONLY)
+    fcntl.flock(lock, fcntl.LOCK_EX)
+
+    wanted, (own, _) = os.environ.get("PYTHON", ""), probe(OWN_PYTHON)
+    is_own = bool(own) and (not wanted or probe(wanted)[0] == own)
+    if is_own and is_ready(extra):
+        return
+
+    require_platform()
+    start_s = time.monotonic()
+    if is_own and STAMP.is_file():
+        say("pyproject.toml has changed or the tests need more: .venv gets what it lacks")
+    else:
+        make_venv(*interpreter(wanted))
+    STAMP.unlink(missing_ok=True)
+    install(extra)
+    STAMP.write_text(stamp_of(extra))
+    minutes = (time.monotonic() - start_s) / 60
+    say(f".venv is ready: {gigabytes(VENV):.1f} GB, after {minutes:.1f} minutes")
+
+
+def say(line: str) -> None:
+    print(f"setup: {line}", flush=True)
+
+
+# --------------------------------------------------------------------------- what there is
+
+
+def stamp_of(extra: str) -> str:
+    """Returns what is written into a ``.venv`` that has all packages listed today, and an extra."""
+    listed = b"".join((ROOT / name).read_bytes() for name in ("pyproject.toml", "constraints.txt"))
+    return f"{hashlib.sha256(listed).hexdigest()} {extra}\n"
+
+
+def is_ready(extra: str) -> bool:
+    """Tells whether ``.venv`` has all packages listed today, and the extra."""
+    return STAMP.is_file() and STAMP.read_text() in (stamp_of(extra), stamp_of("dev"))
+
+
+def probe(python: object) -> "tuple[str, bool]":
+    """Returns the version of an interpreter, empty where it cannot be run, and whether it has the
+    modules that make a virtual environment."""
+    try:
+        done = subprocess.run([str(python), "-c", PROBE], capture_output=True, text=True)
+    except OSError:
+        return "", False
+    version, _, rest = done.stdout.partition("\n")
+    return version, bool(rest)
+
+
+def interpreter(wanted: str) -> "tuple[str, str]":
+    """Returns the Python for ``.venv`` and its version. Raises `Refusal` where there is none."""
+    found = {}
+    for name in (wanted,) if wanted else (*NAMES, sys.executable):
+        found[name], has_venv = probe(name)
+        if found[name].startswith(SUPPORTED) and has_venv:
+            return name, found[name]
+
+    for name, version in found.items():
+        if version.startswith(SUPPORTED):
+            package = f"python{version.rpartition('.')[0]}-venv"
+            raise Refusal(
+                f"{name} (Python {version}) has no module venv; install it (the package {package} "
+                "on Debian and Ubuntu), or install uv"
+            )
+    if wanted:
+        what = f"is Python {found[wanted]}" if found[wanted] else "cannot be run"
+        raise Refusal(
+            f"PYTHON={wanted} {what}, and SkyShield needs Python 3.10 to 3.13; name one of these, "
+            "or leave PYTHON out and one is looked for"
+        )
+    others = sorted({version for version in found.values() if version})
+    raise Refusal(
+        f"no Python 3.10 to 3.13 is on the PATH, only {', '.join(others)}; install one with its "
+        "module venv, or uv, or name one: make setup PYTHON=/path/to/python3.11"
+    )
+
+
+def gigabytes(folder: Path) -> float:
+    sizes = (
+        os.lstat(os.path.join(at, name)).st_size
+        for at, _, names in os.walk(folder)
+        for name in names
+    )
+    return sum(sizes) / 1e9
+
+
+# --------------------------------------------------------------------------- what is refused
+
+
+def require_writable() -> None:
+    """Refuses a checkout in which nothing can be made."""
+    if not os.access(ROOT, os.W_OK):
+        raise Refusal(f"{ROOT} cannot be written to; clone the repository to a folder that can")
+
+
+def require_platform() -> None:
+    """Refuses a machine for which there are no wheels."""
+    system, machine = platform.system(), platform.machine()
+    if (system, machine) != ("Linux", "x86_64"):
+        raise Refusal(
+            f"this is {system} on {machine}, and pybullet and embreex, which draw the data, have "
+            "wheels for Linux on x86_64 alone; make data on such a machine (pip install -e . "
+            "brings what trains and flies on them)"
+        )
+    libc, version = platform.libc_ver()
+    if libc != "glibc" or tuple(map(int, version.split(".")[:2])) < (2, 28):
+        raise Refusal(
+            f"the system's C library is {libc or 'not glibc'} {version}, and PyTorch's wheels need "
+            "glibc 2.28 or later; take a newer distribution, or one that has glibc"
+        )
+
+
+def require_room() -> None:
+    free_gb = shutil.disk_usage(ROOT).free / 1e9
+    if free_gb < FREE_GB:
+        raise Refusal(
+            f"{ROOT}: {free_gb:.1f} GB are free on this disk, and .venv takes 2 GB, or 6 GB with "
+            f"CUDA; free some space, {GO_ON}"
+        )
+
+
+# --------------------------------------------------------------------------- what is done
+
+
+def make_venv(python: str, version: str) -> None:
+    """Makes a new ``.venv``; what is there is of another Python, or was not finished."""
+    require_room()
+    again = " again, as the one there is not whole or of another Python" if VENV.exists() else ""
+    say(f"making .venv{again}, of {python} (Python {version}; PYTHON=... takes another one)")
+    make = [python, "-m", "venv", "--clear", str(VENV)]
+    done = subprocess.run(make, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise Refusal(cause_of(done.stdout + done.stderr))
+
+
+def install(extra: str) -> None:
+    """Installs what pyproject.toml lists, with pip's own progress.
+
+    pip keeps what it has downloaded, so that an interrupted installation goes on.
+    """
+    say(
+        f"installing {'110' if extra else '70'} packages: 0.6 GB to download, or 3 GB where the "
+        "index has PyTorch with CUDA; two minutes or more, the last one without a word"
+    )
+    command = [str(OWN_PYTHON), "-m", "pip", "install", "--no-input", "--disable-pip-version-check"]
+    what = ["--constraint", "constraints.txt", "--editable", f".[{extra}]" if extra else "."]
+    # A variable or a configuration file may ask for an installation elsewhere, which fails here.
+    environment = {**os.environ, "PIP_USER": "0", "PIP_REQUIRE_VIRTUALENV": "0"}
+    pip = subprocess.Popen(
+        [*command, *what], cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True
+    )
+    told = []
+    for line in pip.stderr:
+        told.append(line)
+        if "Retrying" in line:
+            say("the package index does not answer; pip tries again")
+    if pip.wait() != 0:
+        raise Refusal(cause_of("".join(told)))
+
+
+def cause_of(told: str) -> str:
+    """Returns in one line what pip failed at and the way out, from all that it told."""
+    causes = (
+        (r"No space left|Errno 28|Disk quota", f"the disk is full; free some space, {GO_ON}"),
+        (r"Read-only file system|Errno 30", f"{ROOT} is read-only; clone to another folder"),
+        (r"Permission denied|Errno 13", f"no permission in {ROOT} or in pip's cache; {GO_ON}"),
+        (r"ProxyError|proxy", f"the proxy does not answer{given(PROXIES)}; correct it, {GO_ON}"),
+        (
+            r"CERTIFICATE_VERIFY|SSLError",
+            "the index has a certificate that is not known here; name "
+            f"your authority's in PIP_CERT, {GO_ON}",
+        ),
+        (
+            r"Retrying|ConnectionError|timed out|unreachable",
+            "no connection to the package index"
+            f"{given((*INDEXES, *PROXIES))}; check the network or these variables, {GO_ON}",
+        ),
+    )
+    for pattern, cause in causes:
+        if re.search(pattern, told, re.IGNORECASE):
+            return cause
+    errors = re.findall(r"^\s*(?:ERROR|error): (.*)", told, re.MULTILINE)
+    said = errors[-1] if errors else "pip failed without a reason"
+    return f"{said}{given((*INDEXES, *PROXIES))}; {GO_ON} when that is mended"
+
+
+def given(names: "tuple[str, ...]") -> str:
+    """Names those of some variables that are set, without passwords in their addresses."""
+    values = {name: os.environ[name] for name in names if os.environ.get(name)}
+    shown = [f"{name}={re.sub('//[^/@]*@', '//***@', value)}" for name, value in values.items()]
+    return f" ({', '.join(shown)})" if shown else ""
+
+
+if __name__ == "__main__":
+    try:
+        main("dev" if "dev" in sys.argv[1:] else "")
+    except Refusal as refusal:
+        sys.exit(f"error: {refusal}")
+    except KeyboardInterrupt:
+        sys.exit("error: interrupted; the same command goes on")
+    except OSError as error:
+        sys.exit(f"error: {error.filename or VENV}: {error.strerror}; mend that, {GO_ON}")
