@@ -8,7 +8,8 @@ export PYTHON
 
 # Any Python 3 can run install.py, which finds the one for .venv and says what is missing.
 define install
-	@for python in "$$PYTHON" .venv/bin/python python3 python3.11 python3.12 python3.13 python3.10; do \
+	@for python in python3.11 python3.12 python3.13 python3.10 python3 python3.14 python3.9 \
+			.venv/bin/python "$$PYTHON"; do \
 		"$$python" -c '' 2>/dev/null && exec "$$python" install.py $(1); \
 	done; \
 	command -v uv >/dev/null && exec uv run --quiet --no-project --python 3.11 install.py $(1); \

@@ -45,9 +45,16 @@ def main(extra: str) -> None:
     """Leaves a whole ``.venv``. One that is whole already is left as it is, without a word."""
     require_writable()
     # Of two commands at once one installs, and the other one waits for it here.
-    lock = os.open(ROOT, os.O_RDONLY)
-    fcntl.flock(lock, fcntl.LOCK_EX)
+    folder = os.open(ROOT, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        complete(extra)
+    finally:
+        os.close(folder)
 
+
+def complete(extra: str) -> None:
+    """Makes ``.venv``, or adds what it lacks."""
     wanted, (own, _) = os.environ.get("PYTHON", ""), probe(OWN_PYTHON)
     is_own = bool(own) and (not wanted or probe(wanted)[0] == own)
     if is_own and is_ready(extra):
@@ -59,11 +66,18 @@ def main(extra: str) -> None:
         say("pyproject.toml has changed or the tests need more: .venv gets what it lacks")
     else:
         make_venv(*interpreter(wanted))
-    STAMP.unlink(missing_ok=True)
+    if STAMP.is_file():
+        STAMP.unlink()
     install(extra)
     STAMP.write_text(stamp_of(extra))
     minutes = (time.monotonic() - start_s) / 60
     say(f".venv is ready: {gigabytes(VENV):.1f} GB, after {minutes:.1f} minutes")
+
+
+def run(command: "list[str]") -> "subprocess.CompletedProcess[str]":
+    """Runs a command, all of whose output is kept; under an old Python too."""
+    output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    return subprocess.run(command, universal_newlines=True, check=False, **output)
 
 
 def say(line: str) -> None:
@@ -88,17 +102,17 @@ def probe(python: object) -> "tuple[str, bool]":
     """Returns the version of an interpreter, empty where it cannot be run, and whether it has the
     modules that make a virtual environment."""
     try:
-        done = subprocess.run([str(python), "-c", PROBE], capture_output=True, text=True)
+        done = run([str(python), "-c", PROBE])
     except OSError:
         return "", False
-    version, _, rest = done.stdout.partition("\n")
-    return version, bool(rest)
+    answer = re.match(r"(\d+\.\d+\.\d+)\n(with venv)?", done.stdout)
+    return (answer.group(1), bool(answer.group(2))) if answer else ("", False)
 
 
 def interpreter(wanted: str) -> "tuple[str, str]":
     """Returns the Python for ``.venv`` and its version. Raises `Refusal` where there is none."""
     found = {}
-    for name in (wanted,) if wanted else (*NAMES, sys.executable):
+    for name in (wanted,) if wanted else (*NAMES, getattr(sys, "_base_executable", sys.executable)):
         found[name], has_venv = probe(name)
         if found[name].startswith(SUPPORTED) and has_venv:
             return name, found[name]
@@ -176,9 +190,9 @@ def make_venv(python: str, version: str) -> None:
     again = " again, as the one there is not whole or of another Python" if VENV.exists() else ""
     say(f"making .venv{again}, of {python} (Python {version}; PYTHON=... takes another one)")
     make = [python, "-m", "venv", "--clear", str(VENV)]
-    done = subprocess.run(make, capture_output=True, text=True)
+    done = run(make)
     if done.returncode != 0:
-        raise Refusal(cause_of(done.stdout + done.stderr))
+        raise Refusal(cause_of(done.stdout))
 
 
 def install(extra: str) -> None:
@@ -195,7 +209,11 @@ def install(extra: str) -> None:
     # A variable or a configuration file may ask for an installation elsewhere, which fails here.
     environment = {**os.environ, "PIP_USER": "0", "PIP_REQUIRE_VIRTUALENV": "0"}
     pip = subprocess.Popen(
-        [*command, *what], cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True
+        [*command, *what],
+        cwd=ROOT,
+        env=environment,
+        stderr=subprocess.PIPE,
+        universal_newlines=True,
     )
     told = []
     for line in pip.stderr:
@@ -208,28 +226,25 @@ def install(extra: str) -> None:
 
 def cause_of(told: str) -> str:
     """Returns in one line what pip failed at and the way out, from all that it told."""
+    index, proxy = given(INDEXES + PROXIES), given(PROXIES)
+    lacking = re.search(r"No matching distribution found for ([^\s;<>=]+)", told)
     causes = (
-        (r"No space left|Errno 28|Disk quota", f"the disk is full; free some space, {GO_ON}"),
-        (r"Read-only file system|Errno 30", f"{ROOT} is read-only; clone to another folder"),
-        (r"Permission denied|Errno 13", f"no permission in {ROOT} or in pip's cache; {GO_ON}"),
-        (r"ProxyError|proxy", f"the proxy does not answer{given(PROXIES)}; correct it, {GO_ON}"),
+        ("No space left|Errno 28|Disk quota", "the disk is full; free some space"),
+        ("Read-only file system|Errno 30", f"{ROOT} is read-only; clone to another folder"),
+        ("Permission denied|Errno 13", f"no permission in {ROOT} or in pip's cache; give it"),
+        ("ProxyError", f"the proxy does not answer; check its address{proxy}"),
+        ("CERTIFICATE_VERIFY", f"the index has an unknown certificate; see PIP_CERT{index}"),
         (
-            r"CERTIFICATE_VERIFY|SSLError",
-            "the index has a certificate that is not known here; name "
-            f"your authority's in PIP_CERT, {GO_ON}",
+            "Retrying|ConnectionError",
+            f"the package index does not answer; check the network{index}",
         ),
-        (
-            r"Retrying|ConnectionError|timed out|unreachable",
-            "no connection to the package index"
-            f"{given((*INDEXES, *PROXIES))}; check the network or these variables, {GO_ON}",
-        ),
+        ("No matching distribution", f"the index has no {lacking and lacking[1]}; check it{index}"),
     )
     for pattern, cause in causes:
-        if re.search(pattern, told, re.IGNORECASE):
-            return cause
-    errors = re.findall(r"^\s*(?:ERROR|error): (.*)", told, re.MULTILINE)
-    said = errors[-1] if errors else "pip failed without a reason"
-    return f"{said}{given((*INDEXES, *PROXIES))}; {GO_ON} when that is mended"
+        if re.search(pattern, told):
+            return f"{cause}, {GO_ON}"
+    print(told, file=sys.stderr)
+    return f"pip failed, as told above; mend that{index}, {GO_ON}"
 
 
 def given(names: "tuple[str, ...]") -> str:

@@ -43,6 +43,7 @@ MINI = (
     *("scale=tiny", "sim.towns=[downtown,suburb]", "sim.clips_per_town=1", "sim.capture_hz=2.5"),
     *("data.test_clips=[suburb/clip00]", "data.history_step_s=0.4", "data.workers=0", "threads=1"),
     *("trainer.log_every_n_steps=1", "trainer.precision=32-true", "suite.resamples=20"),
+    "callbacks.preview.frames=1",
 )
 """Two clips of 30 frames: training takes three steps an epoch, with the same bits everywhere."""
 GENERATED = (

@@ -131,7 +131,7 @@ def test_a_run_leaves_its_folder_complete(finished):
     assert names == {
         *("config.yaml", ".version", ".code", "class_weights.json", "metrics.csv", "results.csv"),
         *("checkpoints/best.ckpt", "checkpoints/last.ckpt"),
-        *("figures/curves.png", "figures/qualitative.png"),
+        *("figures/curves.png", "figures/qualitative.png", "figures/first_epoch.png"),
         *("scores.csv", "sessions/version_0/metrics.csv"),
         *(f"tallies/{name}.npz" for name in ("skyocc", *ANCHORS)),
     }
@@ -181,7 +181,7 @@ def test_the_same_command_again_shows_the_finished_run(finished, capsys, monkeyp
 
 
 def test_it_says_what_it_trains_and_needs_no_simulator_where_the_data_exist(here):
-    """As a whole program: first what is trained, nothing from libraries, no part of src.sim."""
+    """As a whole program: first its stages, nothing from libraries, no part of src.sim."""
     script = (
         "import runpy, sys\n"
         "for name in ('pybullet', 'embreex', 'src.sim'): sys.modules[name] = None\n"
@@ -189,7 +189,10 @@ def test_it_says_what_it_trains_and_needs_no_simulator_where_the_data_exist(here
     )
     done = python("-c", script, *here, "trainer.max_epochs=1")
     assert done.stderr == ""
-    first, second, *_ = done.stdout.splitlines()
+    heading, generating, *stages, first, second = done.stdout.splitlines()[:7]
+    assert heading.startswith("skyocc, scale tiny, seed 0, in ")
+    assert generating == "  1. generate 2 flights of 12 s: done before"
+    assert [line[:12] for line in stages] == ["  2. train 1 ", "  3. score 32", "  4. draw pre"]
     assert re.fullmatch(
         r"skyocc, scale tiny, seed 0: 0\.\d+ M .* on cpu in 32-true, 1 epochs", first
     )

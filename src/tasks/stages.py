@@ -76,7 +76,7 @@ def stages_of_training(cfg: DictConfig, epochs_done: int) -> list[Stage]:
         scoring_s = len(split["test"]) * SCORING[cfg.scale_name]
     return [
         generation(cfg),
-        Stage(f"train {epochs} epochs of {frames:,.0f} frames", training_s),
+        Stage(f"train {epochs} epoch{'s' * (epochs != 1)} of {frames:,.0f} frames", training_s),
         Stage(f"score {len(split['test'])} frames, and the priors", scoring_s),
         Stage("draw predictions beside the labels", DRAWING_S),
     ]

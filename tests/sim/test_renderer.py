@@ -58,7 +58,7 @@ def test_without_what_egl_needs_its_name_is_given(loadable, monkeypatch, constan
 def test_without_pybullet_the_way_out_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     for needs_it in (import_bullet, lambda: require_renderer("tiny")):
-        with pytest.raises(UserError, match=r"pybullet.*3\.11") as error:
+        with pytest.raises(UserError, match=r"pybullet.*make setup") as error:
             needs_it()
         assert "\n" not in str(error.value)
 

@@ -1,0 +1,102 @@
+"""What is seen of a training while it runs: the lines of its epochs, and its first predictions."""
+
+import re
+
+import lightning
+import pytest
+import torch
+from PIL import Image
+from torch import nn
+from torch.utils.data import DataLoader
+
+from src import terminal
+from src.tasks.fit import fit
+from src.tasks.watching import Preview, Progress
+from tests.synthetic import compose_config
+
+
+class LogsLosses(lightning.LightningModule):
+    """Logs the losses that it is given, and learns nothing."""
+
+    def __init__(self):
+        super().__init__()
+        self.weight = nn.Parameter(torch.zeros(1))
+
+    def training_step(self, loss, index):
+        self.log("train/loss", loss.mean(), prog_bar=True, logger=False)
+        return 0 * self.weight.sum()
+
+    def validation_step(self, loss, index):
+        self.log_dict({"val/loss": loss.mean(), "val/kar_miou": loss.mean() / 10})
+
+    def configure_optimizers(self):
+        return torch.optim.SGD(self.parameters(), lr=0.1)
+
+
+def trainer_of(folder, *callbacks):
+    return lightning.Trainer(
+        max_epochs=2,
+        accumulate_grad_batches=2,
+        num_sanity_val_steps=0,
+        accelerator="cpu",
+        callbacks=list(callbacks),
+        logger=False,
+        enable_progress_bar=False,
+        enable_checkpointing=False,
+        default_root_dir=folder,
+    )
+
+
+def test_the_loss_of_a_line_is_the_mean_of_its_epoch(tmp_path, capsys):
+    trainer = trainer_of(tmp_path, Progress())
+    trainer.fit(LogsLosses(), DataLoader([9.0, 1.0, 2.0]), DataLoader([0.5]))
+    lines = re.findall(
+        r"epoch (\d/2): train loss (\S+), val loss (\S+), val KAR-mIoU (\S+) %",
+        capsys.readouterr().out,
+    )
+
+    assert lines == [("1/2", "4.000", "0.500", "5.0"), ("2/2", "4.000", "0.500", "5.0")]
+
+
+def test_a_log_says_how_far_the_whole_training_is(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(terminal, "LINE_S", 0.01)
+    seen = []
+
+    class Waits(lightning.Callback):
+        def on_train_batch_end(self, trainer, *_):
+            seen.append(progress._meter.done / progress._meter.total)
+            torch.multiprocessing.Event().wait(0.05)
+
+    progress = Progress()
+    trainer = trainer_of(tmp_path, progress, Waits())
+    trainer.fit(LogsLosses(), DataLoader([9.0, 1.0, 2.0]), DataLoader([0.5]))
+    # Two epochs of three steps, each with one of validation, which counts as 0.3.
+    assert seen == pytest.approx([n / 6.6 for n in (1, 2, 3, 4.3, 5.3, 6.3)])
+    assert re.search(r"training, epoch 2/2: \d+ % after 0 s", capsys.readouterr().out)
+
+
+@pytest.mark.slow
+def test_its_first_predictions_are_drawn_once_and_change_nothing(trained, tmp_path, capsys):
+    """The training with the picture has the very numbers of the one without."""
+    words = [word for word in trained if not word.startswith(("paths.runs", "trainer.max_epochs"))]
+    words += ["trainer.max_epochs=2"]
+    drawn = compose_config(*words, f"paths.runs={tmp_path}/drawn")
+    plain = compose_config(*words, f"paths.runs={tmp_path}/plain", "~callbacks.preview")
+    for cfg in (drawn, plain):
+        fit(cfg)
+
+    folders = [tmp_path / name / "tiny/skyocc/seed0" for name in ("drawn", "plain")]
+    log, other = ((folder / "metrics.csv").read_bytes() for folder in folders)
+    assert log == other
+    picture, nothing = (folder / "figures/first_epoch.png" for folder in folders)
+    assert Image.open(picture).width > 1000
+    assert not nothing.exists()
+    assert capsys.readouterr().out.count("first_epoch.png") == 1
+
+
+def test_only_the_first_process_draws(tmp_path):
+    class Second:
+        current_epoch, is_global_zero = 0, False
+
+    Preview(tmp_path / "first.png", frames=1).on_validation_end(Second(), None)
+    assert not any(tmp_path.iterdir())
