@@ -70,6 +70,7 @@ def complete(extra: str) -> None:
         STAMP.unlink()
     install(extra)
     STAMP.write_text(stamp_of(extra))
+
     minutes = (time.monotonic() - start_s) / 60
     say(f".venv is ready: {gigabytes(VENV):.1f} GB, after {minutes:.1f} minutes")
 
@@ -215,6 +216,7 @@ def install(extra: str) -> None:
         stderr=subprocess.PIPE,
         universal_newlines=True,
     )
+
     told = []
     for line in pip.stderr:
         told.append(line)
@@ -240,6 +242,7 @@ def cause_of(told: str) -> str:
         ),
         ("No matching distribution", f"the index has no {lacking and lacking[1]}; check it{index}"),
     )
+
     for pattern, cause in causes:
         if re.search(pattern, told):
             return f"{cause}, {GO_ON}"

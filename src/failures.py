@@ -30,6 +30,8 @@ DISK = {
     errno.ENOTDIR: f"not a folder; {ELSEWHERE}",
     errno.EEXIST: f"a file is in the way; move it, or {ELSEWHERE}",
 }
+# Packages that only the generation of data needs, and that not every platform has.
+GENERATORS = ("pybullet", "embreex")
 GO_ON = "the same command goes on from what is finished"
 SMALLER = (
     "lower data.batch_size and raise trainer.accumulate_grad_batches by the same factor, which "
@@ -92,6 +94,11 @@ def _of_run(cause: BaseException) -> str | None:
     if isinstance(cause, UserError):
         # From a loader's worker the message arrives as that process's whole traceback.
         return str(cause).strip().splitlines()[-1].removeprefix("src.errors.UserError: ")
+    if isinstance(cause, ModuleNotFoundError) and cause.name in GENERATORS:
+        return (
+            f"{cause.name} is not installed, and generating data needs it: give make setup, which "
+            "says where there is none; or point paths.dataset at a finished dataset"
+        )
     if isinstance(cause, OSError) and cause.errno in DISK:
         return f"{cause.filename or 'writing'}: {DISK[cause.errno]}"
 

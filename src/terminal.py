@@ -13,7 +13,7 @@ from rich.console import Console
 T = TypeVar("T")
 
 # A log file gets a line about the work under way this often.
-LINE_S = 20.0
+LINE_S = 15.0
 # So early the time that is left cannot be told.
 EARLY_S = 3.0
 
@@ -24,10 +24,12 @@ def say(line: object) -> None:
 
 
 def duration(seconds: float) -> str:
-    """Returns a time in words, in the unit that suits its size: ``40 s``, ``12 min``, ``3.5 h``."""
+    """Returns a time in the unit that suits it: ``40 s``, ``2.5 min``, ``12 min``, ``3.5 h``."""
     if seconds < 90:
         return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 90 * 60 else f"{seconds / 3600:.1f} h"
+    if seconds < 90 * 60:
+        return f"{seconds / 60:.{1 if seconds < 600 else 0}f} min"
+    return f"{seconds / 3600:.1f} h"
 
 
 class Meter:

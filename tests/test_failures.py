@@ -54,6 +54,12 @@ def test_an_end_is_one_line_and_a_status(action, status, line, capsys):
     assert printed.count("\n") == 1
 
 
+def test_a_package_that_a_platform_lacks_is_named_and_any_other_one_is_a_bug():
+    lacking = ModuleNotFoundError("No module named 'embreex'", name="embreex")
+    assert one_line(lacking).startswith("embreex is not installed, and generating data needs it")
+    assert one_line(ModuleNotFoundError("No module named 'src.sin'", name="src.sin")) is None
+
+
 def test_an_exit_for_another_reason_stays_what_it_is(capsys):
     with pytest.raises(SystemExit) as info, told_in_one_line():
         sys.exit(3)

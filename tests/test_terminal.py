@@ -16,7 +16,7 @@ from tests.sessions import ROOT
 
 @pytest.mark.parametrize(
     ("seconds", "words"),
-    [(0.4, "0 s"), (89, "89 s"), (90, "2 min"), (700, "12 min"), (7200, "2.0 h")],
+    [(0.4, "0 s"), (89, "89 s"), (90, "1.5 min"), (700, "12 min"), (7200, "2.0 h")],
 )
 def test_a_time_has_the_unit_that_suits_it(seconds, words):
     assert duration(seconds) == words

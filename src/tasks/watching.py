@@ -65,8 +65,8 @@ class Progress(Callback):
 
     on_test_end = on_train_end
 
-    def teardown(self, trainer: Trainer, module: LightningModule, stage: str) -> None:
-        self._shown.close()  # also where the work was interrupted
+    def on_exception(self, trainer: Trainer, module: LightningModule, error: Any) -> None:
+        self._shown.close()
 
     def _show(self, trainer: Trainer, doing: str, total: float) -> None:
         if trainer.is_global_zero:

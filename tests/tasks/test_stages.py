@@ -11,7 +11,7 @@ from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 
 def test_a_stage_says_how_long_it_takes_as_a_range_or_that_nobody_knows():
-    assert str(Stage("train", 60.0)) == "train: 60 s to 2 min"
+    assert str(Stage("train", 60.0)) == "train: 60 s to 2.5 min"
     assert str(Stage("train", None)) == "train: the bar will tell how long it takes"
     assert str(Stage("generate", 0.0)) == "generate: done before"
 
