@@ -11,6 +11,17 @@ if not (3, 10) <= sys.version_info[:2] <= (3, 13):
     )
     sys.exit(2)
 
+
+def _interrupted(kind: type, error: BaseException, trace: object) -> None:
+    """Tells of Ctrl-C in a line while modules are still imported, which takes seconds."""
+    if kind is KeyboardInterrupt:
+        print("error: interrupted; nothing was begun", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, trace)
+
+
+sys.excepthook = _interrupted
+
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.utils import instantiate

@@ -57,6 +57,8 @@ def told_in_one_line() -> Iterator[None]:
     """
     try:
         yield
+    except _Told:
+        raise
     except (KeyboardInterrupt, SystemExit) as stop:
         if type(stop).__module__.startswith("lightning."):  # whose import would take seconds here
             _leave(f"the system ended the program (SIGTERM); {GO_ON}", status=143)
@@ -71,9 +73,13 @@ def told_in_one_line() -> Iterator[None]:
         _leave(message, status=2)
 
 
+class _Told(SystemExit):
+    """The end of the program, whose reason has been printed."""
+
+
 def _leave(message: str, status: int) -> None:
     print(f"error: {message}", file=sys.stderr)
-    sys.exit(status)
+    raise _Told(status)
 
 
 def one_line(error: BaseException) -> str | None:

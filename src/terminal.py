@@ -12,14 +12,19 @@ from rich.console import Console
 
 T = TypeVar("T")
 
-# A log file gets a line about the work under way this often.
+# A log file in which nothing was printed for so long gets a line about the work under way.
 LINE_S = 15.0
 # So early the time that is left cannot be told.
 EARLY_S = 3.0
 
 
+_last_line_s = time.perf_counter()
+
+
 def say(line: object) -> None:
     """Prints a line as it is: neither colored nor cut."""
+    global _last_line_s
+    _last_line_s = time.perf_counter()
     Console().print(str(line), highlight=False, soft_wrap=True, markup=False)
 
 
@@ -69,8 +74,8 @@ class Meter:
 def metered(doing: str, total: float | None = None) -> Iterator[Meter]:
     """Yields a meter and shows it until the work ends.
 
-    A terminal shows a bar, which is gone in the end. A file gets a line every `LINE_S` seconds, so
-    that work of less time leaves none.
+    A terminal shows a bar, which is gone in the end. A file gets a line whenever it had none for
+    `LINE_S` seconds, also in a row of short works.
     """
     meter = Meter(doing, total)
     with (_bar if sys.stdout.isatty() else _lines)(meter):
@@ -102,7 +107,11 @@ def _bar(meter: Meter) -> Iterator[None]:
 
 @contextmanager
 def _lines(meter: Meter) -> Iterator[None]:
-    with _repeated(lambda: print(meter, flush=True), LINE_S):
+    def tell() -> None:
+        if time.perf_counter() - _last_line_s >= LINE_S:
+            say(meter)
+
+    with _repeated(tell, every_s=min(1.0, LINE_S)):
         yield
 
 
@@ -112,6 +121,7 @@ def _repeated(call: Callable[[], None], every_s: float) -> Iterator[None]:
     ended = threading.Event()
 
     def repeat() -> None:
+        call()
         while not ended.wait(every_s):
             call()
 

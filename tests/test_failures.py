@@ -60,6 +60,13 @@ def test_a_package_that_a_platform_lacks_is_named_and_any_other_one_is_a_bug():
     assert one_line(ModuleNotFoundError("No module named 'src.sin'", name="src.sin")) is None
 
 
+def test_it_is_told_once_although_the_program_asks_twice(capsys):
+    for action in (lambda: raising(KeyboardInterrupt()), lambda: raising(UserError("x: y"))):
+        with pytest.raises(SystemExit), told_in_one_line(), told_in_one_line():
+            action()
+        assert capsys.readouterr().err.count("error:") == 1
+
+
 def test_an_exit_for_another_reason_stays_what_it_is(capsys):
     with pytest.raises(SystemExit) as info, told_in_one_line():
         sys.exit(3)

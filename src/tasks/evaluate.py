@@ -17,7 +17,7 @@ from ..models.prior import seen_from
 from ..ontology import FREE
 from ..results import files
 from ..run_folder import ANCHORS, RunFolder
-from ..terminal import say, tracked
+from ..terminal import metered, say, tracked
 from .scoring import counts_of, parts_of, protocol_of, suite_of
 from .session import Session
 from .trainer import is_first_process
@@ -59,8 +59,10 @@ def evaluate(session: Session, module: OccupancyModule, folder: RunFolder) -> No
         of_anchor = {"seconds": seconds, "parameters": 0, "precision": "none"}
         rows += files.result_rows(scored[-1], parts, facts | of_anchor)
 
-    files.write_scores(folder.path, {cfg.seed: scored}, parts)
-    _draw(cfg, folder, module, data)
+    with metered("resampling clips for the intervals"):
+        files.write_scores(folder.path, {cfg.seed: scored}, parts)
+    with metered("drawing"):
+        _draw(cfg, folder, module, data)
     files.write_results(folder.results, sorted(rows, key=lambda row: row["split"]))
     files.print_results(files.read_results(folder.results))
     say(f"{folder.results} and {folder.figures}")
