@@ -103,7 +103,9 @@ def test_the_manifest_holds_the_settings_and_every_hash(mini_dataset, mini_sim):
     assert manifest["sim"]["seed"] == 0
     assert manifest["sim"]["renderer"] == "tiny"
     assert "workers" not in manifest["sim"]
-    assert {"pybullet", "numpy", "torch"} <= set(manifest["packages"])
+    assert {"numpy", "torch"} < set(manifest["packages"])
+    # Which of two packages has the engine depends on Python.
+    assert {"pybullet", "pybullet-arm64"} & set(manifest["packages"])
     assert manifest["split"] == {"train": 25, "val": 3, "test": 32}
     assert manifest["held_out"] == {"val": [], "test": ["suburb/clip01"]}
     assert list(manifest["clips"]) == ["suburb/clip00", "suburb/clip01"]
