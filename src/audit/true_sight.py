@@ -93,7 +93,9 @@ class TrueSight:
     def _error(self, clip: Clip, frame: int) -> Float[Tensor, "H W"]:
         """Returns the error of the logarithm of the depth."""
         digits = f"{self.seed} {clip.clip_id} {frame}".encode()
-        generator = torch.Generator().manual_seed(int.from_bytes(sha256(digits).digest()[:7]))
+        generator = torch.Generator().manual_seed(
+            int.from_bytes(sha256(digits).digest()[:7], "big")
+        )
         size = clip.meta.height, clip.meta.width
         noise = torch.randn(size, generator=generator)
         if self.by == "image":
