@@ -21,7 +21,7 @@ EGL_PLUGIN: Final = "eglRenderer"
 
 # It runs in a process of its own, because a failed load ends the process.
 _DRAW_ONE_TRIANGLE = """
-import sys, pathlib, tempfile, pybullet as bullet
+import sys, pathlib, tempfile, numpy, pybullet as bullet
 bullet.connect(bullet.DIRECT)
 assert bullet.loadPlugin(sys.argv[1], "_eglRendererPlugin") >= 0
 with tempfile.TemporaryDirectory() as folder:
@@ -32,7 +32,8 @@ with tempfile.TemporaryDirectory() as folder:
 frustum = bullet.computeProjectionMatrix(-1, 1, -1, 1, 0.5, 9)
 view = [float(i % 5 == 0) for i in range(16)]
 flag = bullet.ER_BULLET_HARDWARE_OPENGL
-assert bullet.getCameraImage(8, 8, view, frustum, renderer=flag)[3][4][4] < 1
+depth = bullet.getCameraImage(8, 8, view, frustum, renderer=flag)[3]
+assert numpy.reshape(depth, (8, 8))[4, 4] < 1
 """
 
 
