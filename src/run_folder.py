@@ -14,7 +14,8 @@ from .atomic import replacing
 from .data.manifest import NOT_SHAPING
 from .errors import UserError
 from .locks import locked, telling
-from .provenance import TRAINING_CODE, code_of, different_file, digest_of
+from .provenance import digest_of
+from .used_code import code_of, different_file, targets_of
 
 CONFIG = "config.yaml"
 METRICS = "metrics.csv"
@@ -27,6 +28,8 @@ CODE = ".code"
 BEST, LAST = "checkpoints/best.ckpt", "checkpoints/last.ckpt"
 # Predictions that never look at an image, scored beside every run.
 ANCHORS = ("all_free", "voxel_prior", "height_prior")
+# Beside the classes that its configuration names, this module shapes a trained model.
+TRAINING = "src.tasks.model"
 # What the keys of a configuration, and the keys below them, say of a run. Every key that is not
 # listed shapes its weights or its scores.
 KEYS = {
@@ -63,9 +66,10 @@ def is_listed(key: str, listed: Iterable[str]) -> bool:
 class RunFolder:
     """``runs/<scale>/<experiment>/seed<k>/``: config, metrics, results, checkpoints and figures.
 
-    ``version`` is the identity of the run: a digest of the code that shapes it, of the name of its
-    ``dataset``, which is a digest of all that shapes the data, and of the configuration, without
-    the `KEYS` that only say where and how fast. It is the same wherever the folder lies.
+    ``version`` is the identity of the run: a digest of the ``code`` that its configuration uses, of
+    the name of its ``dataset``, which is a digest of all that shapes the data, and of the
+    configuration, without the `KEYS` that only say where and how fast. It is the same wherever the
+    folder lies.
     """
 
     def __init__(self, path: Path, config: dict, dataset: str) -> None:
@@ -73,8 +77,8 @@ class RunFolder:
         self.results, self.metrics = self.path / RESULTS, self.path / METRICS
         self.figures = self.path / "figures"
         self.best_checkpoint, self.last_checkpoint = self.path / BEST, self.path / LAST
-        self.code = code_of(TRAINING_CODE)
-        self.version = version_of(config, dataset)
+        self.code = code_of([TRAINING, *targets_of(shaping(config))])
+        self.version = digest_of([self.code, dataset, shaping(config)])
 
     def checkpoint(self, name: str) -> Path:
         """Returns the file that ``ckpt_path`` means: ``best`` or ``last`` of this run, or any."""
@@ -168,7 +172,7 @@ class RunFolder:
         os.rename(self.path, aside)
 
         file = different_file(recorded_code(aside), self.code)
-        reason = f": src/{file} was another one" if file else ""
+        reason = f": {file} was another one" if file else ""
         print(f"{self.path}: what was there is kept in {aside.name}{reason}", flush=True)
 
     def _write(self, name: str, text: str) -> None:
@@ -186,11 +190,6 @@ def recorded_code(folder: Path) -> dict[str, str]:
 
 def _recorded(path: Path) -> str:
     return path.read_text().strip() if path.is_file() else ""
-
-
-def version_of(config: dict, dataset: str) -> str:
-    """Returns the identity of a run of the code at hand: see `RunFolder`."""
-    return digest_of([code_of(TRAINING_CODE), dataset, shaping(config)])
 
 
 def require_same_config(
@@ -231,9 +230,13 @@ def shaping(config: dict) -> dict:
     """Returns the part of a configuration that shapes the trained model and its scores."""
     run = str(config["paths"]["run"])
 
+    # The values of a weather that no clip has shape nothing.
+    sim = {"weather": {}, "weathers": (), **config.get("sim", {})}
+    unused = [f"sim.weather.{name}" for name in sim["weather"] if name not in sim["weathers"]]
+
     def kept(node: object, prefix: str) -> object:
         if isinstance(node, dict):
-            names = [name for name in node if prefix + name not in KEYS["place"]]
+            names = [name for name in node if prefix + name not in (*KEYS["place"], *unused)]
             return {name: kept(node[name], f"{prefix}{name}.") for name in names}
         # The run's own folder appears in the settings of callbacks and loggers.
         return node.removeprefix(run) if isinstance(node, str) else node

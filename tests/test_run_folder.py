@@ -148,7 +148,7 @@ def test_what_shapes_a_result_changes_the_version_and_nothing_else(tmp_path):
 def test_the_code_of_a_run_is_recorded_file_by_file(tmp_path):
     folder = half_done(tmp_path / "a")
     assert recorded_code(folder.path) == folder.code
-    assert "models/losses.py" in folder.code
+    assert "tasks/model.py" in folder.code
     (folder.path / ".code").write_text("0123456789ab\n")
     assert recorded_code(folder.path) == {"": "0123456789ab"}, "of runs before format 2"
     (folder.path / ".code").unlink()
@@ -157,12 +157,12 @@ def test_the_code_of_a_run_is_recorded_file_by_file(tmp_path):
 
 def test_what_is_moved_aside_is_told_with_the_file_that_differs(tmp_path, monkeypatch, capsys):
     code = half_done(tmp_path / "seed0").code
-    other = {**code, "models/losses.py": "0123456789ab"}
+    other = {**code, "models/module.py": "0123456789ab"}
     monkeypatch.setattr(run_folder, "code_of", lambda parts: other)
     assert folder_of(tmp_path / "seed0").open(afresh=False) is None
     line = capsys.readouterr().out
     assert "seed0.before1" in line
-    assert "src/models/losses.py" in line
+    assert "src/models/module.py" in line
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ from pathlib import Path
 
 from ..atomic import replacing
 from ..errors import UserError
-from ..provenance import DATA_CODE, code_of, code_of_modules, digest_of
+from ..provenance import digest_of
+from ..used_code import code_of
 from .clip import SUMS, recorded_sums, sha256_of
 from .split import Split, held_out_clips
 
@@ -23,6 +24,8 @@ PACKAGES = (
     *("pybullet", "pybullet-arm64", "embreex", "pillow"),
 )
 
+# These modules, and the towns in use, make a dataset.
+GENERATOR, TOWNS = "src.sim.generate", "src.sim.towns"
 # Settings of ``sim`` that change no byte of a clip.
 NOT_SHAPING = ("workers", "dry_run", "shards", "shard")
 
@@ -43,9 +46,9 @@ class DatasetSpec:
             # The values of a weather that no clip has shape nothing.
             values = shaping["weather"].items()
             shaping["weather"] = {name: each for name, each in values if name in sim["weathers"]}
-        # Towns of the user's own are code that lies elsewhere.
-        towns = code_of_modules(str(town) for town in sim["towns"] if "." in str(town))
-        return cls(scale, shaping, digest_of(code_of(DATA_CODE) | towns))
+        towns = (str(town) for town in sim["towns"])
+        modules = [town if "." in town else f"{TOWNS}.{town}" for town in towns]
+        return cls(scale, shaping, digest_of(code_of([GENERATOR, *modules])))
 
     @property
     def digest(self) -> str:

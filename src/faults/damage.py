@@ -12,7 +12,7 @@ from ..geometry import VoxelGrid
 from ..loop.belief import Belief
 from ..loop.perception import MOVABLE, Truth, seen_by
 from ..loop.true_occupancy import TrueOccupancy
-from ..models.stream import StreamFrame
+from ..models.frame import StreamFrame
 from ..ontology import CLASSES, FREE, GENERAL, GROUND
 from ..sim.staging import generator_for
 

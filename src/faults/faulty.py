@@ -14,7 +14,7 @@ from ..geometry import VoxelGrid, rotation_from_quat
 from ..loop.belief import Belief
 from ..loop.perception import Perception
 from ..loop.true_occupancy import TrueOccupancy
-from ..models.stream import StreamFrame
+from ..models.frame import StreamFrame
 from ..sim.staging import generator_for
 
 Rgb = UInt8[np.ndarray, "h w 3"]

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 
 from ..data.rates import STEP_HZ
-from ..models.stream import StreamFrame
+from ..models.frame import StreamFrame
 from ..sim.air import apply_weather
 from ..sim.clip_maker import ClipMaker
 from ..sim.weather import Weather

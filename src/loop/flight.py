@@ -13,7 +13,7 @@ from ..bounds import require_at_least
 from ..data.rates import STEP_HZ as SCENE_HZ
 from ..errors import UserError
 from ..geometry import world_from_occ
-from ..models.stream import StreamFrame
+from ..models.frame import StreamFrame
 from .airframe import POSITION, STEP_HZ, Airframe, States
 from .belief import Belief, BeliefMap
 from .camera import FrontCamera

@@ -10,7 +10,8 @@ from jaxtyping import UInt8
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..models.checkpoint import Checkpoint
-from ..models.stream import SkyOccStream, StreamFrame
+from ..models.frame import StreamFrame
+from ..models.stream import SkyOccStream
 from ..ontology import FREE
 from .belief import Belief
 from .perception import MOVABLE, seen_by

@@ -10,7 +10,7 @@ from jaxtyping import Bool
 from ..data.rates import STEP_HZ
 from ..errors import UserError
 from ..geometry import VoxelGrid, camera_from_occ, pixel_centers, world_from_occ
-from ..models.stream import StreamFrame
+from ..models.frame import StreamFrame
 from ..ontology import CAR, FREE, GENERAL, LARGE_VEHICLE, VRU
 from ..voxels import rays_in_grid
 from .belief import Belief

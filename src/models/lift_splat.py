@@ -10,7 +10,7 @@ from ..errors import UserError
 from ..geometry import VoxelGrid, inverse, pixel_centers, transform
 from .backbone import STRIDES
 from .heights import height_projections, projected_sum
-from .references import References
+from .references import References, rays_camera
 from .sampling import SumOfRows
 from .tensors import Features, Pillars, Queries
 
@@ -109,23 +109,6 @@ class LiftSplat(nn.Module):
             points_camera = at_one_metre[:, :, None] * depth_m[:, None]
             points = transform(inverse(chain), points_camera.flatten(1, 2))
         return points.unflatten(1, (-1, self.num_bins))
-
-
-def rays_camera(
-    pix: Float[Tensor, "n 2"], pix_from_camera: Float[Tensor, "b 3 3"]
-) -> Float[Tensor, "b n 3"]:
-    """Returns the points of pixels at a depth of one metre.
-
-    This is `unproject` without a matrix inversion, for which ONNX has no operator. The camera
-    matrix is upper triangular.
-    """
-    (focal_x, skew, u0), (_, focal_y, v0), _ = (
-        row.unbind(-1) for row in pix_from_camera[..., None, :, :].unbind(-2)
-    )
-    u, v = pix.unbind(-1)
-    y = (v - v0) / focal_y
-    x = (u - u0 - skew * y) / focal_x
-    return torch.stack([x, y, torch.ones_like(x)], dim=-1)
 
 
 def splat(

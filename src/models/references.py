@@ -129,6 +129,23 @@ class PillarReferences(nn.Module):
         return padded_index(valid, room)
 
 
+def rays_camera(
+    pix: Float[Tensor, "n 2"], pix_from_camera: Float[Tensor, "b 3 3"]
+) -> Float[Tensor, "b n 3"]:
+    """Returns the points of pixels at a depth of one metre.
+
+    This is `unproject` without a matrix inversion, for which ONNX has no operator. The camera
+    matrix is upper triangular.
+    """
+    (focal_x, skew, u0), (_, focal_y, v0), _ = (
+        row.unbind(-1) for row in pix_from_camera[..., None, :, :].unbind(-2)
+    )
+    u, v = pix.unbind(-1)
+    y = (v - v0) / focal_y
+    x = (u - u0 - skew * y) / focal_x
+    return torch.stack([x, y, torch.ones_like(x)], dim=-1)
+
+
 def padded_index(valid: Bool[Tensor, "b n"], room: int) -> Int[Tensor, "b*room"]:
     """Places in the flattened ``valid`` of each row's first ``room`` true ones, row by row.
 

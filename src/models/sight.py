@@ -17,8 +17,7 @@ from ..errors import UserError
 from ..geometry import inverse, pixel_centers
 from ..ontology import NUM_CLASSES
 from .backbone import STRIDES
-from .lift_splat import rays_camera
-from .references import References
+from .references import References, rays_camera
 from .tensors import Scalar
 
 # The bins of the depth are equally wide in its logarithm.

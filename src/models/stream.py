@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from torch import Tensor
 
 from ..data.batch import ego_motion
 from ..errors import UserError
 from .checkpoint import Checkpoint
 from .export import ExportedStep
+from .frame import StreamFrame
 from .history import History
 from .network import SkyOcc
 
@@ -21,23 +22,6 @@ SHAPES = {
     "pix_from_camera": (3, 3),
     "body_from_camera": (4, 4),
 }
-
-
-class StreamFrame(NamedTuple):
-    """One input of a stream: an image, when and where it was taken, and how fast the UAV flew.
-
-    ``image`` is uint8 RGB [3, H, W], ``world_from_body`` best in float64, and the velocity in the
-    world frame. ``clip`` names the flight: another one begins without history. NumPy arrays will
-    do.
-    """
-
-    image: UInt8[Tensor, "3 h w"]
-    time_s: float
-    world_from_body: Float[Tensor, "4 4"]
-    velocity_mps: Float[Tensor, "3"]
-    pix_from_camera: Float[Tensor, "3 3"]
-    body_from_camera: Float[Tensor, "4 4"]
-    clip: str = ""
 
 
 class Past(NamedTuple):

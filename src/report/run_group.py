@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import pandas as pd
 import torch
@@ -11,12 +11,12 @@ import torch
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
 from ..ontology import CLASSES
-from ..provenance import different_file
 from ..results.counts import OTHER_LABELS, Counts
 from ..results.files import SCORES
 from ..results.runs import ScoredRun
 from ..results.table import Parts, Resamples, joined
 from ..run_folder import ANCHORS
+from ..used_code import different_file
 from .ladder import PAPER, Ladder
 
 MIXED = "task.mixed=true"
@@ -203,13 +203,16 @@ def groups_of(runs: Sequence[ScoredRun], mixed: bool, ladder: Ladder = PAPER) ->
 
 
 def _require_same_code(runs: Sequence[ScoredRun]) -> None:
-    for run in runs[1:]:
-        if run.code != runs[0].code:
-            file = different_file(run.files, runs[0].files)
-            where = f" (src/{file} differs)" if file else ""
+    """Refuses runs that were trained by other code, in the files that both of them used."""
+    for first, run in combinations(runs, 2):
+        shared = first.files.keys() & run.files.keys()
+        unlike = any(first.files[file] != run.files[file] for file in shared)
+        if unlike or not (shared or first.files == run.files):
+            file = different_file(first.files, run.files)
+            where = f" ({file} differs)" if file else ""
             raise UserError(
-                f"{run.path}: was trained by {run.code}, and {runs[0].path} by "
-                f"{runs[0].code}{where}; train both by the same, or set {MIXED}"
+                f"{run.path}: was trained by {run.code}, and {first.path} by "
+                f"{first.code}{where}; train both by the same, or set {MIXED}"
             )
 
 

@@ -17,7 +17,8 @@ from ..bounds import require_at_least
 from ..errors import UserError
 from ..geometry import front_mount, pinhole, rigid, rotation_from_euler
 from ..models.export import FORMATS, ExportedStep, export_step, require_formats
-from ..models.stream import SkyOccStream, StreamFrame
+from ..models.frame import StreamFrame
+from ..models.stream import SkyOccStream
 from ..provenance import git_commit, machine
 from ..terminal import say
 from .session import Session

@@ -9,10 +9,10 @@ from ..models.checkpoint import Checkpoint, load_weights
 from ..models.module import OccupancyModule
 from ..models.weights import require_unseen
 from ..ontology import CLASSES
-from ..provenance import different_file
 from ..results.files import print_results, read_results
 from ..run_folder import require_same_config, shaping
 from ..terminal import say
+from ..used_code import different_file
 from .evaluate import evaluate
 from .model import module_of, network_of, origin_of, require_buildable
 from .session import Session
@@ -124,7 +124,7 @@ def _checkpoint_to_resume(session: Session) -> Path:
         )
     if file := different_file(origin.code, folder.code):
         raise UserError(
-            f"ckpt_path: {path} was trained by other code: src/{file} differs; go on in a checkout "
+            f"ckpt_path: {path} was trained by other code: {file} differs; go on in a checkout "
             "of that code, or drop ckpt_path to start anew"
         )
     return path

@@ -10,15 +10,16 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from ..bounds import require_count
-from ..data.manifest import NOT_SHAPING
+from ..data.manifest import NOT_SHAPING, TOWNS
 from ..errors import UserError
 from ..loop.campaign import ROUTE, Campaign, Job
 from ..loop.mission import ROOM_M, in_the_open
-from ..provenance import code_of, digest_of
+from ..provenance import digest_of
 from ..results.files import write_table
 from ..results.flights import FLIGHTS
 from ..run_folder import CONFIG, VERSION
 from ..terminal import say, tracked
+from ..used_code import code_of, targets_of
 from ..worker_pool import default_workers
 from .fleet import Fleet
 from .flights import print_scores
@@ -26,8 +27,8 @@ from .flights import print_scores
 MISSIONS = "missions.csv"
 # Of the maps, for the printed intervals.
 RESAMPLES = 1000
-# These say which missions there are: those that a UAV with perfect knowledge completes.
-CODE = ("loop", "sim", "data/batch.py", "data/rates.py", "geometry.py", "voxels.py", "ontology.py")
+# What says which missions there are: those that a UAV with perfect knowledge completes.
+CAMPAIGN = "src.loop.campaign"
 OF_MISSIONS = ("mission", "planner", "airframe")
 
 
@@ -127,7 +128,8 @@ def films_of(flights: pd.DataFrame) -> dict[str, str]:
 
 def _missions(config: Mapping, fleet: Fleet) -> pd.DataFrame:
     """Returns the missions of a configuration, drawn where they are not there."""
-    digest = digest_of({**_of_missions(config), "code": code_of(CODE)})
+    settings = _of_missions(config)
+    digest = digest_of({**settings, "code": _code(config, settings)})
     path = Path(config["paths"]["data"]) / f"missions-{digest}" / MISSIONS
 
     table = _read(path) if path.is_file() else pd.DataFrame(columns=["town", "seed"])
@@ -199,5 +201,12 @@ def _shaping(config: Mapping) -> dict[str, object]:
     if weights and not Path(weights).is_file():
         raise UserError(f"ckpt_path: no file {weights}; give the file of a checkpoint")
     digest = sha256(Path(weights).read_bytes()).hexdigest() if weights else ""
-    code = code_of((*CODE, "models", "faults", "metrics", "results/frame_scores.py"))
+    models = config["model"] if weights else {}
+    code = _code(config, [parts, models])
     return {"sim": sim, "task": task, "code": code, "weights": digest, **parts}
+
+
+def _code(config: Mapping, settings: object) -> dict[str, str]:
+    """Returns the digests of the code that settings use, and of the missions and their towns."""
+    towns = [f"{TOWNS}.{town}" for town in config["mission"]["towns"]]
+    return code_of([CAMPAIGN, *towns, *targets_of(settings)])

@@ -14,7 +14,7 @@ from ..results import files
 from ..results.counts import Counts
 from ..results.protocols import protocol_table
 from ..results.table import Parts
-from ..run_folder import RESULTS, version_of
+from ..run_folder import RESULTS, RunFolder
 from ..terminal import say, tracked
 from .pairing import LAYOUTS, Pairing, Sample
 from .scoring import clips_of, counts_of, parts_of, score_settings
@@ -74,7 +74,8 @@ def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
         if type(value) is not int:
             raise UserError(f"{folder / FACTS}: {key}: {value!r} is no whole number; correct it")
 
-    this_code = version_of(OmegaConf.to_container(cfg, resolve=True), pairing.dataset)
+    config = OmegaConf.to_container(cfg, resolve=True)
+    this_code = RunFolder(Path(cfg.paths.run), config, pairing.dataset).version
     return {
         **numbers,
         **{key: str(said.get(key, "")) or "unknown" for key in ("scale", "precision")},

@@ -7,7 +7,7 @@ from src.errors import UserError
 from src.faults.damage import LENGTHS, SHARES, Damaged, distances_m
 from src.geometry import VoxelGrid
 from src.loop.true_occupancy import TrueOccupancy, connected
-from src.models.stream import StreamFrame
+from src.models.frame import StreamFrame
 from src.ontology import BUILDING, GROUND, THIN_STRUCTURE, VRU
 from src.sim.assets import upright
 from src.sim.scene import Scene, SceneActor, parts_of

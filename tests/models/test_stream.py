@@ -6,7 +6,8 @@ import torch
 from src.data.dataset import OccupancyDataset, velocity_world_mps
 from src.errors import UserError
 from src.geometry import VoxelGrid
-from src.models.stream import SHAPES, SkyOccStream, StreamFrame
+from src.models.frame import StreamFrame
+from src.models.stream import SHAPES, SkyOccStream
 from tests.models.synthetic import build_network
 
 GRID = VoxelGrid(shape=(25, 25, 15))
