@@ -1,6 +1,6 @@
 """The time of a training step by stage.
 
-    python -m benchmarks.training_step scale=small [--steps 12]
+    python -m studies.speed.training_step scale=small [--steps 12]
 
 Takes the overrides of run.py and needs a finished dataset: real frames, through the loader of
 training, with ``data.order=streams`` as well. On a GPU where there is one, in the precision of the
@@ -20,15 +20,15 @@ from lightning.fabric.utilities import move_data_to_device
 from omegaconf import DictConfig
 from torch import Tensor
 
-from benchmarks.settings import composed_with_data, device, device_name, run
-from benchmarks.tables import print_table
-from benchmarks.timing import timed
 from src.models.memory import PillarMemory
 from src.models.network import SkyOcc
 from src.models.sight import Sight
 from src.ontology import NUM_CLASSES
 from src.provenance import git_commit
 from src.tasks.trainer import BF16, precision_of
+from studies.settings import composed_with_data, device, device_name, run
+from studies.speed.timing import timed
+from studies.tables import print_table
 from tests.simulated_cuda import CUDA, simulated_cuda
 
 WARM_UP = 2

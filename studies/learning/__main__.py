@@ -1,8 +1,8 @@
 """What each change by itself does to the learning, on validation alone.
 
-    python -m benchmarks.learning [--jobs N] [--out FOLDER] [--plan FILE] [OVERRIDE...]
+    python -m studies.learning [--jobs N] [--out FOLDER] [--plan FILE] [OVERRIDE...]
 
-Trains the changes of the plan, by default ``learning.yaml``, with each of its seeds, ``--jobs`` at
+Trains the changes of the plan, by default ``plan.yaml``, with each of its seeds, ``--jobs`` at
 a time, as ``run.py`` would; the overrides are added to all of them. A row is added to
 ``FOLDER/trials.csv`` as soon as a training has ended, and what has a row there is not trained
 again, so it can be interrupted. Prints the table of means. The runs lie in ``runs/learning``.
@@ -21,12 +21,12 @@ from threading import Lock
 import pandas as pd
 import yaml
 
-from benchmarks.settings import run
-from benchmarks.tables import print_table
 from src.atomic import replacing
 from src.errors import UserError
 from src.provenance import SOURCE, git_commit
 from src.terminal import say
+from studies.settings import run
+from studies.tables import print_table
 
 RUNS = "runs/learning"
 SCORES = {
@@ -95,8 +95,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("overrides", nargs="*")
     parser.add_argument("--jobs", type=int, default=2, help="trainings at a time, a thread each")
-    parser.add_argument("--out", type=Path, default=SOURCE.parent / "docs/results/learning")
-    parser.add_argument("--plan", type=Path, default=Path(__file__).with_suffix(".yaml"))
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent)
+    parser.add_argument("--plan", type=Path, default=Path(__file__).with_name("plan.yaml"))
     options = parser.parse_args()
 
     plan = yaml.safe_load(options.plan.read_text())

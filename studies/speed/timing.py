@@ -5,13 +5,17 @@ milliseconds less.
 """
 
 import ctypes
+import statistics
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 import torch
+
+from studies.settings import device_name
+from studies.tables import print_table
 
 Measures = Mapping[str, Callable[[], object]]
 
@@ -61,6 +65,24 @@ def extra_mib(measure: Callable[[], object]) -> float:
     before = _status_kib("VmRSS")
     measure()
     return max(0, _status_kib("VmHWM") - before) / 1024
+
+
+def print_costs(subject: str, measures: Measures, rounds: int, notes: Iterable[str] = ()) -> None:
+    """Runs measures by turns, and prints the time and the memory of each.
+
+    ``times faster`` is the median of the first measure over that of each; ``MiB`` is what one run
+    takes beyond what is there before.
+    """
+    spent_ms, rows, first_ms = milliseconds(measures, rounds), [], None
+    for name, times_ms in spent_ms.items():
+        median_ms = statistics.median(times_ms)
+        first_ms = first_ms or median_ms
+        times = f"{median_ms:.2f}", f"{min(times_ms):.2f}", f"{1e3 / median_ms:.1f}"
+        more = f"{first_ms / median_ms:.2f}", f"{extra_mib(measures[name]):.1f}"
+        rows.append((name, *times, *more))
+
+    columns = ("", "median ms", "min ms", "a second", "times faster", "MiB")
+    print_table(f"{subject}; {device_name()}", columns, rows, notes)
 
 
 def wait_for_gpu() -> None:

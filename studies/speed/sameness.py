@@ -1,4 +1,4 @@
-"""The differences of runs that should be the same: python -m benchmarks.sameness RUN RUN...
+"""The differences of runs that should be the same: python -m studies.speed.sameness RUN RUN...
 
 Each RUN is the folder of a run of one configuration, trained elsewhere or otherwise; the others are
 compared with the first. Prints the largest difference of the logged losses, of the mean
@@ -12,11 +12,11 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from benchmarks.settings import run
-from benchmarks.tables import print_table
 from src.data.manifest import read_manifest
 from src.results.files import MEANS, read_results
 from src.run_folder import ANCHORS, CONFIG, METRICS, RESULTS
+from studies.settings import run
+from studies.tables import print_table
 
 
 def differences(first: Path, other: Path) -> tuple[float, float, float, float]:

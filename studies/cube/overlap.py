@@ -1,6 +1,6 @@
 """How much of what is to be found in a clip's last second was labelled in its training frames.
 
-    python -m benchmarks.overlap [OVERRIDE...]
+    python -m studies.cube.overlap [OVERRIDE...]
 
 Of the voxels that are counted in the test frames of clips that are split by time and that are
 occupied: the share whose center lies in a voxel that a training frame of the same clip labels
@@ -14,14 +14,14 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from benchmarks.settings import composed_with_data, run
-from benchmarks.tables import print_table
 from src.data.clip import Clip
 from src.data.split import TRAIN_UNTIL_S
 from src.data.truth import SkyShieldTruth
 from src.geometry import inverse, transform, world_from_occ
 from src.ontology import FREE
 from src.terminal import tracked
+from studies.settings import composed_with_data, run
+from studies.tables import print_table
 
 
 def main() -> None:

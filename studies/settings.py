@@ -1,4 +1,4 @@
-"""The configuration, the data and the machine of a benchmark, and the way that it is run."""
+"""The configuration, the data and the machine of a study, and the way that it is run."""
 
 from collections.abc import Callable, Sequence
 
@@ -27,7 +27,7 @@ def composed_with_data(overrides: Sequence[str]) -> tuple[DictConfig, SkyShieldD
 
 
 def run(main: Callable[[], None]) -> None:
-    """Runs a benchmark as run.py runs a task: without warnings, each mistake in one line."""
+    """Runs a study as run.py runs a task: without warnings, each mistake in one line."""
     quiet_libraries()
     keep_freed_memory()
     with told_in_one_line():

@@ -1,6 +1,6 @@
 """The cost of the scores: one frame, one thread, all in one run, each beside the others.
 
-    python -m benchmarks.scores DATASET
+    python -m studies.speed.scores DATASET
 
 ``DATASET`` is the folder of any finished dataset; its labels are the target, and the labels of a
 later frame stand for the prediction. Prints the milliseconds of an update, the ratio to
@@ -15,12 +15,12 @@ from pathlib import Path
 import torch
 from torchmetrics.classification import MulticlassJaccardIndex
 
-from benchmarks.settings import run
-from benchmarks.tables import print_costs
 from src import metrics
 from src.data.truth import SkyShieldTruth
 from src.metrics.functional import camera_rays
 from src.ontology import FREE, NUM_CLASSES, UNKNOWN
+from studies.settings import run
+from studies.speed.timing import print_costs
 
 ROUNDS = 15
 RAYS = (100, 56)

@@ -1,6 +1,6 @@
 """The cost of the lifts side by side, at the paper's size: one frame, random weights.
 
-    python -m benchmarks.lifts [--threads N] [--rounds N]
+    python -m studies.speed.lifts [--threads N] [--rounds N]
 
 Prints for every lift the milliseconds of a forward, of a forward with its backward, and of the
 pyramid below it, which computes only what the lift reads; then its parameters. The camera is the
@@ -15,13 +15,13 @@ import torch
 from hydra.utils import instantiate
 from torch import Tensor, nn
 
-from benchmarks.settings import composed, run
-from benchmarks.tables import print_costs
 from src.geometry import VoxelGrid, front_mount, pinhole
 from src.models.backbone import STRIDES
 from src.models.neck import FPN
 from src.models.references import PillarReferences, References
 from src.settings import GROUPS
+from studies.settings import composed, run
+from studies.speed.timing import print_costs
 
 LIFTS = sorted(path.stem for path in (GROUPS / "model" / "lift").glob("*.yaml"))
 # The feature maps of a ResNet-50.

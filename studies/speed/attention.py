@@ -1,6 +1,6 @@
 """The cost of the cross-attention at the paper's size, beside its usual form in plain PyTorch.
 
-    python -m benchmarks.attention DATASET [--threads 1]
+    python -m studies.speed.attention DATASET [--threads 1]
 
 D=256, 10,000 pillars x 8 heights, 8 heads, 2 points, four levels of an 800x448 image, and the
 transforms of the first frame of any finished dataset. The usual form is the multi-scale deformable
@@ -18,14 +18,14 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from benchmarks.settings import device, run
-from benchmarks.tables import print_costs
 from src.data.clip import Clip
 from src.data.manifest import read_manifest
 from src.geometry import VoxelGrid, occ_from_body
 from src.models.attention import DeformableCrossAttention
 from src.models.backbone import STRIDES
 from src.models.references import PillarReferences, References
+from studies.settings import device, run
+from studies.speed.timing import print_costs
 
 ROUNDS = 5
 # The paper's size, apart from heights, heads and points, which are our choice.

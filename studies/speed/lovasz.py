@@ -1,6 +1,6 @@
 """The cost of the exact Lovász-Softmax, beside the loop in which it was published.
 
-    python -m benchmarks.lovasz [--threads 1]
+    python -m studies.speed.lovasz [--threads 1]
 
 600,000 voxels x 9 classes, the paper's grid. Prints the median milliseconds of forward and
 backward, their ratio, and how far loss and gradient are apart; asserts nothing. The reference is
@@ -16,10 +16,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from benchmarks.settings import run
-from benchmarks.tables import print_costs
 from src.models.losses import lovasz_softmax, weighted_cross_entropy
 from src.ontology import NUM_CLASSES, UNKNOWN
+from studies.settings import run
+from studies.speed.timing import print_costs
 
 SHAPE = (100, 100, 60)
 ROUNDS = 9

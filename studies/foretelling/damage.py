@@ -1,11 +1,11 @@
 """What each damage to the truth costs of two scores, by its amount.
 
-    python -m benchmarks.damage [--out FOLDER] [OVERRIDE...]
+    python -m studies.foretelling.damage [--out FOLDER] [OVERRIDE...]
 
 Lets a UAV fly that knows the truth, on maps of their own, while every damage looks on. Writes
 ``damage.csv``: kind, amount, mIoU of what is occupied and KAR-mIoU, and prints for each kind the
-amounts at which each of the two is at its targets, where it gets there. benchmarks/flight.yaml has
-them: damages of one mIoU and different KAR-mIoU, and the reverse.
+amounts at which each of the two is at its targets, where it gets there. ``flight.yaml`` beside this
+file has them: damages of one mIoU and different KAR-mIoU, and the reverse.
 """
 
 import argparse
@@ -16,8 +16,6 @@ import pandas as pd
 import torch
 from omegaconf import OmegaConf
 
-from benchmarks.settings import composed, run
-from benchmarks.tables import print_table
 from src.faults.damage import Damaged
 from src.loop.campaign import Campaign, Job
 from src.loop.flight import Moment
@@ -26,6 +24,8 @@ from src.provenance import SOURCE
 from src.results.files import write_table
 from src.results.frame_scores import FrameScores
 from src.terminal import tracked
+from studies.settings import composed, run
+from studies.tables import print_table
 
 MISSIONS = ["mission.first_seed=500", "mission.maps=8", "mission.conflict=2", "mission.clear=1"]
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)

@@ -1,6 +1,6 @@
 """The cost of a frame in flight: a stream, and computing the queue anew, in time and memory.
 
-    python -m benchmarks.inference scale=small [--threads 2] [--exported]
+    python -m studies.speed.inference scale=small [--threads 2] [--exported]
 
 Takes the overrides of run.py and needs a finished dataset; a stream flies through noise, and
 the weights are untrained (neither changes the cost). On a GPU where there is one, in bf16 as well.
@@ -19,13 +19,13 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
-from benchmarks.settings import composed_with_data, device, run
-from benchmarks.tables import print_costs
 from src.data.datamodule import SkyShieldData
 from src.models.export import FORMATS, ExportedStep, export_step
 from src.models.network import SkyOcc
 from src.models.stream import SkyOccStream
 from src.tasks.export import made_up_flight
+from studies.settings import composed_with_data, device, run
+from studies.speed.timing import print_costs
 
 ROUNDS, WARM_UP = 12, 4
 

@@ -1,6 +1,6 @@
 """The time of generation by stage: one clip on one core.
 
-    python -m benchmarks.generation --width 384 --height 224 --capture-hz 25
+    python -m studies.speed.generation --width 384 --height 224 --capture-hz 25
 
 Prints milliseconds a frame of every stage, for the first clip of every town under the weather that
 its place in the dataset gives it; then frames a second of one core, and the peak memory. The first
@@ -21,8 +21,6 @@ import pandas as pd
 import torch
 from omegaconf import OmegaConf
 
-from benchmarks.settings import composed, run
-from benchmarks.timing import timed
 from src.data.clip import ClipWriter
 from src.provenance import machine
 from src.sim import clip_maker
@@ -32,6 +30,8 @@ from src.sim.plan import plan_clips
 from src.sim.staging import place_of
 from src.sim.towns import town_names
 from src.sim.world import World
+from studies.settings import composed, run
+from studies.speed.timing import timed
 
 # The functions that are timed: the stage's name in the table, the owner, and the name there.
 STAGES: list[tuple[str, object, str]] = [

@@ -1,6 +1,7 @@
 """Flies every perception of a plan, on each of its sets of frames.
 
-    python -m benchmarks.flight [OVERRIDE...] [--runs FOLDER] [--out FOLDER] [--only NAME...]
+    python -m studies.foretelling.flight [OVERRIDE...] [--runs FOLDER] [--out FOLDER]
+                                         [--only NAME...]
 
 ``flight.yaml`` is the plan; ``--runs`` is the folder of the runs whose checkpoints fly, as
 ``<experiment>/seed<k>``. The flights of a perception lie in ``<out>/<stratum>/<name>/<set>``, as
@@ -18,12 +19,12 @@ from pathlib import Path
 import yaml
 from omegaconf import OmegaConf
 
-from benchmarks.settings import composed, run
 from src.errors import UserError
 from src.results.counts import Counts
 from src.run_folder import TALLIES
 from src.tasks.fly import fly_together
 from src.terminal import say, tracked
+from studies.settings import composed, run
 
 CHECKPOINT = "checkpoints/best.ckpt"
 
