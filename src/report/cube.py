@@ -8,10 +8,11 @@ factors, give its *main effect*: the mean of what it adds to the four models wit
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, product
 
+from studies.free_bias.counts import read_bias, read_free_bias
+
 from ..errors import UserError
 from ..results.bootstrap import interval_of
 from ..results.conditions import Condition
-from ..results.free_bias import read_bias, read_free_bias
 from ..results.render import Cell, Row, Table
 from ..results.runs import ScoredRun
 from ..results.table import Resamples

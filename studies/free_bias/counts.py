@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from ..run_folder import TALLIES
-from .counts import Counts, require_same_frames
-from .runs import ScoredRun
+from src.results.counts import Counts, require_same_frames
+from src.results.runs import ScoredRun
+from src.run_folder import TALLIES
 
 # Its folder in a run's folder, and the name of its table.
 FREE_BIAS = "free_bias"

@@ -6,7 +6,7 @@ import pytest
 from src.errors import UserError
 from src.results.counts import Counts
 from src.results.files import read_results
-from src.tasks.free_bias import free_bias
+from studies.free_bias.task import free_bias
 from tests.synthetic import compose_config
 
 

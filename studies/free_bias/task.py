@@ -14,18 +14,18 @@ from jaxtyping import Float
 from omegaconf import DictConfig
 from torch import Tensor
 
-from ..atomic import replacing_folder
-from ..data.truth import truth_of
-from ..errors import UserError
-from ..ontology import FREE
-from ..results.files import write_table
-from ..results.free_bias import BIAS, FREE_BIAS, SCORED, best_bias
-from ..run_folder import TALLIES
-from ..terminal import say, tracked
-from .counting import SCORE
-from .scoring import counts_of, protocol_of, suite_of
-from .session import Session
-from .trainer import Predictor, predictor
+from src.atomic import replacing_folder
+from src.data.truth import truth_of
+from src.errors import UserError
+from src.ontology import FREE
+from src.results.files import write_table
+from src.run_folder import TALLIES
+from src.tasks.counting import SCORE
+from src.tasks.scoring import counts_of, protocol_of, suite_of
+from src.tasks.session import Session
+from src.tasks.trainer import Predictor, predictor
+from src.terminal import say, tracked
+from studies.free_bias.counts import BIAS, FREE_BIAS, SCORED, best_bias
 
 
 def free_bias(cfg: DictConfig, bias: Sequence[float]) -> None:
