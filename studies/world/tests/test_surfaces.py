@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from src.audit.surfaces import surface_areas
 from src.geometry import VoxelGrid
 from src.ontology import BUILDING, CAR, GROUND, VRU
 from src.sim.mesh import mesh_of_solid
+from studies.world.surfaces import surface_areas
 from tests.sim.scenery import solid
 
 GRID = VoxelGrid((0, -4, -2), (8, 4, 4), (16, 16, 12))

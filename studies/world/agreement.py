@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, UInt8
 
-from ..ontology import CAR, CLASSES, FREE, LARGE_VEHICLE, OCCUPIED, UNKNOWN, VRU
-from .truth import OfClasses, SurfaceTruth
+from src.ontology import CAR, CLASSES, FREE, LARGE_VEHICLE, OCCUPIED, UNKNOWN, VRU
+from studies.world.truth import OfClasses, SurfaceTruth
 
 MOVING = (LARGE_VEHICLE, CAR, VRU)
 SCOPES = ("visible", "supervised")

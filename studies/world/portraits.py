@@ -5,14 +5,14 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
-from ..portrait.pipeline import draw_pipeline
-from ..portrait.shot import aerial_shot, photograph, street_shot
-from ..report.canvas import readable, write_picture
-from ..report.titled_sheet import titled_sheet
-from ..sim.clip_maker import ClipPlan
-from ..sim.plan import plan_clips
-from ..sim.renderer import require_renderer
-from ..terminal import say, tracked
+from src.report.canvas import readable, write_picture
+from src.report.titled_sheet import titled_sheet
+from src.sim.clip_maker import ClipPlan
+from src.sim.plan import plan_clips
+from src.sim.renderer import require_renderer
+from src.terminal import say, tracked
+from studies.world.pipeline import draw_pipeline
+from studies.world.shot import aerial_shot, photograph, street_shot
 
 # Pictures in the repository's docs must stay small.
 MAX_TOWN_BYTES, MAX_WEATHER_BYTES = 150_000, 450_000

@@ -5,12 +5,12 @@ import pytest
 from PIL import Image
 
 from src.ontology import BUILDING, CAR, SKY
-from src.portrait.pipeline import draw_pipeline
-from src.portrait.shot import aerial_shot, entropy, photograph, street_shot
 from src.report.canvas import write_picture
 from src.report.titled_sheet import GAP_PIX, TITLE_PIX, titled_sheet
 from src.sim.plan import plan_clips
-from src.tasks.portraits import portraits
+from studies.world.pipeline import draw_pipeline
+from studies.world.portraits import portraits
+from studies.world.shot import aerial_shot, entropy, photograph, street_shot
 from tests.synthetic import compose_config
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from ..geometry import (
+from src.geometry import (
     VoxelGrid,
     camera_from_occ,
     in_image,
@@ -21,9 +21,9 @@ from ..geometry import (
     unproject,
     world_from_occ,
 )
-from ..ontology import OCCUPIED
-from ..sim.scene import Scene
-from .surfaces import surface_areas
+from src.ontology import OCCUPIED
+from src.sim.scene import Scene
+from studies.world.surfaces import surface_areas
 
 # A class is truly in a voxel when its surface there exceeds this share of a voxel's face.
 FACE_SHARE = 0.01

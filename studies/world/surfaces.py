@@ -7,9 +7,9 @@ those along z (Sutherland and Hodgman, 1974); the area of what is left counts fo
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from ..geometry import VoxelGrid
-from ..jit import njit
-from ..ontology import OCCUPIED
+from src.geometry import VoxelGrid
+from src.jit import njit
+from src.ontology import OCCUPIED
 
 # A triangle that six planes have cut has at most nine corners.
 MOST_CORNERS = 12

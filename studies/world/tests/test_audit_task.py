@@ -8,8 +8,8 @@ import pytest
 
 from src.data.manifest import MANIFEST, digest_of
 from src.errors import UserError
-from src.tasks.audit import audit
 from src.tasks.dataset import root_of
+from studies.world.audit import audit
 from tests.synthetic import generated_config
 
 

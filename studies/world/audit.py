@@ -10,19 +10,19 @@ import numpy as np
 import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 
-from ..atomic import replacing
-from ..audit.agreement import SurfaceAgreement
-from ..audit.truth import Camera, SurfaceTruth
-from ..bounds import require_at_least
-from ..data.clip import Clip
-from ..data.manifest import missing_clips, read_manifest, require_same_data
-from ..errors import UserError
-from ..provenance import git_commit, machine
-from ..sim.clip_maker import ClipMaker, ClipPlan
-from ..sim.plan import plan_clips
-from ..terminal import say, tracked
-from ..worker_pool import default_workers, mapped
-from .dataset import root_of, spec_of
+from src.atomic import replacing
+from src.bounds import require_at_least
+from src.data.clip import Clip
+from src.data.manifest import missing_clips, read_manifest, require_same_data
+from src.errors import UserError
+from src.provenance import git_commit, machine
+from src.sim.clip_maker import ClipMaker, ClipPlan
+from src.sim.plan import plan_clips
+from src.tasks.dataset import root_of, spec_of
+from src.terminal import say, tracked
+from src.worker_pool import default_workers, mapped
+from studies.world.agreement import SurfaceAgreement
+from studies.world.truth import Camera, SurfaceTruth
 
 
 def audit(cfg: DictConfig, frames_per_clip: int, out: str | None) -> None:

@@ -14,16 +14,16 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from ..geometry import front_mount, pinhole, rigid, rotation_from_euler
-from ..ontology import SKY
-from ..sim.air import apply_weather
-from ..sim.camera import FAR_M, NEAR_M
-from ..sim.clip_maker import ClipMaker, ClipPlan
-from ..sim.pilot import STEP_HZ
-from ..sim.scene import Scene
-from ..sim.staging import generator_for, place_of
-from ..sim.weather import Weather
-from ..sim.world import World
+from src.geometry import front_mount, pinhole, rigid, rotation_from_euler
+from src.ontology import SKY
+from src.sim.air import apply_weather
+from src.sim.camera import FAR_M, NEAR_M
+from src.sim.clip_maker import ClipMaker, ClipPlan
+from src.sim.pilot import STEP_HZ
+from src.sim.scene import Scene
+from src.sim.staging import generator_for, place_of
+from src.sim.weather import Weather
+from src.sim.world import World
 
 SIZE_PIX = (960, 544)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from src.audit.agreement import SurfaceAgreement
-from src.audit.truth import RAYS_A_SIDE, Camera, SurfaceTruth, rays_of
 from src.geometry import VoxelGrid
 from src.ontology import BUILDING, CAR, CLASSES, FREE, GROUND, UNKNOWN, VEGETATION
+from studies.world.agreement import SurfaceAgreement
+from studies.world.truth import RAYS_A_SIDE, Camera, SurfaceTruth, rays_of
 from tests.sim.scenery import (
     BODY_FROM_CAMERA,
     HEIGHT,

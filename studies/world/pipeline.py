@@ -11,19 +11,19 @@ from jaxtyping import Float, Int, UInt8
 from matplotlib.colors import LogNorm
 from PIL import Image, ImageOps
 
-from ..geometry import in_image, inverse, project
-from ..ontology import FREE, SKY, UNKNOWN
-from ..report.canvas import Pixels, write_picture
-from ..report.titled_sheet import titled_sheet
-from ..report.top import render_top
-from ..report.view import Frustum
-from ..report.voxels import PALETTE, render_voxels, view_of
-from ..sim.annotation import FrontView as View
-from ..sim.annotation import elect, is_supported, vote_actors, vote_camera
-from ..sim.clip_maker import ClipMaker, ClipPlan, Observation
-from ..sim.sensors import scan
-from ..sim.world import Rendering
-from .shot import entropy
+from src.geometry import in_image, inverse, project
+from src.ontology import FREE, SKY, UNKNOWN
+from src.report.canvas import Pixels, write_picture
+from src.report.titled_sheet import titled_sheet
+from src.report.top import render_top
+from src.report.view import Frustum
+from src.report.voxels import PALETTE, render_voxels, view_of
+from src.sim.annotation import FrontView as View
+from src.sim.annotation import elect, is_supported, vote_actors, vote_camera
+from src.sim.clip_maker import ClipMaker, ClipPlan, Observation
+from src.sim.sensors import scan
+from src.sim.world import Rendering
+from studies.world.shot import entropy
 
 CELL_PIX = (560, 315)
 MAX_BYTES = 900_000
