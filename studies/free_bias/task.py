@@ -20,11 +20,11 @@ from src.errors import UserError
 from src.ontology import FREE
 from src.results.files import write_table
 from src.run_folder import TALLIES
-from src.tasks.counting import SCORE
 from src.tasks.scoring import counts_of, protocol_of, suite_of
 from src.tasks.session import Session
 from src.tasks.trainer import Predictor, predictor
 from src.terminal import say, tracked
+from studies.counting import SCORE
 from studies.free_bias.counts import BIAS, FREE_BIAS, SCORED, best_bias
 
 

@@ -1,17 +1,16 @@
 """The cube as a picture: what each factor adds, and how sure that is."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..results.render import Cell, Table
-from .canvas import INK, MUTED
-from .figure_file import write_figure
+from src.report.canvas import INK, MUTED
+from src.report.figure_file import write_figure
+from src.results.render import Cell, Table
 
-CUBE = "cube.png"
 SIZE_INCHES, DPI = (9.6, 3.8), 150
 CAPTION = (
     "What each of the three factors adds, and the interactions (x), in percentage points, with "
@@ -29,16 +28,15 @@ AXES = {
 }
 
 
-def draw_cube(table_of: Callable[[str], Table | None], folder: Path) -> dict[Path, str]:
-    """Writes ``cube.png`` of the tables that `cube_tables` gives, by their keys; returns its path
-    and caption.
+def draw_cube(cube: Sequence[Table], path: Path) -> str:
+    """Writes the effects in the tables that `cube_tables` gives, and returns the caption.
 
-    Nothing is written, and nothing returned, without them. Raises `UserError` for a path that
+    Nothing is written, and the caption is empty, without them. Raises `UserError` for a path that
     cannot be written.
     """
-    tables = {key: table for key in DRAWN if (table := table_of(key)) is not None}
+    tables = {table.key: table for table in cube if table.key in DRAWN}
     if "cube" not in tables:
-        return {}
+        return ""
 
     shown = {score: label for score, label in AXES.items() if _is_there(tables["cube"], score)}
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
@@ -52,8 +50,8 @@ def draw_cube(table_of: Callable[[str], Table | None], folder: Path) -> dict[Pat
     if len(tables) > 1:
         handles, labels = all_axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", frameon=False, ncols=2)
-    write_figure(figure, folder / CUBE)
-    return {folder / CUBE: CAPTION}
+    write_figure(figure, path)
+    return CAPTION
 
 
 def _is_there(table: Table, score: str) -> bool:

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..errors import UserError
-from ..results.render import Cell, Row, Table
-from ..results.runs import run_folders, value_at
-from ..run_folder import CONFIG, METRICS, read_config
+from src.errors import UserError
+from src.results.render import Cell, Row, Table
+from src.results.runs import run_folders, value_at
+from src.run_folder import CONFIG, METRICS, read_config
 
 LR, SCORE = "optimizer.lr", "val/kar_miou"
 

@@ -11,11 +11,11 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from ..data.batch import Batch
-from ..errors import UserError
-from ..run_folder import TALLIES
-from .counts import Counts, require_same_frames
-from .runs import ScoredRun
+from src.data.batch import Batch
+from src.errors import UserError
+from src.results.counts import Counts, require_same_frames
+from src.results.runs import ScoredRun
+from src.run_folder import TALLIES
 
 # The folder of task=attitude in a run's folder, and its table.
 ATTITUDE, TABLE = "attitude", "attitude.csv"

@@ -8,8 +8,8 @@ from src.geometry import VoxelGrid
 from src.ontology import CAR, FREE
 from src.report.labels_in_image import COLOR_SHARE, labels_in_image
 from src.report.scene import VoxelScene
-from src.report.tilt_figure import draw_tilt
 from src.report.voxels import PALETTE
+from studies.attitude.tilt_figure import draw_tilt
 from tests.report.street import HEIGHT, WIDTH, fill, street, tilted_frustum
 
 GRID = VoxelGrid(shape=(50, 50, 30))

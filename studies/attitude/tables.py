@@ -5,11 +5,11 @@ from dataclasses import asdict, dataclass, replace
 
 import pandas as pd
 
-from ..results.conditions import LEVEL, TRUE, Condition, Conditions
-from ..results.render import Table
-from ..results.table import MEAN, Resamples, joined, pivoted
-from .captions import ONE_SEED, intervals_over, listed_seeds, lost_classes
-from .ladder import PAPER, Ladder
+from src.report.captions import ONE_SEED, intervals_over, listed_seeds, lost_classes
+from src.report.ladder import PAPER, Ladder
+from src.results.render import Table
+from src.results.table import MEAN, Resamples, joined, pivoted
+from studies.attitude.conditions import LEVEL, TRUE, Condition, Conditions
 
 SCORE = "kar_miou"
 # Scores of a condition that stand in the long table of a report.

@@ -8,17 +8,16 @@ factors, give its *main effect*: the mean of what it adds to the four models wit
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, product
 
+from src.errors import UserError
+from src.report.captions import resampling
+from src.report.shared_settings import FACTOR_KEYS, SEED, differing, factors_of
+from src.results.bootstrap import interval_of
+from src.results.render import Cell, Row, Table
+from src.results.runs import ScoredRun
+from src.results.table import Resamples
+from studies.attitude.conditions import Condition
+from studies.attitude.tables import AttitudeScores, how_drawn, tilt_in_words
 from studies.free_bias.counts import read_bias, read_free_bias
-
-from ..errors import UserError
-from ..results.bootstrap import interval_of
-from ..results.conditions import Condition
-from ..results.render import Cell, Row, Table
-from ..results.runs import ScoredRun
-from ..results.table import Resamples
-from .attitude_tables import AttitudeScores, how_drawn, tilt_in_words
-from .captions import resampling
-from .shared_settings import FACTOR_KEYS, SEED, differing, factors_of
 
 FACTORS = ("attitude-aware projection", "safety class weights", "Lovász loss")
 # The scores whose effects are shown, and their names.

@@ -9,8 +9,8 @@ import yaml
 from PIL import Image
 
 from src.errors import UserError
-from src.report.cube import FACTORS, effects
-from tests.results.presented import write_attitude
+from studies.attitude.tests.presented import write_attitude
+from studies.cube.effects import FACTORS, effects
 from tests.results.scored import FACTORS as SETTINGS
 from tests.results.scored import WEIGHTS, config_of, write_ladder, write_run
 from tests.tasks.test_report_task import reported, table

@@ -8,7 +8,7 @@ import pytest
 from src.errors import UserError
 from src.results.counts import Counts
 from src.results.files import read_results
-from src.tasks.attitude import attitude
+from studies.attitude.task import attitude
 from tests.synthetic import compose_config
 
 SETTINGS = {

@@ -10,12 +10,12 @@ import torch
 from src.errors import UserError
 from src.metrics import OccupancyScores
 from src.metrics.protocol import SUPERVISED, Protocol
-from src.results.conditions import Condition, conditions_of, read_conditions
 from src.results.counts import Counts
 from src.results.runs import read_run
-from src.tasks.attitude import narrowed
-from src.tasks.counting import Counter
-from tests.results.presented import write_attitude
+from studies.attitude.conditions import Condition, conditions_of, read_conditions
+from studies.attitude.task import narrowed
+from studies.attitude.tests.presented import write_attitude
+from studies.counting import Counter
 from tests.results.scored import CLIPS, FRAMES, GRID, counts, protocol, write_run
 
 

@@ -4,13 +4,18 @@ The paper's dynamic extrinsics (Eq. 5, App. B on the kinematic-geometric couplin
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from .canvas import MUTED, Canvas, Pixels, beside, resized, write_picture
-from .labels_in_image import labels_in_image
-from .scene import VoxelScene
-from .view import Frustum
-from .voxels import ground_level, render_voxels, view_of
+import torch
+
+from src.data.clip import Clip
+from src.geometry import camera_from_occ
+from src.report.canvas import MUTED, Canvas, Pixels, beside, resized, write_picture
+from src.report.labels_in_image import labels_in_image
+from src.report.scene import VoxelScene
+from src.report.view import Frustum
+from src.report.voxels import ground_level, render_voxels, view_of
 
 CELL_PIX = (620, 400)
 GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 18, 40, 60, 60
@@ -34,6 +39,12 @@ def draw_tilt(scene: VoxelScene, level: Frustum, path: str | Path) -> None:
         "A level UAV instead: by so much the labels miss their objects": _row(scene, level),
     }
     write_picture(_page(_as_high(scene.image), rows, scene.title).drawn(), path)
+
+
+def level_camera(camera: Frustum, clip: Clip) -> Frustum:
+    """Returns a camera as it would be on a level UAV, by its mount in the clip."""
+    mount = clip.meta.body_from_camera.to(camera.camera_from_occ)
+    return replace(camera, camera_from_occ=camera_from_occ(torch.eye(4).to(mount), mount))
 
 
 def _row(scene: VoxelScene, camera: Frustum) -> Pixels:

@@ -9,16 +9,16 @@ import torch
 from jaxtyping import Bool, UInt8
 from torch import Tensor
 
-from ..atomic import replacing_folder
-from ..data.batch import Batch
-from ..metrics.by_clip import ByClip
-from ..metrics.protocol import Protocol
-from ..metrics.tables import TableMetric
-from ..results.counts import Counts
-from ..results.files import write_table
-from ..results.render import Cell, Table, print_table
-from ..results.table import run_table
-from ..run_folder import TALLIES
+from src.atomic import replacing_folder
+from src.data.batch import Batch
+from src.metrics.by_clip import ByClip
+from src.metrics.protocol import Protocol
+from src.metrics.tables import TableMetric
+from src.results.counts import Counts
+from src.results.files import write_table
+from src.results.render import Cell, Table, print_table
+from src.results.table import run_table
+from src.run_folder import TALLIES
 
 SCORE = "kar_miou"
 Draw = Callable[[pd.DataFrame, Path], object]

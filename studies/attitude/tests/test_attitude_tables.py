@@ -2,14 +2,14 @@
 
 import pytest
 
-from src.report.attitude_tables import AttitudeScores, attitude_tables
 from src.report.ladder import PAPER
-from src.results.conditions import read_conditions
 from src.results.counts import Counts
 from src.results.runs import read_run
-from tests.results.presented import write_attitude
+from studies.attitude.conditions import read_conditions
+from studies.attitude.tables import AttitudeScores, attitude_tables
+from studies.attitude.tests.presented import write_attitude
+from studies.attitude.tests.test_conditions import rewrite
 from tests.results.scored import write_run
-from tests.results.test_conditions import rewrite
 
 SEEDS = (0, 1)
 ABOVE = "+ Attitude-aware projection"

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from src.report.attitude import COLORS, TOLD, attitude_figure
+from studies.attitude.figure import COLORS, TOLD, attitude_figure
 
 TILTS_DEG = (0, 2.5, 5, 10, 15, 20, np.inf)
 FRAMES = 12345

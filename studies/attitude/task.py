@@ -7,16 +7,16 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from ..data.datamodule import SkyShieldData
-from ..data.measured_attitude import MeasuredAttitude
-from ..metrics.protocol import Protocol
-from ..results.conditions import ATTITUDE, Condition, condition_table, conditions_of
-from ..results.counts import Counts
-from ..terminal import say, tracked
-from .counting import SCORE, Counter, print_scores, scores_of, write_counted
-from .scoring import clips_of, protocol_of
-from .session import Session
-from .trainer import Predictor, predictor
+from src.data.datamodule import SkyShieldData
+from src.data.measured_attitude import MeasuredAttitude
+from src.metrics.protocol import Protocol
+from src.results.counts import Counts
+from src.tasks.scoring import clips_of, protocol_of
+from src.tasks.session import Session
+from src.tasks.trainer import Predictor, predictor
+from src.terminal import say, tracked
+from studies.attitude.conditions import ATTITUDE, Condition, condition_table, conditions_of
+from studies.counting import SCORE, Counter, print_scores, scores_of, write_counted
 
 # The scores that are printed, and their names.
 PRINTED = {"miou_occupied": "mIoU occupied", SCORE: "KAR-mIoU", "iou/thin_structure": "thin"}
@@ -47,7 +47,7 @@ def attitude(
     table = condition_table(conditions, seed).merge(scores_of(counts, "condition"), on="condition")
 
     # Scoring needs no drawing code; it is loaded for the figure alone.
-    from ..report.attitude import draw_attitude
+    from studies.attitude.figure import draw_attitude
 
     folder = run.path / ATTITUDE
     write_counted(

@@ -9,9 +9,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from .attitude_tables import AttitudeScores
-from .canvas import INK, MUTED
-from .figure_file import write_figure
+from src.report.canvas import INK, MUTED
+from src.report.figure_file import write_figure
+from studies.attitude.tables import AttitudeScores
 
 # Another marker is taken when all colors have been used.
 COLORS = ("#2962ff", "#d1495b", "#00898a", "#8a5a00", "#6a3fb5", "#5a606a")
@@ -34,14 +34,14 @@ Styles = Mapping[str, tuple[str, str]]
 Rows = Mapping[str, pd.DataFrame]
 
 
-def draw_report_attitude(attitude: AttitudeScores, folder: Path) -> dict[Path, str]:
-    """Writes ``attitude.png`` of all experiments; returns its path and caption.
+def draw_report_attitude(attitude: AttitudeScores, path: Path) -> str:
+    """Writes the figure of all experiments and returns its caption.
 
-    Nothing is written, and nothing returned, where no run was scored by tilt.
+    Nothing is written, and the caption is empty, where no run was scored by tilt.
     """
     ladder, names = attitude.ladder, attitude.names(list(attitude.resamples))
     if not names:
-        return {}
+        return ""
 
     changes = {
         f"gain over {ladder.reference} (points)": {
@@ -52,8 +52,8 @@ def draw_report_attitude(attitude: AttitudeScores, folder: Path) -> dict[Path, s
         },
     }
     scores = {ladder.row_name(name): attitude.rows(name) for name in names}
-    draw_attitude(scores, folder / "attitude.png", changes)
-    return {folder / "attitude.png": CAPTION.format(reference=ladder.reference)}
+    draw_attitude(scores, path, changes)
+    return CAPTION.format(reference=ladder.reference)
 
 
 def draw_attitude(

@@ -4,8 +4,8 @@ import dataclasses
 
 import pandas as pd
 
-from src.results.conditions import condition_table, conditions_of
 from src.results.counts import Counts
+from studies.attitude.conditions import condition_table, conditions_of
 from tests.results.scored import FRAMES, counts, predicted
 
 CONDITIONS = list(conditions_of([5.0], noise_deg=[3.0], delay_s=[0.2], level=True))
