@@ -4,7 +4,7 @@ PYTEST := .venv/bin/python -m pytest --numprocesses auto --dist loadfile
 NUMERIC := tests/models tests/metrics tests/test_geometry.py
 export PYTHON
 
-.PHONY: setup setup-dev look demo test test-processors test-slow lint clean
+.PHONY: setup setup-dev look demo test test-studies test-processors test-slow lint clean
 
 # Any Python 3 can run install.py, which finds the one for .venv and says what is missing.
 define install
@@ -31,6 +31,9 @@ demo: setup
 test: setup-dev
 	$(PYTEST) -m "not slow"
 
+test-studies: setup-dev
+	$(PYTEST) -m "not slow" studies
+
 # The arithmetic of lesser processors, and of two threads; make test has this one's, and one thread.
 test-processors: setup-dev
 	ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 $(PYTEST) -q -m "not slow" $(NUMERIC)
@@ -38,7 +41,7 @@ test-processors: setup-dev
 	OMP_NUM_THREADS=2 $(PYTEST) -q -m "not slow" $(NUMERIC)
 
 test-slow: setup-dev
-	.venv/bin/python -m pytest -m slow
+	.venv/bin/python -m pytest -m slow tests studies
 
 lint: setup-dev
 	.venv/bin/python -m ruff check .

@@ -18,7 +18,7 @@ from .terminal import say
 
 FINISHED = "finished"
 # These tasks write to the folder of the run whose checkpoint they score.
-SCORING = ("src.tasks.test.test", "src.tasks.attitude.attitude")
+SCORING = ("src.tasks.test.test", "studies.attitude.task.attitude")
 
 
 class Outcome(NamedTuple):

@@ -1,18 +1,18 @@
 """All that a report of the ladder says, as data: its tables, its settings, and what is missing."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 
 import pandas as pd
 
 from ..results.render import Table
 from ..results.runs import ScoredRun, UnfinishedRun
 from ..results.table import Parts, joined
-from .attitude_tables import AttitudeScores, attitude_tables
-from .cube import cube_tables, vertices_of
 from .paper_tables import paper_tables
 from .run_group import RunGroup, long_table
+from .section import Draw, Reported, Section
 from .shared_settings import (
     Values,
     code_lines,
@@ -31,7 +31,8 @@ class LadderReport:
 
     ``scores`` is the long table. ``warnings`` say why the rungs may not be comparable, ``missing``
     which runs are not there, and ``others`` what the experiments that are no rung are.
-    ``differing`` has the values of every setting in which the runs of the ladder differ.
+    ``differing`` has the values of every setting in which the runs of the ladder differ, and
+    ``pictures`` what the sections draw, by file name.
     """
 
     groups: tuple[RunGroup, ...]
@@ -42,6 +43,7 @@ class LadderReport:
     warnings: tuple[str, ...]
     missing: tuple[str, ...]
     others: tuple[str, ...]
+    pictures: Mapping[str, Draw]
 
     @property
     def runs(self) -> list[ScoredRun]:
@@ -65,20 +67,19 @@ def ladder_report(
     groups: Sequence[RunGroup],
     unfinished: Sequence[UnfinishedRun],
     parts_of: Callable[[Sequence[str]], Parts],
-    attitude: AttitudeScores,
+    out: Path,
     seeds: Sequence[int] = (),
-    cube: Sequence[str] = (),
+    sections: Sequence[Callable[[Reported], Section]] = (),
 ) -> LadderReport:
     """Returns the report of finished runs, and of what is missing beside them.
 
-    ``parts_of`` gives the parts of the test split for the clips that were never trained on,
-    ``seeds`` are those that every rung is to have, beside the ones that are there, and ``cube``
-    names experiments whose factors' effects are told. Raises `UserError` for counts and results
-    that do not belong together, and as `vertices_of` does.
+    ``parts_of`` gives the parts of the test split for the clips that were never trained on, ``out``
+    is the folder of the report, ``seeds`` are those that every rung is to have, beside the ones
+    that are there, and ``sections`` add to it. Raises `UserError` for counts and results that do
+    not belong together, and as the sections do.
     """
     runs = [run for group in groups for run in group.runs]
     ladder, rungs = groups[0].ladder, groups[0].rungs
-    vertices = vertices_of(groups[0].runs, cube)
     # Tables of differences are of the first group; others only have rows beside it.
     parts, *further = [group.parts(parts_of) for group in groups]
     of_others = [part for of_group in further for part in of_group]
@@ -89,11 +90,13 @@ def ladder_report(
         same = [each for each in of_others if each.name == part.name]
         tables += paper_tables(part, same, marks, frames)
     of_parts = {part.name: part.resamples for part in parts}
-    tables += cube_tables(groups[0].runs, vertices, of_parts, attitude)
+    given = Reported(ladder, groups[0].runs, of_parts, out)
+    added = [section(given) for section in sections]
+    expected = [name for each in added for name in each.experiments]
     return LadderReport(
         groups=tuple(groups),
-        tables=(*tables, *attitude_tables(attitude)),
-        scores=joined([long_table([*parts, *of_others]), attitude.scores]),
+        tables=(*tables, *(table for each in added for table in each.tables)),
+        scores=joined([long_table([*parts, *of_others]), *(each.scores for each in added)]),
         settings=statement(rungs or groups[0].runs, ladder),
         differing=differing(rungs or groups[0].runs),
         warnings=(
@@ -102,8 +105,9 @@ def ladder_report(
             *_made_elsewhere(groups),
             *_mixed(groups),
         ),
-        missing=tuple(_missing(groups, unfinished, seeds, cube)),
+        missing=tuple(_missing(groups, unfinished, seeds, expected)),
         others=tuple(other_experiments(groups[0].runs, ladder)),
+        pictures={name: draw for each in added for name, draw in each.pictures.items()},
     )
 
 
@@ -111,12 +115,12 @@ def _missing(
     groups: Sequence[RunGroup],
     unfinished: Sequence[UnfinishedRun],
     planned: Sequence[int],
-    cube: Sequence[str],
+    expected: Sequence[str],
 ) -> list[str]:
-    """Lists runs of the ladder and the cube that a full sweep over the seeds would have, and other
-    unfinished ones."""
+    """Lists runs of the ladder, and of other ``expected`` experiments, that a full sweep over the
+    seeds would have, and other unfinished ones."""
     ladder = groups[0].ladder
-    names = dict.fromkeys((*ladder.names, *cube))
+    names = dict.fromkeys((*ladder.names, *expected))
     finished = {(run.experiment, run.seed) for group in groups for run in group.runs}
     compared = {(run.experiment, run.seed) for run in groups[0].runs}
     begun = {(run.experiment, run.seed): run for run in unfinished}

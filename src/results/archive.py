@@ -12,18 +12,13 @@ from ..atomic import replacing
 from ..data.files import BROKEN
 from ..errors import UserError
 from ..run_folder import CODE, CONFIG, METRICS, RESULTS, TALLIES
-from .conditions import ATTITUDE, TABLE
 from .counts import Counts
 from .flights import FLIGHTS
 from .foretelling import MAPS, Perception, counts_by_map
-from .free_bias import FREE_BIAS
 from .runs import ScoredRun
 from .windows import WINDOWS, Windows, packed_windows
 
-FILES = (
-    *(CONFIG, CODE, METRICS, RESULTS, "class_weights.json"),
-    *(f"{ATTITUDE}/{TABLE}", f"{FREE_BIAS}/{FREE_BIAS}.csv"),
-)
+FILES = (CONFIG, CODE, METRICS, RESULTS, "class_weights.json")
 ENDING = ".zip"
 
 # Gives a text in which unpacked files have the name of their archive.
@@ -40,7 +35,9 @@ def publish_runs(
     groups: Sequence[Sequence[ScoredRun]], path: Path, without: Collection[str]
 ) -> None:
     """Writes ``<experiment>/seed<k>`` of every run into an archive: its configuration, code digest,
-    curves, class weights and results, and its counts by clip but those of the metrics ``without``.
+    curves, class weights and results, and its counts by clip but those of the metrics ``without``;
+    with it what further tasks have scored in folders of their own, as ``attitude/attitude.csv`` and
+    ``attitude/tallies``.
 
     The anchors are the same beside every run of a group, so they are written once. Further groups
     of a mixed report have folders of their own, ``group2`` and so on. Raises `UserError` for a file
@@ -53,11 +50,11 @@ def publish_runs(
                 folder = place / run.experiment / f"seed{run.seed}"
                 anchors = run.anchors.values() if run is runs[0] else ()
                 counts = {f"{TALLIES}/{each.name}.npz": each for each in (run.counts, *anchors)}
-                further = [run.path / name / TALLIES for name in (ATTITUDE, FREE_BIAS)]
-                for file in sorted(file for tallies in further for file in tallies.glob("*.npz")):
+                for file in sorted(run.path.glob(f"*/{TALLIES}/*.npz")):
                     counts[file.relative_to(run.path).as_posix()] = Counts.read(file)
 
-                for name in FILES:
+                further = sorted(path.parent.name for path in run.path.glob(f"*/{TALLIES}"))
+                for name in (*FILES, *(f"{each}/{each}.csv" for each in further)):
                     if (run.path / name).is_file():
                         _add(archive, folder / name, (run.path / name).read_bytes())
                 for name, each in counts.items():

@@ -13,6 +13,8 @@ from jaxtyping import UInt8
 from omegaconf import DictConfig
 from torch import Tensor
 
+from studies.counting import SCORE, Counter, print_scores, scores_of, write_counted
+
 from ..audit.true_sight import By, TrueSight
 from ..data.batch import Batch
 from ..data.measured_attitude import MeasuredAttitude
@@ -21,7 +23,6 @@ from ..metrics.protocol import require_same_protocol
 from ..results.scored import read_scored
 from ..run_folder import METRICS
 from ..terminal import say, tracked
-from .counting import SCORE, Counter, print_scores, scores_of, write_counted
 from .evaluate import Anchor, anchors_of
 from .model import origin_of
 from .scoring import clips_of, protocol_of

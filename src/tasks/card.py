@@ -1,5 +1,7 @@
 """task=card: draws the card of a finished dataset: a page, its figures, and metadata."""
 
+from importlib import import_module
+
 from omegaconf import DictConfig, OmegaConf
 
 from ..data.manifest import read_manifest
@@ -9,20 +11,22 @@ from ..terminal import say
 from .dataset import root_of
 
 
-def card(cfg: DictConfig) -> None:
+def card(cfg: DictConfig, pipeline: str | None = None) -> None:
     """Reads every frame of the dataset and prints where its card lies.
 
-    One frame is simulated again, for the picture of how it was annotated; without pybullet the
-    card goes without that picture.
+    ``pipeline`` is the dotted path of a function that simulates one frame again and draws how it
+    was annotated; without pybullet the card goes without that picture.
     """
     # A dataset that is named by paths.dataset has settings of its own.
     root = root_of(cfg)
     sim = OmegaConf.to_container(cfg.sim, resolve=True) | read_manifest(root)["sim"]
     try:
-        from ..portrait.pipeline import draw_pipeline
-        from ..sim.plan import plan_clips
+        if pipeline:
+            from ..sim.plan import plan_clips
 
-        draw_pipeline(sim, plan_clips(sim)[0], root / FIGURES / "pipeline.jpg")
+            module, _, name = pipeline.rpartition(".")
+            draw = getattr(import_module(module), name)
+            draw(sim, plan_clips(sim)[0], root / FIGURES / "pipeline.jpg")
     except (ImportError, UserError) as error:
         say(f"no picture of the annotation: {error}")
 

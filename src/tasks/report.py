@@ -11,24 +11,20 @@ from rich.console import Console
 from ..atomic import replacing
 from ..errors import UserError, closest
 from ..metrics.suite import import_metrics
-from ..report.attitude import draw_report_attitude
-from ..report.attitude_tables import AttitudeScores
-from ..report.cube_figure import CUBE, draw_cube
 from ..report.ladder import ladder_named
 from ..report.ladder_report import LadderReport, ladder_report
-from ..report.lr_search import search_table
 from ..report.report_page import learning_curves, write_report_page
 from ..report.report_text import report_text
 from ..report.run_group import APART, groups_of
+from ..report.section import Section, ShownFrame, with_settings
 from ..results.archive import publish_runs, unpacked
-from ..results.conditions import read_conditions
 from ..results.files import write_table
 from ..results.render import WIDTH, csv_of, latex_of, print_table
 from ..results.runs import ScoredRun, UnfinishedRun, read_run, run_folders
 from ..settings import GROUPS
 from ..terminal import tracked
 from .scoring import parts_of
-from .showcase import COMPARISON, TILT, showcase
+from .showcase import COMPARISON, showcase
 
 TEXT, PAGE, FIGURES = "report.md", "report.html", "figures"
 SCORES, TABLES, LATEX, RUNS = "scores.csv", "tables.csv", "tables.tex", "runs.zip"
@@ -45,18 +41,18 @@ def report(
     rungs: Sequence[str] = (),
     seeds: Sequence[int] = (),
     publish: bool = False,
-    cube: Sequence[str] = (),
-    search: Sequence[str] = (),
+    sections: Mapping[str, Callable[..., Section]] | None = None,
+    **of_sections: object,
 ) -> None:
     """Writes the tables, figures and pages of `_write` to ``out``, and prints the main tables.
 
     Without ``runs`` it takes all of the scale, and without ``rungs`` the ladder is the paper's;
-    runs of ``seeds`` that are not there are named as missing. The experiments of a ``cube`` have
-    tables of what each factor adds, and the runs of a ``search`` one of their learning rates. With
-    ``publish`` it leaves ``runs.zip``, too, from which the report is made again. Of so many
-    ``scenes`` it shows what the lowest and the highest rung predict, where the dataset and their
-    checkpoints are there. Raises `UserError` where no run is finished, a run cannot be read, or
-    runs may not be put beside each other and ``mixed`` does not allow it.
+    runs of ``seeds`` that are not there are named as missing. Each of the ``sections`` adds its
+    tables and pictures, and reads those of the further settings that it names. With ``publish`` it
+    leaves ``runs.zip``, too, from which the report is made again. Of so many ``scenes`` it shows
+    what the lowest and the highest rung predict, where the dataset and their checkpoints are there.
+    Raises `UserError` where no run is finished, a run cannot be read, or runs may not be put beside
+    each other and ``mixed`` does not allow it.
     """
     import_metrics(cfg.suite)
     folder, ladder = Path(out), ladder_named(list(rungs))
@@ -64,27 +60,23 @@ def report(
     if strange := [seed for seed in seeds if type(seed) is not int]:
         raise UserError(f"task.seeds: {strange[0]!r} is no seed; give whole numbers")
     places = [Path(str(place)) for place in runs] or [Path(cfg.paths.runs) / cfg.scale_name]
-
-    searches = [Path(str(place)) for place in search]
-    searched = [search_table(searches, list(cube), folder)] if searches else []
+    added = with_settings(sections or {}, of_sections)
 
     with unpacked(places) as (folders, named):
         finished, unfinished = _read(folders, folder, named)
         _require_experiments(rungs, {run.experiment for run in (*finished, *unfinished)})
         groups = groups_of(finished, mixed, ladder)
         with Console().status("resampling"):
-            attitude = AttitudeScores.of(read_conditions(groups[0].runs), ladder)
-            made = ladder_report(groups, unfinished, parts_of, attitude, list(seeds), list(cube))
-        made = replace(made, tables=(*made.tables, *searched))
+            made = ladder_report(groups, unfinished, parts_of, folder, list(seeds), added)
         curves = learning_curves(made.named_runs)
         shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes, ladder)
         made = replace(made, missing=(*made.missing, *map(named, shown.missing)))
 
-        figures = shown.figures | draw_report_attitude(attitude, folder / FIGURES)
-        figures |= draw_cube(made.table, folder / FIGURES)
+        figures = shown.figures | _drawn(made, folder / FIGURES, shown.frames)
         heading = f"Report of {made.runs[0].counts.protocol.dataset}"
         _write(made, heading, figures, folder)
-        write_report_page(made, heading, curves, figures, shown.scenes, folder / PAGE)
+        scenes_shown = [each.scene for each in shown.frames]
+        write_report_page(made, heading, curves, figures, scenes_shown, folder / PAGE)
         if publish:
             publish_runs([group.runs for group in groups], folder / RUNS, APART)
     _print(made, folder)
@@ -126,10 +118,16 @@ def _require_experiments(rungs: Sequence[str], trained: Collection[str]) -> None
             )
 
 
+def _drawn(made: LadderReport, folder: Path, frames: Sequence[ShownFrame]) -> dict[Path, str]:
+    """Draws the pictures of the sections, and returns the captions of those that there are."""
+    captions = {folder / name: draw(folder / name, frames) for name, draw in made.pictures.items()}
+    return {path: caption for path, caption in captions.items() if caption}
+
+
 def _write(made: LadderReport, heading: str, figures: Mapping[Path, str], folder: Path) -> None:
     """Writes ``report.md``, the long table and the tables of the report; the figures are there."""
     # A figure of an earlier report would be taken for a part of this one.
-    for name in {COMPARISON, TILT, "attitude.png", CUBE} - {path.name for path in figures}:
+    for name in {COMPARISON, *made.pictures} - {path.name for path in figures}:
         (folder / FIGURES / name).unlink(missing_ok=True)
 
     write_table(made.scores, folder / SCORES)

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-import torch
 from omegaconf import DictConfig
 
 from ..data.batch import Batch
@@ -23,21 +22,21 @@ from ..report.hard_cases import HardCase, hard_cases
 from ..report.ladder import PAPER, Ladder
 from ..report.qualitative import qualitative_sheet
 from ..report.scene import VoxelScene
-from ..report.tilt_figure import draw_tilt
+from ..report.section import ShownFrame
 from ..results.runs import ScoredRun
 from ..run_folder import BEST, CONFIG
 from ..terminal import tracked
-from .scenes import camera_of, labels_of, scene_of, tilt_rad
+from .scenes import labels_of, scene_of, tilt_rad
 
 # A JPEG takes a quarter of the bytes of a PNG, whose palette would lose the rare colors.
-COMPARISON, TILT = "comparison.jpg", "tilt.jpg"
+COMPARISON = "comparison.jpg"
 
 
 @dataclass(frozen=True)
 class Showcase:
     """``figures`` maps pictures to what they show, ``missing`` says what could not be drawn."""
 
-    scenes: tuple[VoxelScene, ...] = ()
+    frames: tuple[ShownFrame, ...] = ()
     figures: dict[Path, str] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
 
@@ -98,25 +97,22 @@ def ends_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[ScoredRun
 def _drawn(
     data: SkyShieldData, viewers: Sequence[_Viewer], folder: Path, count: int, seed: int
 ) -> Showcase:
-    """Predicts the hardest frames with every network, and draws both figures."""
+    """Predicts the hardest frames with every network, and draws their figure."""
     cases = hard_cases(facts_of(data), count)
     scenes = [_scene(case, viewers, data.grid) for case in tracked(cases, "predicting")]
     heading = f"{data.root.name}, seed {seed}: the hardest test frames by rule"
     qualitative_sheet(scenes, folder / COMPARISON, heading, tops=False)
-    level = camera_of(_sample(cases[0], viewers[0].frames), torch.eye(4))
-    draw_tilt(scenes[0], level, folder / TILT)
 
     names = " and ".join(viewer.name for viewer in viewers)
-    captions = {
-        COMPARISON: f"RGB, ground truth and predictions of {names}, seed {seed}. Test frames by "
-        f"rule: {'; '.join(case.reason for case in cases)}; each of another flight, chosen by the "
-        "labels and the attitude alone.",
-        TILT: f"{scenes[0].title}: its camera's frustum in the occ frame, and the image under the "
-        "labels as that camera sees them; above with the measured attitude, below as for a level "
-        "UAV.",
-    }
-    figures = {folder / name: caption for name, caption in captions.items()}
-    return Showcase(tuple(scenes), figures)
+    caption = (
+        f"RGB, ground truth and predictions of {names}, seed {seed}. Test frames by rule: "
+        f"{'; '.join(case.reason for case in cases)}; each of another flight, chosen by the labels "
+        "and the attitude alone."
+    )
+    frames = [
+        ShownFrame(data.clips[case.clip], case.frame, scene) for case, scene in zip(cases, scenes)
+    ]
+    return Showcase(tuple(frames), {folder / COMPARISON: caption})
 
 
 def _scene(case: HardCase, viewers: Sequence[_Viewer], grid: VoxelGrid) -> VoxelScene:

@@ -14,7 +14,7 @@ from ..worker_pool import default_workers
 from .dataset import root_of, split_of
 from .trainer import kind_of_device
 
-# Seconds of a core that generating takes, from benchmarks/generation.py (docs/results/world).
+# Seconds of a core that generating takes, as measured in studies/world.
 GENERATION = {"pixel": 1.0e-6, "voxel": 6.5e-8, "frame": 0.003, "clip": 7.6, "town": 6.0}
 # Seconds of a core that a frame takes in training, and seconds that one takes to be scored, for the
 # model and the priors, of the scales that were measured.

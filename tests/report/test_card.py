@@ -5,6 +5,7 @@ import shutil
 
 import pandas as pd
 import pytest
+from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from PIL import Image
 
@@ -14,7 +15,6 @@ from src.data.statistics import statistics_of
 from src.errors import UserError
 from src.report import animation, paper
 from src.report.card import overrides_of, write_card
-from src.tasks.card import card
 from src.tasks.dataset import spec_of
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
@@ -113,8 +113,10 @@ def test_the_task_writes_it(root, tmp_path, capsys):
     copy = tmp_path / "data"
     shutil.copytree(root, copy)
     (copy / "README.md").unlink()
-    card(compose_config("task=card", f"paths.dataset={copy}"))
+    cfg = compose_config("task=card", f"paths.dataset={copy}")
+    instantiate(cfg.task)(cfg)
     assert (copy / "README.md").read_text().startswith("# SkyShield dataset `data`")
+    assert (copy / "card/pipeline.jpg").is_file()
     assert "README.md" in capsys.readouterr().out
 
 

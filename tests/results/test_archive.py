@@ -9,7 +9,6 @@ from src.errors import UserError
 from src.results.archive import publish_runs, unpacked
 from src.results.counts import Counts
 from src.results.runs import read_run, run_folders
-from tests.results.presented import write_attitude
 from tests.results.scored import write_run
 
 WITHOUT = ("sensitivity", "breakdown", "calibration")
@@ -18,7 +17,9 @@ WITHOUT = ("sensitivity", "breakdown", "calibration")
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
-    write_attitude(write_run(folder, "baseline"))
+    run = write_run(folder, "baseline")
+    shutil.copytree(run / "tallies", run / "attitude/tallies")
+    (run / "attitude/attitude.csv").write_text("condition\ntrue\n")
     (write_run(folder, "skyocc") / "metrics.csv").write_text("step,epoch\n1,0\n")
     return folder
 
@@ -41,8 +42,10 @@ def test_an_archive_is_read_by_its_name_with_or_without_its_ending(archive, runs
             assert set(own.counts.tables) == set(there.counts.tables) - set(WITHOUT)
             assert own.counts.scored_on_other(there.counts) == ""
         assert (folder / "skyocc/seed0/metrics.csv").is_file()
-        assert Counts.read(folder / "baseline/seed0/attitude/tallies/level.npz").name == "level"
-        assert sorted(path.name for path in folder.rglob("all_free.npz")) == ["all_free.npz"]
+        further = folder / "baseline/seed0/attitude"
+        assert Counts.read(further / "tallies/baseline.npz").name == "baseline"
+        assert (further / "attitude.csv").read_text() == "condition\ntrue\n"
+        assert len(list(folder.glob("*/seed0/tallies/all_free.npz"))) == 1
     assert not folder.exists()
 
 

@@ -172,7 +172,7 @@ def test_the_tables_fit_110_columns_without_wrapping(tmp_path):
 
 
 def test_training_and_scoring_import_nothing_of_the_report():
-    modules = "src.tasks.fit, src.tasks.test, src.tasks.score, src.tasks.attitude"
+    modules = "src.tasks.fit, src.tasks.test, src.tasks.score, studies.attitude.task"
     listed = f"import sys, {modules}; print([m for m in sys.modules if 'src.report' in m])"
     done = subprocess.run([sys.executable, "-c", listed], capture_output=True, text=True)
     assert done.stdout == "[]\n", done.stderr

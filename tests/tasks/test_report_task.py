@@ -6,12 +6,10 @@ from zipfile import ZipFile
 
 import pandas as pd
 import pytest
+from hydra.utils import instantiate
 
 from src.errors import UserError
 from src.run_folder import ANCHORS
-from src.tasks.report import report
-from tests.report.typesetting import typeset
-from tests.results.presented import write_attitude
 from tests.results.scored import RIGHT, protocol, write_ladder, write_run
 from tests.synthetic import compose_config
 
@@ -34,8 +32,9 @@ def runs(ladder, tmp_path):
 def reported(runs, *places, out=None, **settings):
     """The folder of the report on a scale's runs, whose networks do not exist."""
     cfg = compose_config("task=report", "scale=tiny", f"paths.runs={runs.parent}")
-    settings = {"mixed": False, "scenes": 0, **settings}
-    report(cfg, list(map(str, places)), out or cfg.task.out, **settings)
+    settings = {"scenes": 0, "runs": list(map(str, places)), **settings}
+    settings |= {"out": str(out)} if out else {}
+    instantiate(cfg.task, **settings)(cfg)
     return out or runs.parent / "tiny/report"
 
 
@@ -94,15 +93,6 @@ def test_a_ladder_leaves_every_table_in_every_form(ladder, tmp_path, capsys):
     assert said.splitlines()[-1] == str(out)
 
 
-@pytest.mark.slow
-def test_a_paper_takes_its_tables_in(ladder, tmp_path):
-    write_attitude(shutil.copytree(ladder, tmp_path / "runs/tiny") / "skyocc/seed0")
-    out = reported(tmp_path / "runs/tiny", out=tmp_path / "out")
-    latex = (out / "tables.tex").read_text()
-    assert latex.count("\\label{") == len(KEYS) + 2 * len(OF_PARTS) + 3
-    assert "Overfull" not in typeset(tmp_path, latex, ("booktabs", "graphicx", "hyperref"))
-
-
 def test_the_long_table_has_the_scores_of_every_run_and_part(ladder, tmp_path):
     out = reported(ladder, out=tmp_path / "out")
     for part in ("test", "test_unseen_clips", "test_seen_clips"):
@@ -129,7 +119,6 @@ def files_of(out):
 
 
 def test_what_is_published_gives_the_same_report_again(runs, tmp_path):
-    write_attitude(runs / "baseline/seed0")
     (runs / "skyocc/seed1/metrics.csv").write_text("step,epoch,val/kar_miou\n1,0,0.2\n2,1,0.25\n")
     (runs / "skyocc/seed1/checkpoints").mkdir()
     (runs / "skyocc/seed1/checkpoints/best.ckpt").write_text("heavy")
@@ -168,37 +157,7 @@ def test_the_page_has_the_tables_and_the_curves_of_the_runs_that_have_a_log(runs
     assert "All 12 runs of the ladder share every setting" in page
 
 
-def test_scores_by_tilt_are_reported_where_they_are(runs):
-    write_attitude(runs / "baseline/seed0")
-    write_attitude(runs / "attitude/seed0", gain=0.4)
-    out = reported(runs)
-    gains = table(out, "attitude_tilt").loc["+ Attitude-aware projection, over the baseline"]
-    assert gains["0–5° (2 frames)"] == 0
-    assert gains["from 5° (5 frames)"] > 5
-    assert (out / "figures/attitude.png").stat().st_size > 1000
-    assert "(figures/attitude.png)" in page_of(out)
-    assert "data:image/png" in (out / "report.html").read_text()
-    shutil.rmtree(runs / "baseline/seed0/attitude")
-    shutil.rmtree(runs / "attitude/seed0/attitude")
-    reported(runs)
-    assert not list(out.glob("*/attitude*"))
-
-
 # -------------------------------------------------------------------------------- what is missing
-
-
-def test_scores_by_tilt_of_rungs_without_a_common_seed_have_no_gains(tmp_path):
-    """Also where there are more experiments than colors."""
-    runs = tmp_path / "runs/tiny"
-    write_attitude(write_run(runs, "baseline", 0))
-    for name in ("attitude", *(f"own{n}" for n in range(8))):
-        write_attitude(write_run(runs, name, 1))
-    out = reported(runs)
-    assert (out / "figures/attitude.png").is_file()
-    scored = table(out, "attitude_tilt")["0–5° (2 frames)"].notna()
-    gains = scored.index.str.endswith("over the baseline")
-    assert gains.sum() == 9
-    assert (scored == ~gains).all()
 
 
 def test_an_own_ladder_is_reported_as_the_papers_is(runs):

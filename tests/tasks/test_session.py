@@ -13,12 +13,12 @@ from src.errors import UserError
 from src.models.checkpoint import Checkpoint
 from src.models.export import DESCRIPTION, FORMATS
 from src.models.stream import SkyOccStream
-from src.tasks.attitude import attitude
 from src.tasks.dataset import root_of
 from src.tasks.export import export, made_up_flight
 from src.tasks.predict import predict
 from src.tasks.scoring import score_settings
 from src.tasks.session import Session, adopted
+from studies.attitude.task import attitude
 from tests.synthetic import compose_config
 
 DOCS = Path(__file__).parents[2] / "docs"

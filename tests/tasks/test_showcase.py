@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from hydra.utils import instantiate
 from PIL import Image
 
 from src.data.clip import Clip
@@ -15,7 +16,6 @@ from src.report.hard_cases import HardCase
 from src.report.scene import TRUTH
 from src.tasks.dataset import root_of
 from src.tasks.fit import fit
-from src.tasks.report import report
 from src.tasks.session import Session
 from src.tasks.showcase import _scene, _Viewer, ends_of, facts_of
 from tests.report.browser import opened
@@ -105,10 +105,16 @@ def trained(tmp_path_factory):
     return words
 
 
+def report_of(trained, folder, **settings):
+    """Makes a report of one scene in ``<folder>/out``, and returns the configuration."""
+    cfg = compose_config(*trained["baseline"], "task=report", "task.scenes=1")
+    instantiate(cfg.task, out=str(folder / "out"), **settings)(cfg)
+    return cfg
+
+
 @pytest.mark.slow
 def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path):
-    cfg = compose_config(*trained["baseline"])
-    report(cfg, [], str(tmp_path / "out"), mixed=False, scenes=1)
+    cfg = report_of(trained, tmp_path)
     page = (tmp_path / "out/report.html").read_text()
     (encoded,) = re.findall(r'<script type="application/json" class="scene">(.*?)</script>', page)
     scene = read_scene(encoded)
@@ -139,12 +145,11 @@ def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path
 
 @pytest.mark.slow
 def test_data_settings_of_other_code_leave_the_pictures_out(trained, tmp_path):
-    cfg = compose_config(*trained["baseline"])
-    runs = shutil.copytree(cfg.paths.runs, tmp_path / "runs")
+    runs = shutil.copytree(compose_config(*trained["baseline"]).paths.runs, tmp_path / "runs")
     for path in runs.rglob("config.yaml"):
         config = yaml.safe_load(path.read_text())
         del config["data"]["run_frames"]
         path.write_text(yaml.safe_dump(config))
-    report(cfg, [str(runs)], str(tmp_path / "out"), mixed=False, scenes=1)
+    report_of(trained, tmp_path, runs=[str(runs)])
     assert "data are those of other code" in (tmp_path / "out/report.md").read_text()
     assert (tmp_path / "out/report.html").is_file()

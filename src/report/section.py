@@ -1,0 +1,79 @@
+"""The hook of a report: a section adds tables and pictures that the report itself does not know.
+
+The mapping ``sections`` of ``task=report`` names its sections.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from inspect import signature
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+from ..data.clip import Clip
+from ..errors import UserError
+from ..results.render import Table
+from ..results.runs import ScoredRun
+from ..results.table import Resamples
+from .ladder import Ladder
+from .scene import VoxelScene
+
+
+class ShownFrame(NamedTuple):
+    """A hard frame of a clip, with the predictions that the report shows of it."""
+
+    clip: Clip
+    frame: int
+    scene: VoxelScene
+
+
+# Writes a picture to a path and returns its caption; an empty one where there is nothing to draw.
+Draw = Callable[[Path, Sequence[ShownFrame]], str]
+
+
+@dataclass(frozen=True, eq=False)
+class Reported:
+    """What a section is made from.
+
+    ``runs`` are the finished runs whose differences are reported, ``parts`` their resampled scores
+    by part of the test split, and ``out`` is the folder of the report.
+    """
+
+    ladder: Ladder
+    runs: Sequence[ScoredRun]
+    parts: Mapping[str, Resamples]
+    out: Path
+
+
+@dataclass(frozen=True)
+class Section:
+    """What a section adds to a report.
+
+    ``scores`` are rows of the long table. Every seed of the sweep is expected of ``experiments``,
+    as it is of the rungs. ``pictures`` has every picture that the section may draw, by file name.
+    """
+
+    tables: Sequence[Table] = ()
+    scores: pd.DataFrame = field(default_factory=pd.DataFrame)
+    experiments: Sequence[str] = ()
+    pictures: Mapping[str, Draw] = field(default_factory=dict)
+
+
+def with_settings(
+    sections: Mapping[str, Callable[..., Section]], settings: Mapping[str, object]
+) -> list[Callable[[Reported], Section]]:
+    """Gives each section those of the settings that it has a parameter for.
+
+    Raises `UserError` for a setting that no section reads.
+    """
+    parameters = [signature(section).parameters.keys() for section in sections.values()]
+    for name in settings:
+        if not any(name in of_section for of_section in parameters):
+            raise UserError(f"task.{name}: nothing reads this key; no section of the report has it")
+
+    return [
+        partial(section, **{name: settings[name] for name in of_section & settings.keys()})
+        for section, of_section in zip(sections.values(), parameters)
+    ]

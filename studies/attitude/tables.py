@@ -1,0 +1,155 @@
+"""Tables of what attitude does to KAR-mIoU: by tilt, and where it is not measured as it is."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+
+import pandas as pd
+
+from src.report.captions import ONE_SEED, intervals_over, listed_seeds, lost_classes
+from src.report.ladder import PAPER, Ladder
+from src.results.render import Table
+from src.results.table import MEAN, Resamples, joined, pivoted
+from studies.attitude.conditions import LEVEL, TRUE, Condition, Conditions
+
+SCORE = "kar_miou"
+# Scores of a condition that stand in the long table of a report.
+SCORES = ("miou", "miou_occupied", SCORE)
+
+BY_TILT = (
+    "KAR-mIoU of the test frames of each tilt |roll| + |pitch|, and below it what a rung gains "
+    "over {reference} on the same frames. All numbers are percentages."
+)
+BY_LEVEL = (
+    "KAR-mIoU of the test frames of each tilt where the model is told that the UAV flies level, "
+    "and below it what the true attitude is worth to it: the gain over that on the same frames. "
+    "All numbers are percentages."
+)
+BY_FAULT = (
+    "KAR-mIoU of the whole test split where the model is told a wrong attitude: noise of a "
+    "standard deviation on roll and pitch, drawn once for all runs, or the attitude of some time "
+    "ago. All numbers are percentages."
+)
+
+
+@dataclass(frozen=True)
+class AttitudeScores:
+    """The long table of all conditions, and how each of them was resampled."""
+
+    resamples: dict[Condition, Resamples]
+    scores: pd.DataFrame
+    ladder: Ladder = PAPER
+
+    @classmethod
+    def of(cls, conditions: Conditions, ladder: Ladder = PAPER) -> "AttitudeScores":
+        """Resamples what was counted under each condition.
+
+        Differences are from the lowest rung, and of the true attitude from that of level flight.
+        """
+        resamples = {
+            each: Resamples(counts, each.part, each.presented)
+            for each, counts in conditions.items()
+        }
+        tables = []
+        for condition, drawn in resamples.items():
+            above = [name for name in drawn.samples if name != ladder.first]
+            tables.append(drawn.table({name: [ladder.first] for name in above}))
+            if condition.level:
+                true = resamples[replace(condition, level=False)]
+                themselves = {name: [name] for name in true.samples}
+                tables.append(true.table_of_changes(themselves, drawn))
+
+        table = joined(tables)
+        return cls(resamples, table[table["score"].isin(SCORES)], ladder)
+
+    def names(self, conditions: Iterable[Condition]) -> list[str]:
+        """Returns the experiments that were scored under any of some conditions, in their order."""
+        return self.ladder.in_order(
+            name for each in conditions for name in self.resamples[each].samples
+        )
+
+    def rows(self, experiment: str, reference: str = "", condition: str = "") -> pd.DataFrame:
+        """Returns KAR-mIoU of an experiment under each condition, beside the condition's facts.
+
+        With a ``reference`` it is the change from that, which may be under another ``condition``.
+        """
+        facts = [{"part": c.part, "condition": c.presented, **asdict(c)} for c in self.resamples]
+        wanted = {"experiment": experiment, "seed": MEAN, "score": SCORE}
+        wanted |= {"reference": reference, "reference_condition": condition}
+        chosen = self.scores[(self.scores[list(wanted)] == pd.Series(wanted)).all(axis=1)]
+        return pd.DataFrame(facts).merge(chosen, on=["part", "condition"])
+
+
+def attitude_tables(attitude: AttitudeScores) -> list[Table]:
+    """Returns one table by tilt, one of the same frames told a level attitude, and one by fault, of
+    what there is."""
+    bins = [each for each in attitude.resamples if each.is_bin and not each.level]
+    level = [each for each in attitude.resamples if each.level]
+    # The true attitude stands before them, to compare.
+    faults = [each for each in attitude.resamples if not (each.is_bin or each.level)]
+
+    tables = []
+    if bins:
+        tables.append(_table(attitude, "tilt", "By tilt", BY_TILT, bins))
+    if level:
+        tables.append(_table(attitude, "level", "Told level flight", BY_LEVEL, level))
+    if len(faults) > 1:
+        tables.append(_table(attitude, "faults", "Wrong attitude", BY_FAULT, faults))
+    return tables
+
+
+def _table(
+    attitude: AttitudeScores, which: str, title: str, text: str, conditions: Sequence[Condition]
+) -> Table:
+    """Returns a table of scores and, below a line, of what they change from something."""
+    ladder, names = attitude.ladder, attitude.names(conditions)
+    rows = [(ladder.row_name(name), {"experiment": name}) for name in names]
+    if which == "level":
+        # Compared with the true attitude on the same frames, and not with a rung.
+        over, true = "told level", {"condition": TRUE, "reference_condition": LEVEL}
+        changes = [{"experiment": name, "reference": name, **true} for name in names]
+    else:
+        over, above = ladder.reference, [name for name in names if name != ladder.first]
+        of_first = {"reference": ladder.first}
+        changes = [{"experiment": name, **of_first} for name in above if ladder.first in names]
+    rows += [(f"{ladder.row_name(key['experiment'])}, over {over}", key) for key in changes]
+
+    frames = {each: attitude.resamples[each].frames for each in conditions}
+    heads = [_fault(c) if which == "faults" else tilt_in_words(c, frames[c]) for c in conditions]
+    columns = [{"condition": c.presented, "part": c.part, "score": SCORE} for c in conditions]
+    return Table(
+        f"attitude_{which}",
+        title,
+        f"{text.format(reference=ladder.reference)} {how_drawn(attitude, conditions, names)}",
+        heads,
+        pivoted(attitude.scores, rows, columns),
+        best=dict.fromkeys(heads, "high"),
+        lines=(len(names),) if changes else (),
+    )
+
+
+def how_drawn(
+    attitude: AttitudeScores, conditions: Sequence[Condition], names: Sequence[str]
+) -> str:
+    """Says how the intervals were drawn; each column has clips of its own."""
+    columns = [attitude.resamples[condition] for condition in conditions]
+    every = attitude.resamples.values()
+    seeds = {name: sorted({s for each in every for s in each.seeds(name)}) for name in names}
+    most = max(map(len, seeds.values()))
+
+    of = f"{most} seeds and, independently, of the" if most > 1 else "the"
+    text = f"{intervals_over(columns[0])} {of} clips that have such frames, the same for every row."
+    text = text if most > 1 else f"{text} {ONE_SEED}."
+    return f"{text} {lost_classes(*columns)}{listed_seeds(seeds, differences=True)}"
+
+
+def tilt_in_words(condition: Condition, frames: int) -> str:
+    """Returns the tilt of a condition's frames, and how many there are."""
+    low, high = condition.tilt_low_deg, condition.tilt_high_deg
+    bounds = f"{low:g}–{high:g}°" if high < float("inf") else f"from {low:g}°" if low else "all"
+    return f"{bounds} ({frames} frames)"
+
+
+def _fault(condition: Condition) -> str:
+    if condition.noise_deg:
+        return f"{condition.noise_deg:g}° noise"
+    return f"{condition.delay_s:g} s late" if condition.delay_s else TRUE

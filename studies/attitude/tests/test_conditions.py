@@ -1,0 +1,215 @@
+"""Conditions of the attitude: which frames they hold, and which counts may stand together."""
+
+import dataclasses
+import math
+
+import pandas as pd
+import pytest
+import torch
+
+from src.errors import UserError
+from src.metrics import OccupancyScores
+from src.metrics.protocol import SUPERVISED, Protocol
+from src.results.counts import Counts
+from src.results.runs import read_run
+from studies.attitude.conditions import Condition, conditions_of, read_conditions
+from studies.attitude.task import narrowed
+from studies.attitude.tests.presented import write_attitude
+from studies.counting import Counter
+from tests.results.scored import CLIPS, FRAMES, GRID, counts, protocol, write_run
+
+
+def batch_of(roll_deg, pitch_deg, clips):
+    generator = torch.Generator().manual_seed(0)
+    attitude_deg = torch.tensor([roll_deg, pitch_deg]).T.float()
+    return {
+        "attitude_rad": torch.deg2rad(attitude_deg),
+        "clip": clips,
+        "semantics": torch.randint(9, (len(clips), *GRID.shape), generator=generator).byte(),
+        "velocity_mps": torch.full((len(clips), 3), 2.0),
+    }
+
+
+def read(*runs):
+    return read_conditions([read_run(run) for run in runs])
+
+
+# ---------------------------------------------------------------------------------- their frames
+
+
+def test_bins_of_tilt_share_all_frames_among_them():
+    conditions = list(conditions_of([5, 10], [], [], False))
+    names = ["true", "tilt_0_5deg", "tilt_5_10deg", "tilt_10_infdeg"]
+    assert [each.name for each in conditions] == names
+    batch = batch_of([0, -3, 4, -9], [0, 3, -5, 8], ["a/0"] * 4)
+    held = torch.stack([each.holds(batch) for each in conditions])
+    assert held[0].all()
+    assert held[1:].int().tolist() == [[1, 0, 0, 0], [0, 1, 1, 0], [0, 0, 0, 1]]
+
+
+def test_faults_follow_and_then_all_frames_and_each_bin_of_level_flight():
+    conditions = list(conditions_of([5], [1.0, 3.0], [0.1], True))
+    assert [each.name for each in conditions] == [
+        *("true", "tilt_0_5deg", "tilt_5_infdeg", "noise_1deg", "noise_3deg", "delay_0.1s"),
+        *("level", "level_tilt_0_5deg", "level_tilt_5_infdeg"),
+    ]
+    assert len({each.fault for each in conditions}) == 5
+    last = conditions[-1]
+    assert (last.presented, last.part) == ("level", "tilt_5_infdeg")
+    assert (conditions[1].presented, conditions[3].part) == ("true", "test")
+    batch = batch_of([0, -6], [0, 0], ["a/0"] * 2)
+    assert last.holds(batch).tolist() == [False, True], "by the true tilt"
+
+
+@pytest.mark.parametrize(
+    ("values", "key"),
+    [
+        (([10, 5], [], []), "tilt_edges_deg"),
+        (([0], [], []), "tilt_edges_deg"),
+        (([math.nan], [], []), "tilt_edges_deg"),
+        (([], [0.0], []), "noise_deg"),
+        (([], [], [-0.1]), "delay_s"),
+        (([], [], [math.inf]), "delay_s"),
+        (([], [3.0, 3.0], []), "noise_deg"),
+        (([], [], [0.1, 0.10000001]), "delay_s"),
+        (([5.0, 5.0000001], [], []), "tilt_edges_deg"),
+    ],
+)
+def test_values_that_make_no_sense_are_refused(values, key):
+    with pytest.raises(UserError, match=rf"task\.{key}: .*; give "):
+        list(conditions_of(*values, level=False))
+
+
+def test_the_counts_of_the_bins_add_up_to_those_of_all_frames():
+    conditions = list(conditions_of([5, 10], [], [], False))
+    counters = {each: Counter(each.name, OccupancyScores(GRID), CLIPS[:2]) for each in conditions}
+    batch = batch_of([0, 6, 4, 20], [0, 0, 4, 0], [*CLIPS[:1] * 2, *CLIPS[1:2] * 2])
+    for condition, counter in counters.items():
+        counter.add(batch, batch["semantics"].roll(1, dims=1), condition.holds(batch))
+    of_all = Protocol.of("data", "test", 4, GRID, SUPERVISED, {}, {})
+    whole, *bins = narrowed(counters, of_all)
+    assert whole.frames == [2, 2]
+    assert [each.frames for each in bins] == [[1, 0], [1, 1], [0, 1]]
+    assert (bins[1].protocol.part, bins[1].protocol.frames) == ("test, tilt_5_10deg", 2)
+    for name, table in whole.tables["occupancy"].items():
+        assert sum(each.tables["occupancy"][name] for each in bins).equal(table)
+
+
+# ------------------------------------------------------------------- which may stand in one table
+
+
+@pytest.fixture
+def pair(tmp_path):
+    """A baseline and an attitude run, each with scores by attitude."""
+    runs = [write_run(tmp_path, name) for name in ("baseline", "attitude")]
+    for run in runs:
+        write_attitude(run)
+    return runs
+
+
+def rewrite(run, change):
+    """Puts ``change(table)`` in the place of a run's ``attitude.csv``."""
+    path = run / "attitude/attitude.csv"
+    change(pd.read_csv(path)).to_csv(path, index=False)
+
+
+def without(condition):
+    return lambda table: table[table["condition"] != condition]
+
+
+def test_the_counts_of_each_condition_are_read_by_experiment_and_seed(pair):
+    conditions = read(*pair)
+    assert Condition() in conditions
+    assert Condition(5.0, level=True) in conditions
+    assert len(conditions) == 8
+    assert {name: list(seeds) for name, seeds in conditions[Condition()].items()} == {
+        **{"baseline": [0], "attitude": [0]}
+    }
+    assert conditions[Condition(noise_deg=3.0)]["attitude"][0].name == "noise_3deg"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda table: table.assign(noise_seed=1), ".*noise_seed=1, .*elsewhere 0; sco"),
+        (without("tilt_0_5deg"), "has other bins of tilt than "),
+        (lambda table: table[["condition"]], "cannot be read .*; run task=attitude"),
+    ],
+)
+def test_a_table_of_other_conditions_or_of_none_is_refused(pair, change, message):
+    rewrite(pair[1], change)
+    with pytest.raises(UserError, match=rf"attitude\.csv: {message}"):
+        read(*pair)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"protocol": protocol("tiny-4567")}, r"noise_3deg\.npz: .*dataset=tiny-4567"),
+        ({"clips": [f"x/{n}" for n in range(len(CLIPS))]}, r"other clips or frames than "),
+        ({"frames": FRAMES[::-1]}, r"other clips or frames than "),
+        ({"tables": counts("x", lambda target, n: target, labels=1).tables}, r"other labels than "),
+    ],
+)
+def test_scores_of_other_frames_are_refused(pair, change, message):
+    path = pair[1] / "attitude/tallies/noise_3deg.npz"
+    dataclasses.replace(Counts.read(path), **change).write(path)
+    with pytest.raises(UserError, match=message):
+        read(*pair)
+
+
+def test_scores_of_another_seed_are_refused(tmp_path):
+    run, other = (write_run(tmp_path, "skyocc", seed) for seed in (0, 1))
+    write_attitude(run)
+    Counts.read(other / "tallies/skyocc.npz").write(run / "attitude/tallies/true.npz")
+    with pytest.raises(UserError, match=r"true\.npz: counts .* % of the voxels .* best checkpoint"):
+        read(run)
+
+
+def test_scores_of_another_protocol_than_the_runs_are_refused(tmp_path):
+    run = write_attitude(write_run(tmp_path, "skyocc")).parent
+    path = run / "attitude/tallies/true.npz"
+    true = Counts.read(path)
+    other = dataclasses.replace(true.protocol, metric=true.protocol.metric | {"horizon_s": 4.0})
+    dataclasses.replace(true, protocol=other).write(path)
+    with pytest.raises(UserError, match=r"metric\.horizon_s=.*score both alike"):
+        read(run)
+
+
+@pytest.mark.parametrize(("voxels", "accepted"), [(100_000, True), (1_000, False)])
+def test_another_machine_may_tip_one_voxel_of_many(tmp_path, voxels, accepted):
+    folder = write_run(tmp_path, "skyocc")
+    write_attitude(folder)
+    run, path = read_run(folder), folder / "attitude/tallies/true.npz"
+    tipped = Counts.read(path)
+    for each in (run.counts, tipped):
+        each.tables["occupancy"]["count"][0, 0, 0] = voxels
+    tipped.tables["occupancy"]["count"][0, 0] += torch.tensor([-1, 1, *[0] * 7])
+    tipped.write(path)
+    if accepted:
+        assert read_conditions([run])
+    else:
+        with pytest.raises(UserError, match="of the voxels otherwise than the run"):
+            read_conditions([run])
+
+
+def test_seeds_of_one_experiment_have_the_same_conditions(tmp_path):
+    runs = [write_run(tmp_path, "skyocc", seed) for seed in (0, 1)]
+    for run in runs:
+        write_attitude(run)
+    rewrite(runs[1], without("noise_3deg"))
+    with pytest.raises(UserError, match=r"seed1.*other conditions than .*seed0.* \(noise_3deg\)"):
+        read(*runs)
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_condition_without_its_counts_is_one_line(pair, alone):
+    (pair[1] / "attitude/tallies/delay_0.2s.npz").unlink()
+    with pytest.raises(UserError, match=r"delay_0\.2s\.npz: .*run task=attitude again"):
+        read(*pair[alone:])
+
+
+def test_the_true_attitude_may_be_the_only_condition(pair):
+    # "true" in every row of a column is no truth value.
+    rewrite(pair[0], lambda table: table[table["condition"] == "true"])
+    assert list(read(pair[0])) == [Condition()]

@@ -1,0 +1,4 @@
+"""The fixtures of the project's tests that the studies' tests use, too."""
+
+from tests.conftest import mini_config, mini_dataset, mini_sim, run_py  # noqa: F401
+from tests.tasks.conftest import trained  # noqa: F401

@@ -1,0 +1,204 @@
+"""The cube: what each of the three ideas adds, over all models with and without it.
+
+A ladder gives each idea one order to be tested in. Eight models, one for every choice of the three
+factors, give its *main effect*: the mean of what it adds to the four models without it. An
+*interaction* of two factors is how much more the one adds where the other is there, too.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations, product
+
+from src.errors import UserError
+from src.report.captions import resampling
+from src.report.shared_settings import FACTOR_KEYS, SEED, differing, factors_of
+from src.results.bootstrap import interval_of
+from src.results.render import Cell, Row, Table
+from src.results.runs import ScoredRun
+from src.results.table import Resamples
+from studies.attitude.conditions import Condition
+from studies.attitude.tables import AttitudeScores, how_drawn, tilt_in_words
+from studies.free_bias.counts import read_bias, read_free_bias
+
+FACTORS = ("attitude-aware projection", "safety class weights", "Lovász loss")
+# The scores whose effects are shown, and their names.
+SCORES = {
+    **{"kar_miou": "KAR-mIoU", "miou": "mIoU", "geometric_iou": "Geometric IoU"},
+    **{"primitive_miss": "Primitive miss", "iou/thin_structure": "Thin", "iou/car": "Car"},
+    "iou/vru": "VRU",
+}
+# Each model of the cube has the learning rate that validation prefers.
+TUNED = "optimizer.lr"
+
+# Whether a model has each of the `FACTORS`.
+Vertex = tuple[bool, bool, bool]
+
+
+def vertices_of(runs: Sequence[ScoredRun], names: Sequence[str]) -> dict[Vertex, str]:
+    """Returns the experiments of the cube that have a run, by the factors that they have.
+
+    Raises `UserError` where none of them has a run, two have the same factors, seeds of one have
+    other factors, or they differ in a setting beside the factors, the seed and the learning rate.
+    """
+    mine = [run for run in runs if run.experiment in names]
+    if names and not mine:
+        raise UserError(f"task.cube: no finished run is of {', '.join(names)}")
+    for key, by_experiment in differing(mine).items():
+        if key not in (*FACTOR_KEYS, SEED, TUNED):
+            values = "; ".join(f"{name} {' or '.join(of)}" for name, of in by_experiment.items())
+            raise UserError(f"task.cube: its models differ in {key}: {values}; leave others out")
+
+    vertices: dict[Vertex, str] = {}
+    for run in mine:
+        vertex = factors_of(run.config)
+        if (other := vertices.setdefault(vertex, run.experiment)) != run.experiment:
+            raise UserError(
+                f"task.cube: {other} and {run.experiment} have the same factors; name one of them"
+            )
+    if len({*vertices.values()}) < len(vertices):
+        raise UserError("task.cube: seeds of one experiment have other factors; name them apart")
+    return vertices
+
+
+def effects(vertices: Mapping[Vertex, str]) -> Iterator[tuple[str, dict[str, float], int]]:
+    """Yields the name, the weights of the models, and the number of comparisons, of every main
+    effect and every interaction for which there are models."""
+    axes = range(len(FACTORS))
+    for order in (1, 2, 3):
+        for chosen in combinations(axes, order):
+            # A comparison holds the other factors as they are, and needs all models that it names.
+            others = [axis for axis in axes if axis not in chosen]
+
+            comparisons = [
+                _comparison(chosen, dict(zip(others, held)))
+                for held in product((False, True), repeat=len(others))
+            ]
+            whole = [each for each in comparisons if each.keys() <= vertices.keys()]
+
+            if whole:
+                weights = {
+                    vertices[vertex]: sign / len(whole)
+                    for comparison in whole
+                    for vertex, sign in comparison.items()
+                }
+                yield " x ".join(FACTORS[axis] for axis in chosen), weights, len(whole)
+
+
+def _comparison(chosen: Sequence[int], held: Mapping[int, bool]) -> dict[Vertex, int]:
+    """Returns the signs of the models that differ in the chosen factors alone."""
+    signs = {}
+    for values in product((False, True), repeat=len(chosen)):
+        has = dict(held) | dict(zip(chosen, values))
+        signs[tuple(has[axis] for axis in range(len(FACTORS)))] = (-1) ** values.count(False)
+    return signs
+
+
+def cube_tables(
+    runs: Sequence[ScoredRun],
+    vertices: Mapping[Vertex, str],
+    parts: Mapping[str, Resamples],
+    attitude: AttitudeScores,
+) -> list[Table]:
+    """Returns the effects on every part of the test split; at the weight of free that validation
+    prefers, where all models were scored with that; and that of the attitude by tilt, where all
+    were scored so. Without ``vertices`` there is none."""
+    if not vertices:
+        return []
+
+    tables = []
+    for part, resamples in parts.items():
+        suffix = "" if part == "test" else f"_{part}"
+        title = f"Effects, {part} of {resamples.first.protocol.dataset}"
+        tables.append(_effects_table(f"cube{suffix}", title, resamples, vertices))
+
+    of_cube = [run for run in runs if run.experiment in vertices.values()]
+    if tuned := read_free_bias(of_cube):
+        of_tuned = Resamples(tuned)
+        tables.append(_tuned_table(of_cube, of_tuned))
+        title = "Effects at the weight of free that validation prefers, test"
+        tables.append(_effects_table("cube_free_bias", title, of_tuned, vertices))
+
+    bins = {
+        condition: resamples
+        for condition, resamples in attitude.resamples.items()
+        if condition.is_bin
+        and not condition.level
+        and resamples.samples.keys() >= {*vertices.values()}
+    }
+    found = {name: weights for name, weights, _ in effects(vertices)}
+    if bins and FACTORS[0] in found:
+        tables.append(_by_tilt(attitude, bins, found[FACTORS[0]]))
+    return tables
+
+
+def _effects_table(
+    key: str, title: str, resamples: Resamples, vertices: Mapping[Vertex, str]
+) -> Table:
+    """Returns the effects on every score, in percentage points, with paired intervals."""
+    scores = _shown(resamples)
+    rows: list[Row] = []
+    for name, weights, comparisons in effects(vertices):
+        cells = [_cell(resamples, weights, score) for score in scores]
+        rows.append((name, [str(comparisons), *cells]))
+
+    text = (
+        "What a factor adds, in percentage points: the mean over models that differ in it alone. "
+        "Of an interaction (x): how much more the one adds where the other is there, too."
+    )
+    lacking = [has for has in product((False, True), repeat=len(FACTORS)) if has not in vertices]
+    if lacking:
+        text += f" Models that are not there: {'; '.join(map(_in_words, lacking))}."
+    drawn = resampling(resamples, [*vertices.values()], differences=True)
+    return Table(
+        key, title, f"{text} {drawn}", ["models", *scores.values()], rows, head="Effect of"
+    )
+
+
+def _tuned_table(runs: Sequence[ScoredRun], resamples: Resamples) -> Table:
+    """Returns the models at the weight of free that validation prefers, and that of each seed."""
+    scores = _shown(resamples)
+    rows: list[Row] = []
+    for name in resamples.samples:
+        biases = [f"{read_bias(run):+g}" for run in runs if run.experiment == name]
+        cells = [_cell(resamples, {name: 1.0}, score, signed=False) for score in scores]
+        rows.append((name, [", ".join(biases), *cells]))
+
+    text = (
+        "What is added to the logit of free, in nats, is the number with the highest KAR-mIoU on "
+        "validation, of each seed. Primitive miss has a threshold of its own."
+    )
+    drawn = resampling(resamples, [*resamples.samples])
+    columns, best = ["added to free", *scores.values()], dict.fromkeys(scores.values(), "high")
+    best |= {SCORES["primitive_miss"]: "low"}
+    title = "Models at the weight of free that validation prefers, test"
+    return Table("free_bias", title, f"{text} {drawn}", columns, rows, best=best)
+
+
+def _by_tilt(
+    attitude: AttitudeScores, bins: Mapping[Condition, Resamples], weights: Mapping[str, float]
+) -> Table:
+    """Returns what the attitude adds to KAR-mIoU in frames of each tilt."""
+    cells = [_cell(resamples, weights, "kar_miou") for resamples in bins.values()]
+    columns = [tilt_in_words(condition, each.frames) for condition, each in bins.items()]
+    drawn = how_drawn(attitude, [*bins], [*weights])
+    text = f"Effect on KAR-mIoU in frames of each tilt |roll| + |pitch|. {drawn}"
+    rows: list[Row] = [(FACTORS[0], cells)]
+    return Table("cube_tilt", "Effect by tilt", text, columns, rows, head="Effect of")
+
+
+def _shown(resamples: Resamples) -> dict[str, str]:
+    """Returns those of the `SCORES` that there are, and their names."""
+    some = next(iter(next(iter(resamples.samples.values())).values()))
+    return {score: name for score, name in SCORES.items() if score in some}
+
+
+def _cell(
+    resamples: Resamples, weights: Mapping[str, float], score: str, signed: bool = True
+) -> Cell | None:
+    sample = resamples.combined(weights, score)
+    if sample is None:
+        return None
+    return Cell(*(100 * end for end in interval_of(sample, resamples.level)), signed=signed)
+
+
+def _in_words(vertex: Vertex) -> str:
+    return " and ".join(name for name, has in zip(FACTORS, vertex) if has) or "none of the factors"

@@ -1,0 +1,100 @@
+"""Flies every perception of a plan, on each of its sets of frames.
+
+    python -m studies.foretelling.flight [OVERRIDE...] [--runs FOLDER] [--out FOLDER]
+                                         [--only NAME...]
+
+``flight.yaml`` is the plan; ``--runs`` is the folder of the runs whose checkpoints fly, as
+``<experiment>/seed<k>``. The flights of a perception lie in ``<out>/<stratum>/<name>/<set>``, as
+``task=foretell`` reads them; beside those of a run are its scores on the test split. They are those
+of ``run.py task=fly`` with the plan's overrides and those given here, but all perceptions take
+turns on a mission. It can be interrupted: flights that are there are not flown again. ``--only``
+names perceptions or strata.
+"""
+
+import argparse
+from collections.abc import Iterator, Mapping
+from itertools import product
+from pathlib import Path
+
+import yaml
+from omegaconf import OmegaConf
+
+from src.errors import UserError
+from src.results.counts import Counts
+from src.run_folder import TALLIES
+from src.tasks.fly import fly_together
+from src.terminal import say, tracked
+from studies.settings import composed, run
+
+CHECKPOINT = "checkpoints/best.ckpt"
+
+
+def perceptions(plan: Mapping, runs: str) -> Iterator[tuple[str, str, list[str]]]:
+    """Yields stratum, name and overrides of every perception of a plan."""
+    for stratum, members in plan["perceptions"].items():
+        for name, overrides in members.items():
+            yield stratum, name, [each.replace("{runs}", runs) for each in overrides]
+
+    for name, seed in product(plan["learned"]["runs"], plan["learned"]["seeds"]):
+        of_run = [
+            f"name={name}",
+            f"seed={seed}",
+            f"ckpt_path={runs}/{name}/seed{seed}/{CHECKPOINT}",
+        ]
+        yield "learned", f"{name}-seed{seed}", ["perception=learned", *of_run]
+
+    of_run = f"ckpt_path={runs}/skyocc/seed0/{CHECKPOINT}"
+    for kind, amounts in plan["faulty"].items():
+        for amount in amounts:
+            how = [f"perception.fault={kind}", f"perception.amount={amount}", of_run]
+            yield "faulty", f"{kind}_{amount}", ["perception=faulty", *how]
+
+    for kind, amounts in plan["damaged"].items():
+        for amount in amounts:
+            how = [f"perception.kind={kind}", f"perception.amount={amount}"]
+            yield "damaged", f"{kind}_{amount}", ["perception=damaged", *how]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("--runs", default="runs/ladder", help="folder of the runs that fly")
+    parser.add_argument("--out", type=Path, default=Path("runs/flight"))
+    parser.add_argument("--only", nargs="+", default=[], help="perceptions or strata")
+    parser.add_argument("--plan", type=Path, default=Path(__file__).with_suffix(".yaml"))
+    options = parser.parse_args()
+
+    plan = yaml.safe_load(options.plan.read_text())
+    there = list(perceptions(plan, options.runs))
+    wanted = set(options.only)
+    if unknown := wanted - {word for stratum, name, _ in there for word in (stratum, name)}:
+        raise UserError(f"--only: {', '.join(sorted(unknown))} is not in {options.plan}")
+    chosen = [each for each in there if not wanted or wanted & {each[0], each[1]}]
+
+    for stratum, name, _ in chosen:
+        if stratum == "learned":
+            write_test(Path(options.runs), name, options.out / stratum / name)
+    for frames, of_set in plan["sets"].items():
+        say(frames)
+        configs = []
+        for stratum, name, overrides in tracked(chosen, "composing"):
+            out = options.out / stratum / name / frames
+            words = [*plan["overrides"], *of_set, *overrides, f"task.out={out}", *options.overrides]
+            configs.append(OmegaConf.to_container(composed(words), resolve=True))
+        fly_together(configs)
+
+
+def write_test(runs: Path, name: str, folder: Path) -> None:
+    """Writes the counts of a run's test split, clip by clip, as those of flights."""
+    experiment, _, seed = name.rpartition("-")
+    counts = Counts.read(runs / experiment / seed / TALLIES / f"{experiment}.npz")
+    for clip in counts.clips:
+        one = counts.of_clips(lambda each, clip=clip: each == clip)
+        path = folder / "test/frames" / f"{clip}.npz"
+        if one.clips:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            one.write(path)
+
+
+if __name__ == "__main__":
+    run(main)
