@@ -13,7 +13,7 @@ NUMBERS = (
     "bold: the best mean of a column, whatever the intervals say."
 )
 FILES = (
-    "`report.html` is this page to look at, with sortable tables, learning curves and, where the "
+    "`report.html` is this page to look at, with learning curves and, where the "
     "dataset and checkpoints were there, scenes in 3-D. `tables.tex` has all tables in LaTeX "
     "(needs `booktabs`), and `tables.csv` their numbers in full precision. `scores.csv` is the "
     "long table that they are made of: every score of every run, condition and part."
