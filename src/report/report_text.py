@@ -83,9 +83,7 @@ def settings_rows(values: Values) -> list[list[str]]:
 
 def _by_experiment(report: LadderReport, fact) -> dict[str, str]:
     """Returns a fact of each experiment: its values in all runs, each once."""
-    facts = grouped(
-        (run.experiment + group.label, fact(run)) for group in report.groups for run in group.runs
-    )
+    facts = grouped((run.experiment, fact(run)) for run in report.runs)
     return {name: ", ".join(values) for name, values in facts.items()}
 
 

@@ -19,7 +19,7 @@ from ..report.ladder_report import LadderReport, ladder_report
 from ..report.lr_search import search_table
 from ..report.report_page import learning_curves, write_report_page
 from ..report.report_text import report_text
-from ..report.run_group import APART, groups_of
+from ..report.run_group import APART, group_of
 from ..results.archive import publish_runs, unpacked
 from ..results.conditions import read_conditions
 from ..results.files import write_table
@@ -40,7 +40,6 @@ def report(
     cfg: DictConfig,
     runs: Sequence[str],
     out: str,
-    mixed: bool,
     scenes: int,
     rungs: Sequence[str] = (),
     seeds: Sequence[int] = (),
@@ -56,7 +55,7 @@ def report(
     ``publish`` it leaves ``runs.zip``, too, from which the report is made again. Of so many
     ``scenes`` it shows what the lowest and the highest rung predict, where the dataset and their
     checkpoints are there. Raises `UserError` where no run is finished, a run cannot be read, or
-    runs may not be put beside each other and ``mixed`` does not allow it.
+    runs may not be put beside each other.
     """
     import_metrics(cfg.suite)
     folder, ladder = Path(out), ladder_named(list(rungs))
@@ -71,13 +70,13 @@ def report(
     with unpacked(places) as (folders, named):
         finished, unfinished = _read(folders, folder, named)
         _require_experiments(rungs, {run.experiment for run in (*finished, *unfinished)})
-        groups = groups_of(finished, mixed, ladder)
+        group = group_of(finished, ladder)
         with Console().status("resampling"):
-            attitude = AttitudeScores.of(read_conditions(groups[0].runs), ladder)
-            made = ladder_report(groups, unfinished, parts_of, attitude, list(seeds), list(cube))
+            attitude = AttitudeScores.of(read_conditions(group.runs), ladder)
+            made = ladder_report(group, unfinished, parts_of, attitude, list(seeds), list(cube))
         made = replace(made, tables=(*made.tables, *searched))
         curves = learning_curves(made.named_runs)
-        shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes, ladder)
+        shown = showcase(cfg, group.runs, folder / FIGURES, scenes, ladder)
         made = replace(made, missing=(*made.missing, *map(named, shown.missing)))
 
         figures = shown.figures | draw_report_attitude(attitude, folder / FIGURES)
@@ -86,7 +85,7 @@ def report(
         _write(made, heading, figures, folder)
         write_report_page(made, heading, curves, figures, shown.scenes, folder / PAGE)
         if publish:
-            publish_runs([group.runs for group in groups], folder / RUNS, APART)
+            publish_runs([group.runs], folder / RUNS, APART)
     _print(made, folder)
 
 

@@ -12,7 +12,7 @@ from src.report.attitude_tables import AttitudeScores
 from src.report.curve_plot import Curve, CurvePlot
 from src.report.ladder_report import ladder_report
 from src.report.report_page import write_report_page
-from src.report.run_group import groups_of
+from src.report.run_group import group_of
 from src.results.conditions import read_conditions
 from src.tasks.scoring import parts_of
 from tests.report.test_scene_figure import SMALL, scene_of
@@ -28,7 +28,7 @@ def _report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     runs = ladder_of(write_ladder(folder, seeds=(0,), experiments=("baseline", "skyocc")))
     attitude = AttitudeScores.of(read_conditions(runs))
-    return ladder_report(groups_of(runs, mixed=False), [], parts_of, attitude)
+    return ladder_report(group_of(runs), [], parts_of, attitude)
 
 
 def written(folder, report, heading="Report", plots=(), figures=None, scenes=()):

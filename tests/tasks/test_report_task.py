@@ -34,7 +34,7 @@ def runs(ladder, tmp_path):
 def reported(runs, *places, out=None, **settings):
     """The folder of the report on a scale's runs, whose networks do not exist."""
     cfg = compose_config("task=report", "scale=tiny", f"paths.runs={runs.parent}")
-    settings = {"mixed": False, "scenes": 0, **settings}
+    settings = {"scenes": 0, **settings}
     report(cfg, list(map(str, places)), out or cfg.task.out, **settings)
     return out or runs.parent / "tiny/report"
 
@@ -337,41 +337,11 @@ def test_a_run_without_a_number_of_epochs_is_reported(runs):
     assert "streams seed 1: unfinished, no epoch logged" in page_of(reported(runs))
 
 
-def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs, tmp_path):
-    shutil.rmtree(runs / "attitude")
-    unlike = {"of": protocol("tiny-4567"), "code": "0ther", "data__test_clips": []}
-    write_run(runs, "attitude", 0, **unlike)
-    with pytest.raises(UserError, match=r"trained by code .*; .*task\.mixed=true"):
+def test_runs_of_two_codes_or_protocols_are_refused_with_the_way_out(runs):
+    write_run(runs, "mine", 0, code="0ther")
+    with pytest.raises(UserError, match=r"by code .*; .* or report them apart, each with its own"):
         reported(runs)
-
-    out = reported(runs, mixed=True)
-    main, other = table(out, "main"), " (2: dataset=tiny-4567)"
-    assert {f"+ Attitude-aware projection{other}", f"Voxel prior{other}"} < set(main.index)
-    assert "+ Attitude-aware projection" not in main.index
-    assert table(out, "incremental").loc["Safety-prior class weights"].isna().all()
-
-    warned = section_of(out, "Not a clean comparison")
-    assert "different code: code c0de (" in warned
-    assert "code 0ther (attitude seed 0)" in warned
-    assert re.search(r"scored unlike the others .*attitude seed 0", warned)
-
-    reported(runs, out=tmp_path / "public", mixed=True, publish=True)
-    again = reported(runs, tmp_path / "public/runs", out=tmp_path / "again", mixed=True)
-    assert page_of(again) == page_of(out)
-
-    experiments = set(scores_of(out)["experiment"])
-    assert {f"attitude{other}", f"all_free{other}"} < experiments
-    assert "attitude" not in experiments
-
-
-def test_curves_of_other_protocols_are_no_seeds_of_one(tmp_path):
-    runs = tmp_path / "runs"
-    log = "step,epoch,val/kar_miou,val/miou\n1,0,0.2,0.3\n2,1,0.25,0.35\n"
-    one = write_run(runs / "a", "skyocc", 0)
-    other = write_run(runs / "b", "skyocc", 1, of=protocol("tiny-4567"))
-    for run in (one, other):
-        (run / "metrics.csv").write_text(log)
-    out = reported(runs / "a", one, other, out=tmp_path / "out", mixed=True)
-    page = (out / "report.html").read_text()
-    assert "2 seeds" not in page
-    assert "SkyOcc (2: dataset=tiny-4567)" in page
+    shutil.rmtree(runs / "mine")
+    write_run(runs, "mine", 0, of=protocol("tiny-4567"))
+    with pytest.raises(UserError, match=r"dataset=tiny-4567, and .* or report them apart, each"):
+        reported(runs)

@@ -105,7 +105,7 @@ def trained(tmp_path_factory):
 @pytest.mark.slow
 def test_a_report_shows_the_hardest_frame_as_both_rungs_see_it(trained, tmp_path):
     cfg = compose_config(*trained["baseline"])
-    report(cfg, [], str(tmp_path / "out"), mixed=False, scenes=1)
+    report(cfg, [], str(tmp_path / "out"), scenes=1)
     page = (tmp_path / "out/report.html").read_text()
     (title,) = re.findall(r'"label":"1 of 1: (.*?)"', page)
     clip_id, frame = re.match(
@@ -129,6 +129,6 @@ def test_data_settings_of_other_code_leave_the_pictures_out(trained, tmp_path):
         config = yaml.safe_load(path.read_text())
         del config["data"]["run_frames"]
         path.write_text(yaml.safe_dump(config))
-    report(cfg, [str(runs)], str(tmp_path / "out"), mixed=False, scenes=1)
+    report(cfg, [str(runs)], str(tmp_path / "out"), scenes=1)
     assert "data are those of other code" in (tmp_path / "out/report.md").read_text()
     assert (tmp_path / "out/report.html").is_file()
