@@ -67,7 +67,7 @@ def what_came_out(folder):
 def tables_of(folder):
     """The tables of a report, byte by byte."""
     cfg = compose_config("task=report", "scale=tiny", f"paths.runs={folder}/runs")
-    report(cfg, [], str(folder / "report"), mixed=False, scenes=0)
+    report(cfg, [], str(folder / "report"), scenes=0)
     return [(folder / "report" / name).read_bytes() for name in ("tables.csv", "tables.tex")]
 
 

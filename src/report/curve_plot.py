@@ -9,8 +9,7 @@ import pandas as pd
 import plotly.express as px
 import plotly.graph_objects as go
 
-# Legible on white and on black: the page has both. When all colors are used, the next runs have
-# another kind of line.
+# When all colors are used, the next runs have another kind of line.
 COLORS = ["#3b7de0", "#dd5a52", "#1b9e77", "#c98a00", "#9361c9", "#d2559d", "#7a8b99", "#8c6d46"]
 DASHES = [dash for dash in ("solid", "dash", "dot") for _ in COLORS]
 LAYOUT = {
@@ -70,11 +69,6 @@ class CurvePlot:
         mean, low, high = (format(value, form).rstrip(".") for value in (mean, low, high))
         text = f"{mean} {self.unit}".rstrip()
         return text if seeds == 1 else f"{text} ({low} to {high}, seeds: {count})"
-
-    def values(self) -> pd.DataFrame:
-        """Returns the means as text, a row for each epoch and a column for each run."""
-        table = self.means().pivot(index="epoch", columns="run", values="text").fillna("–")
-        return table[self.points()["run"].unique()]
 
     def figure(self) -> go.Figure:
         """Returns the plot: thin lines are the seeds of a run, a thick one is their mean."""

@@ -45,32 +45,29 @@ FACTORS = [
 ]
 
 
-def paper_tables(
-    part: Part, of_others: Sequence[Part], marks: Mapping[str, Sequence[str]], frames: set[int]
-) -> list[Table]:
+def paper_tables(part: Part, marks: Mapping[str, Sequence[str]], frames: set[int]) -> list[Table]:
     """Returns every table of one part, without those that have no row or no column.
 
-    ``of_others`` are the same part of other groups, for the tables of all experiments. ``marks``
-    are the factors of every rung, and ``frames`` the numbers of frames that its predictions see.
+    ``marks`` are the factors of every rung, and ``frames`` the numbers of frames that its
+    predictions see.
     """
-    parts = [part, *of_others]
-    tables = [main_table(parts), ablation_table(part, marks)]
+    tables = [main_table(part), ablation_table(part, marks)]
     # The paper has these tables of the whole split alone.
     if part.name == "test" and part.rungs:
         tables += [long_tail_table(part, frames), incremental_table(part)]
         tables.append(progression_table(part, frames))
 
-    return [table for table in (*tables, beyond_table(parts)) if table.rows and table.columns]
+    return [table for table in (*tables, beyond_table(part)) if table.rows and table.columns]
 
 
-def main_table(parts: Sequence[Part]) -> Table:
+def main_table(part: Part) -> Table:
     """The paper's Table 2: IoU of every class, mIoU and KAR-mIoU of every experiment."""
     columns = [Column(f"iou/{c}", CLASS_NAMES[c], short=SHORT_NAMES[c]) for c in CLASSES]
     text = (
         f"{PERCENT} mIoU is averaged over {NUM_CLASSES} classes including free space; KAR-mIoU "
         "excludes free space and unknown from the mean and penalizes FP/FN in short-TTC regions."
     )
-    return _of_all(parts, "main", "Main results", text, [*columns, *MEANS])
+    return _of_all(part, "main", "Main results", text, [*columns, *MEANS])
 
 
 def ablation_table(part: Part, marks: Mapping[str, Sequence[str]]) -> Table:
@@ -151,14 +148,14 @@ def progression_table(part: Part, frames: Collection[int]) -> Table:
     return _of_rungs(part, "progression", title, text, columns, cells)
 
 
-def beyond_table(parts: Sequence[Part]) -> Table:
+def beyond_table(part: Part) -> Table:
     """Scores that the paper does not have, and those of metrics of a user's own.
 
     A score that no run has, has no column.
     """
-    scored = {score for part in parts for score in part.scores["score"]}
+    scored = set(part.scores["score"])
     columns = [Column(score, *named) for score, named in BEYOND.items() if score in scored]
-    columns += [Column(score, score) for score in parts[0].own_scores]
+    columns += [Column(score, score) for score in part.own_scores]
 
     text = (
         f"{PERCENT} mIoU of the occupied classes alone; IoU of occupied against free; RayIoU of "
@@ -168,33 +165,26 @@ def beyond_table(parts: Sequence[Part]) -> Table:
         "that the UAV's body sweeps, and in the bubble within the horizon. These two rates are "
         "lowest for what calls everything occupied: read them with the IoU."
     )
-    frames, clips = parts[0].resamples.blocked
+    frames, clips = part.resamples.blocked
     if frames:
         text += (
             f" The collision-miss rate rests on the {counted(frames, 'frame')}, of "
             f"{counted(clips, 'clip')}, with something in the tube."
         )
-    return _of_all(parts, "beyond", "Beyond the paper", text, columns)
+    return _of_all(part, "beyond", "Beyond the paper", text, columns)
 
 
-def _of_all(
-    parts: Sequence[Part], key: str, title: str, text: str, columns: Sequence[Column]
-) -> Table:
+def _of_all(part: Part, key: str, title: str, text: str, columns: Sequence[Column]) -> Table:
     """Returns a table of all experiments: the ladder, the others, the anchors, lines between."""
     rows: list[Row] = []
-    lines, captions, first = [], [text + _absent(parts[0])], parts[0]
-    for part in parts:
-        for names in (part.rungs, part.others, part.anchors):
-            if names and rows:
-                lines.append(len(rows))
-            keys = [(part.ladder.row_name(n) + part.label, {"experiment": n}) for n in names]
-            rows += _cells(part, keys, columns)
-        drawn = resampling(part.resamples, part.rungs + part.others)
-        captions.append(f"{part.label} {drawn}".strip())
-
-    # Rows of other parts were scored on something else: none of them can be the best.
-    ranked, caption = len(first.rungs + first.others + first.anchors), " ".join(captions)
-    return _table(first, key, title, caption, columns, rows, lines=tuple(lines), ranked=ranked)
+    lines = []
+    for names in (part.rungs, part.others, part.anchors):
+        if names and rows:
+            lines.append(len(rows))
+        keys = [(part.ladder.row_name(name), {"experiment": name}) for name in names]
+        rows += _cells(part, keys, columns)
+    caption = f"{text}{_absent(part)} {resampling(part.resamples, part.rungs + part.others)}"
+    return _table(part, key, title, caption, columns, rows, lines=tuple(lines))
 
 
 def _of_rungs(
@@ -225,7 +215,7 @@ def _table(
     suffix = "" if part.name == "test" else f"_{part.name}"
     return Table(
         f"{key}{suffix}",
-        f"{title}, {part.name} of {part.dataset}{part.label}",
+        f"{title}, {part.name} of {part.dataset}",
         caption,
         [column.name for column in columns],
         rows,

@@ -1,21 +1,25 @@
 """``report.html``: a report of the ladder as a page to look at."""
 
 from collections.abc import Mapping, Sequence
+from mimetypes import guess_type
 from pathlib import Path
 
-from markupsafe import Markup
+from plotly.graph_objects import Figure
+from plotly.offline import get_plotlyjs
 
-from ..results.render import Table, table_html
+from ..atomic import replacing
+from ..results.render import Table
 from ..results.runs import ScoredRun
 from ..run_folder import METRICS
 from .curve_plot import CurvePlot
 from .curves import TRAIN_LOSS, read_curve
 from .ladder_report import LadderReport
-from .page import SETTINGS, TABLES, write_page
-from .picture import Picture
-from .report_text import NUMBERS, facts_of, settings_rows
+from .picture import address
+from .report_text import facts_of, settings_rows
 from .scene import VoxelScene
+from .scene_figure import scenes_figure
 from .shared_settings import Values
+from .template import filled
 
 # Columns of ``metrics.csv``, and the titles and units of their plots.
 PLOTS = {
@@ -28,33 +32,47 @@ PLOTS = {
 def write_report_page(
     report: LadderReport,
     heading: str,
-    plots: Sequence[CurvePlot],
+    curves: Sequence[CurvePlot],
     figures: Mapping[Path, str],
     scenes: Sequence[VoxelScene],
     path: Path,
 ) -> None:
-    """Writes the page. ``figures`` maps pictures on disk to their captions.
+    """Writes the page, whole or not at all: one file that needs no network.
 
-    Raises `UserError` where the page cannot be written.
+    ``figures`` maps pictures on disk to their captions. What is empty is left out, and all text is
+    escaped. Raises `UserError` where the page cannot be written.
     """
-    facts = facts_of(report) | {"Settings": report.settings}
-    write_page(
-        path,
-        heading,
-        [(name.replace("`", ""), value) for name, value in facts.items()],
-        tables=[Markup(table_html(table)) for table in report.tables],
-        curves=plots,
-        sheets=[Picture(picture.read_bytes(), caption) for picture, caption in figures.items()],
-        scenes=scenes,
+    plots = [(plot.title, plot.figure()) for plot in curves if len(plot.points())]
+    plots += [("Scenes", scenes_figure(scenes))] if scenes else []
+    page = filled(
+        "page.html",
+        heading=heading,
+        facts=facts_of(report) | {"Settings": report.settings},
         alarms={"Not a clean comparison": report.warnings, "Missing": report.missing},
-        settings=[_settings_table(report.differing)] if report.differing else [],
-        remarks={SETTINGS: report.others, TABLES: [NUMBERS]},
+        sections={
+            "Settings": [_settings_table(report.differing)] if report.differing else [],
+            "Tables": report.tables,
+        },
+        plotlyjs=get_plotlyjs(),
+        plots=[(title, _plot_html(plot, f"plot-{n}")) for n, (title, plot) in enumerate(plots)],
+        pictures=[
+            (address(picture.read_bytes(), guess_type(picture)[0]), caption)
+            for picture, caption in figures.items()
+        ],
     )
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8", newline="\n")
 
 
-def _settings_table(differing: Values) -> Markup:
+def _plot_html(plot: Figure, name: str) -> str:
+    """Returns a plot without plotly's script; its name makes the same bytes of the same plot."""
+    settings = {"full_html": False, "include_plotlyjs": False, "config": {"displaylogo": False}}
+    return plot.to_html(div_id=name, **settings)
+
+
+def _settings_table(differing: Values) -> Table:
     (corner, *columns), *rows = settings_rows(differing)
-    table = Table(
+    return Table(
         "settings",
         "What the rungs do not share",
         "Every key of their configurations in which two of them differ.",
@@ -62,7 +80,6 @@ def _settings_table(differing: Values) -> Markup:
         [(name, values) for name, *values in rows],
         corner,
     )
-    return Markup(table_html(table))
 
 
 def learning_curves(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[CurvePlot]:

@@ -13,7 +13,7 @@ NUMBERS = (
     "bold: the best mean of a column, whatever the intervals say."
 )
 FILES = (
-    "`report.html` is this page to look at, with sortable tables, learning curves and, where the "
+    "`report.html` is this page to look at, with learning curves and, where the "
     "dataset and checkpoints were there, scenes in 3-D. `tables.tex` has all tables in LaTeX "
     "(needs `booktabs`), and `tables.csv` their numbers in full precision. `scores.csv` is the "
     "long table that they are made of: every score of every run, condition and part."
@@ -83,9 +83,7 @@ def settings_rows(values: Values) -> list[list[str]]:
 
 def _by_experiment(report: LadderReport, fact) -> dict[str, str]:
     """Returns a fact of each experiment: its values in all runs, each once."""
-    facts = grouped(
-        (run.experiment + group.label, fact(run)) for group in report.groups for run in group.runs
-    )
+    facts = grouped((run.experiment, fact(run)) for run in report.runs)
     return {name: ", ".join(values) for name, values in facts.items()}
 
 

@@ -14,12 +14,12 @@ from ..ontology import CLASSES
 from ..results.counts import OTHER_LABELS, Counts
 from ..results.files import SCORES
 from ..results.runs import ScoredRun
-from ..results.table import Parts, Resamples, joined
+from ..results.table import Parts, Resamples
 from ..run_folder import ANCHORS
 from ..used_code import different_file
 from .ladder import PAPER, Ladder
 
-MIXED = "task.mixed=true"
+REPORT_APART = "report them apart, each with its own task.runs"
 TOLERANCE = 1e-6
 # The share of voxels that runs of one table may label otherwise. Of the same flights made on two
 # kinds of processors, which round differently, 3 in a million were (docs/conventions.md).
@@ -53,13 +53,9 @@ KNOWN = ("occupancy", "safety", "rays", "primitives", "plans", "objects")
 
 @dataclass(frozen=True)
 class Part:
-    """What a group of runs scored on a part of the test split, and how it was resampled.
-
-    ``label`` tells its rows from those of another protocol, where a mixed report has several.
-    """
+    """What a group of runs scored on a part of the test split, and how it was resampled."""
 
     resamples: Resamples
-    label: str = ""
     ladder: Ladder = PAPER
 
     @property
@@ -114,14 +110,9 @@ class Part:
 
 @dataclass(frozen=True)
 class RunGroup:
-    """Runs of one protocol, the ladder's first.
-
-    ``label`` says, in the rows of a further group of a mixed report, in what it differs from the
-    first one.
-    """
+    """Runs of one protocol, the ladder's first."""
 
     runs: tuple[ScoredRun, ...]
-    label: str = ""
     ladder: Ladder = PAPER
 
     @property
@@ -154,7 +145,7 @@ class RunGroup:
         for name, chosen in parts_of(first.config["data"]["test_clips"]).items():
             if first.counts.rows(chosen):
                 kept = {"chosen": chosen, "without": APART, "derived": DERIVED}
-                parts.append(Part(Resamples(counts, name, **kept), self.label, self.ladder))
+                parts.append(Part(Resamples(counts, name, **kept), self.ladder))
 
         for run in self.runs:
             written = float(run.row["miou"])
@@ -167,39 +158,22 @@ class RunGroup:
         return parts
 
 
-def long_table(parts: Sequence[Part]) -> pd.DataFrame:
-    """Returns the long table of all parts; experiments of a further group have its label."""
-    return joined(
-        part.scores.assign(experiment=part.scores["experiment"] + part.label) for part in parts
-    )
+def group_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> RunGroup:
+    """Returns the runs in the order of the tables.
 
-
-def groups_of(runs: Sequence[ScoredRun], mixed: bool, ladder: Ladder = PAPER) -> list[RunGroup]:
-    """Returns the runs by what they were scored on, the group with most rungs first.
-
-    Unless ``mixed`` there is one. Raises `UserError` for runs of other protocols, clips, labels or
-    code then, and always for two runs of one experiment and seed.
+    Raises `UserError` for runs of other protocols, clips, labels or code, and for two runs of one
+    experiment and seed.
     """
-    if not mixed:
-        _require_same_code(runs)
-        _require_same_protocol(runs)
-    groups: list[list[ScoredRun]] = []
-    for run in runs:
-        group = next((group for group in groups if not _difference(group[0], run)), None)
-        if group is None:
-            groups.append(group := [])
-        group.append(run)
-
-    groups.sort(key=lambda group: -sum(run.experiment in ladder for run in group))
-    if not mixed and len(groups) > 1:
-        first, second = groups[0][0], groups[1][0]
-        raise UserError(
-            f"{second.path}: was scored on {_difference(first, second)} than {first.path}; score "
-            f"both alike, or set {MIXED}"
-        )
-    numbered = enumerate((_difference(groups[0][0], group[0]) for group in groups), start=1)
-    labels = [f" ({n}: {difference})" if n > 1 else "" for n, difference in numbered]
-    return [RunGroup(_sorted(g, ladder), label, ladder) for g, label in zip(groups, labels)]
+    first, *others = runs
+    _require_same_code(runs)
+    _require_same_protocol(runs)
+    for run in others:
+        if difference := _difference(first, run):
+            raise UserError(
+                f"{run.path}: was scored on {difference} than {first.path}; score both alike, or "
+                f"{REPORT_APART}"
+            )
+    return RunGroup(_sorted(runs, ladder), ladder)
 
 
 def _require_same_code(runs: Sequence[ScoredRun]) -> None:
@@ -212,7 +186,7 @@ def _require_same_code(runs: Sequence[ScoredRun]) -> None:
             where = f" ({file} differs)" if file else ""
             raise UserError(
                 f"{run.path}: was trained by {run.code}, and {first.path} by "
-                f"{first.code}{where}; train both by the same, or set {MIXED}"
+                f"{first.code}{where}; train both by the same, or {REPORT_APART}"
             )
 
 
@@ -220,14 +194,11 @@ def _require_same_protocol(runs: Sequence[ScoredRun]) -> None:
     try:
         require_same_protocol({str(run.path): run.counts.protocol for run in runs})
     except UserError as error:
-        raise UserError(f"{error}, or set {MIXED}") from None
+        raise UserError(f"{error}, or {REPORT_APART}") from None
 
 
 def _difference(first: ScoredRun, second: ScoredRun) -> str:
-    """Says in what two runs were scored unlike; empty where they may stand in one table."""
-    if different := first.counts.protocol.difference(second.counts.protocol):
-        key, _, value = different
-        return f"{key}={value}"
+    """Says on what two runs were scored unlike; empty where they may stand in one table."""
     other = second.counts.scored_on_other(first.counts)
     if other == OTHER_LABELS and second.counts.unlike_labels(first.counts) <= OTHER_PROCESSOR:
         return ""

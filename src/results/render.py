@@ -1,9 +1,8 @@
-"""A table to be shown, in every form: CSV, Markdown, LaTeX, HTML, and on the terminal."""
+"""A table to be shown, in every form: CSV, Markdown, LaTeX, and on the terminal."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from typing import NamedTuple
 
 import pandas as pd
@@ -242,62 +241,6 @@ def _latex_row(name: str, row: Sequence[Shown]) -> str:
         return line
     small = (rf"{{\tiny [{bounds}]}}" if bounds else "" for bounds in below)
     return f"{line}\n{' & '.join(['', *small])} " + r"\\[2pt]"
-
-
-# ------------------------------------------------------------------------------------------ HTML
-
-
-def table_html(table: Table) -> str:
-    """Returns a section with the table in a box of its own, in which a wide one scrolls.
-
-    A column's head is a button that sorts by it, the best end first.
-    """
-    key, title = escape(table.key), escape(table.title)
-    heads = "".join(_html_head(table, column) for column in (None, *table.columns))
-    rows = ""
-    for n, (name, row) in enumerate(table.shown()):
-        kind = ' class="line"' if n in table.lines else ""
-        cells = "".join(_html_cell(table, x) for x in row)
-        rows += f'<tr{kind}><th scope="row">{escape(name)}</th>{cells}</tr>'
-
-    return (
-        f'<section class="table" id="table-{key}"><h3 id="title-{key}">{title}</h3>'
-        f'<div class="scroll" role="region" tabindex="0" aria-labelledby="title-{key}">'
-        f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
-        f'</div><p class="caption">{escape(table.caption)}</p></section>'
-    )
-
-
-def _html_head(table: Table, column: str | None) -> str:
-    """Returns the head of a column, or without one that of the names."""
-    is_text = column is None or table.is_text(column)
-    text, kind = escape(column or table.head), ' class="text"' if is_text else ""
-    if column in table.short:
-        short = escape(table.short[column])
-        text = f'<span class="long">{text}</span><span class="short">{short}</span>'
-    first = "ascending" if is_text or table.best.get(column) == "low" else "descending"
-    return (
-        f'<th scope="col"{kind} aria-sort="none"><button type="button" data-first="{first}">'
-        f"{text}</button></th>"
-    )
-
-
-def _html_cell(table: Table, cell: Shown) -> str:
-    """Returns a data cell; one with a number keeps the whole of it to sort by."""
-    if isinstance(cell.entry, str):
-        return f'<td class="text">{escape(cell.text)}</td>'
-    if cell.entry is None or math.isnan(cell.entry.value):
-        kind = "text empty" if table.is_text(cell.column) else "empty"
-        return f'<td class="{kind}"><span aria-label="none">{NONE}</span></td>'
-
-    content = f'<b>{cell.text}</b><span class="hidden"> best</span>' if cell.is_best else cell.text
-    content += f" <small>[{', '.join(cell.bounds)}]</small>" if cell.bounds else ""
-    kind = ' class="best"' if cell.is_best else ""
-    # A difference below scores is not sorted among them.
-    apart = " data-apart" if cell.entry.signed and not table.is_signed(cell.column) else ""
-    # The minus of typesetters is as wide as a plus.
-    text = content.replace("-", "−")
-    return f'<td{kind} data-value="{float(cell.entry.value)!r}"{apart}>{text}</td>'
 
 
 # ---------------------------------------------------------------------------------- the terminal

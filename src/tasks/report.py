@@ -15,7 +15,7 @@ from ..report.ladder import ladder_named
 from ..report.ladder_report import LadderReport, ladder_report
 from ..report.report_page import learning_curves, write_report_page
 from ..report.report_text import report_text
-from ..report.run_group import APART, groups_of
+from ..report.run_group import APART, group_of
 from ..report.section import Section, ShownFrame, with_settings
 from ..results.archive import publish_runs, unpacked
 from ..results.files import write_table
@@ -36,7 +36,6 @@ def report(
     cfg: DictConfig,
     runs: Sequence[str],
     out: str,
-    mixed: bool,
     scenes: int,
     rungs: Sequence[str] = (),
     seeds: Sequence[int] = (),
@@ -52,7 +51,7 @@ def report(
     leaves ``runs.zip``, too, from which the report is made again. Of so many ``scenes`` it shows
     what the lowest and the highest rung predict, where the dataset and their checkpoints are there.
     Raises `UserError` where no run is finished, a run cannot be read, or runs may not be put beside
-    each other and ``mixed`` does not allow it.
+    each other.
     """
     import_metrics(cfg.suite)
     folder, ladder = Path(out), ladder_named(list(rungs))
@@ -65,11 +64,11 @@ def report(
     with unpacked(places) as (folders, named):
         finished, unfinished = _read(folders, folder, named)
         _require_experiments(rungs, {run.experiment for run in (*finished, *unfinished)})
-        groups = groups_of(finished, mixed, ladder)
+        group = group_of(finished, ladder)
         with Console().status("resampling"):
-            made = ladder_report(groups, unfinished, parts_of, folder, list(seeds), added)
+            made = ladder_report(group, unfinished, parts_of, folder, list(seeds), added)
         curves = learning_curves(made.named_runs)
-        shown = showcase(cfg, groups[0].runs, folder / FIGURES, scenes, ladder)
+        shown = showcase(cfg, group.runs, folder / FIGURES, scenes, ladder)
         made = replace(made, missing=(*made.missing, *map(named, shown.missing)))
 
         figures = shown.figures | _drawn(made, folder / FIGURES, shown.frames)
@@ -78,7 +77,7 @@ def report(
         scenes_shown = [each.scene for each in shown.frames]
         write_report_page(made, heading, curves, figures, scenes_shown, folder / PAGE)
         if publish:
-            publish_runs([group.runs for group in groups], folder / RUNS, APART)
+            publish_runs([group.runs], folder / RUNS, APART)
     _print(made, folder)
 
 

@@ -1,6 +1,5 @@
 """The paper's tables: their rows, their columns, and what a missing rung leaves of them."""
 
-import dataclasses
 import math
 from itertools import pairwise
 
@@ -19,7 +18,7 @@ from src.report.paper_tables import (
     main_table,
     progression_table,
 )
-from src.report.run_group import APART, DERIVED, Part, long_table
+from src.report.run_group import APART, DERIVED, Part
 from src.results.render import Cell
 from src.results.table import Resamples
 from tests.results.scored import CLIPS, RIGHT, counts, counts_by_seed
@@ -73,7 +72,7 @@ def change(part, *key):
 
 
 def test_the_main_table_has_the_ladder_then_the_others_by_name_then_the_anchors(part):
-    table = main_table([part])
+    table = main_table(part)
     assert names(table) == [
         *("Baseline", "+ Attitude-aware projection", "+ Safety-prior class weights", "SkyOcc"),
         *("bilinear", "lss", "Voxel prior"),
@@ -84,7 +83,7 @@ def test_the_main_table_has_the_ladder_then_the_others_by_name_then_the_anchors(
 
 
 def test_a_score_is_the_mean_of_the_seeds_in_percent(part, scored):
-    means = numbers(main_table([part]), "mIoU")
+    means = numbers(main_table(part), "mIoU")
     for name, row in (("baseline", "Baseline"), ("skyocc", "SkyOcc"), ("lss", "lss")):
         scores = [float(run.scores("occupancy")["miou"]) for run in scored[name].values()]
         assert means[row] == pytest.approx(100 * sum(scores) / 2)
@@ -92,7 +91,7 @@ def test_a_score_is_the_mean_of_the_seeds_in_percent(part, scored):
 
 def test_differences_are_those_of_the_scores_beside_them(part):
     """With the same seeds everywhere every table tells the same story."""
-    main, ablation = main_table([part]), ablation_table(part, MARKS)
+    main, ablation = main_table(part), ablation_table(part, MARKS)
     columns = {"mIoU": "Δ mIoU", "KAR-mIoU": "Δ KAR", "Thin Struct.": "Δ Thin", "VRU": "Δ VRU"}
     for score, delta in columns.items():
         scores = numbers(main, score)
@@ -143,7 +142,7 @@ def test_the_progression_has_the_gap(part):
 
 
 def test_scores_beyond_the_paper_say_which_end_is_better(part):
-    table = beyond_table([part])
+    table = beyond_table(part)
     assert table.best == {
         **dict.fromkeys(("mIoU occupied", "Geometric IoU", "RayIoU", "Primitive AUC"), "high"),
         **dict.fromkeys(("Primitive miss", "Object miss", "Plan regret"), "low"),
@@ -158,24 +157,24 @@ def test_scores_beyond_the_paper_say_which_end_is_better(part):
 def test_a_metric_of_ones_own_has_its_scores_beyond_the_papers(scored):
     part = part_of({"skyocc": scored["skyocc"]})
     part.resamples.scores_of["mine"] = ["collision_miss_frames"]
-    assert beyond_table([part]).columns[-1] == "collision_miss_frames"
-    assert "collision_miss_frames" in set(long_table([part])["score"])
+    assert beyond_table(part).columns[-1] == "collision_miss_frames"
+    assert "collision_miss_frames" in set(part.scores["score"])
 
 
 def test_the_caption_says_how_many_frames_have_something_in_the_way(part, scored):
     frames = scored["skyocc"][0].tables["safety"]["frames"][:, BLOCKED]
     of_clips = int((frames > 0).sum())
-    assert f"{int(frames.sum())} frames, of {of_clips} clips" in beyond_table([part]).caption
+    assert f"{int(frames.sum())} frames, of {of_clips} clips" in beyond_table(part).caption
     assert of_clips
     other = part_of(scored)
     other.resamples.blocked = (1, 1)
-    assert "1 frame, of 1 clip," in beyond_table([other]).caption
+    assert "1 frame, of 1 clip," in beyond_table(other).caption
 
 
 def test_the_long_table_has_every_run_its_means_and_its_steps(part):
-    table = long_table([dataclasses.replace(part, label=" (2: x)")])
+    table = part.scores
     rows = table[table["score"] == "miou"].set_index(["experiment", "seed", "reference"])["value"]
-    of_skyocc = rows.loc["skyocc (2: x)"]
+    of_skyocc = rows.loc["skyocc"]
     references = [("0", ""), ("1", ""), *(("mean", x) for x in ("", "baseline", "weights"))]
     assert list(of_skyocc.index) == references
     assert of_skyocc["mean", ""] == pytest.approx(of_skyocc[["0", "1"]].mean())
@@ -213,7 +212,7 @@ def test_a_step_that_the_paper_does_not_take_has_not_its_name(scored):
     assert names(incremental_table(part)) == ["SkyOcc"]
     assert names(progression_table(part, {4}))[0] == "Multi-frame baseline"
     part = on_ladder(scored, "baseline", "weights")
-    for table in (incremental_table(part), main_table([part]), progression_table(part, {4})):
+    for table in (incremental_table(part), main_table(part), progression_table(part, {4})):
         assert "weights" in names(table)
         assert not any("Safety-prior" in name for name in names(table))
 
@@ -230,7 +229,7 @@ def test_without_names_it_is_the_papers():
 
 def test_scores_that_no_run_has_are_no_columns():
     blind = counts("skyocc", lambda target, n: target.clamp(max=8), cameras=False)
-    assert "RayIoU" not in beyond_table([part_of({"skyocc": {0: blind}})]).columns
+    assert "RayIoU" not in beyond_table(part_of({"skyocc": {0: blind}})).columns
 
 
 # ------------------------------------------------------------------------------- what is missing
@@ -265,11 +264,11 @@ def test_the_gain_of_the_full_model_is_no_row_where_either_end_is_missing(scored
 def test_a_single_rung_has_no_step(scored):
     only = part_of({"baseline": scored["baseline"]})
     assert names(incremental_table(only)) == []
-    assert len(main_table([only]).rows) == 1
+    assert len(main_table(only).rows) == 1
 
 
 def test_a_part_has_tables_of_its_own_name(scored):
-    table = main_table([part_of(scored, name="test_unseen_clips")])
+    table = main_table(part_of(scored, name="test_unseen_clips"))
     assert table.key == "main_test_unseen_clips"
     assert table.title == "Main results, test_unseen_clips of tiny-0123"
 
@@ -286,13 +285,13 @@ def test_a_caption_counts_seeds_and_clips(part):
 
 def test_one_seed_or_one_clip_says_what_is_drawn(scored):
     one = {name: {0: runs[0]} for name, runs in scored.items()}
-    caption = main_table([part_of(one)]).caption
+    caption = main_table(part_of(one)).caption
     assert "resamples of 5 clips (7 frames)" in caption
     assert "With one seed only clips are drawn" in caption
     assert caption.endswith("Seed: 0.")
     for runs, sentence in ((scored, "so only seeds are drawn."), (one, "No intervals: ")):
         alone = resampled(runs, chosen=lambda clip: clip == CLIPS[0])
-        assert sentence in main_table([Part(alone)]).caption
+        assert sentence in main_table(Part(alone)).caption
 
 
 def test_uneven_seeds_are_listed_and_explained_where_there_are_differences(scored):
@@ -300,16 +299,16 @@ def test_uneven_seeds_are_listed_and_explained_where_there_are_differences(score
     caption = ablation_table(part, MARKS).caption
     assert "Seeds: baseline 0, 1; attitude 0, 1; weights 0; skyocc 0, 1." in caption
     assert caption.endswith("Differences are over the seeds that both rungs have.")
-    assert "Differences" not in main_table([part]).caption
+    assert "Differences" not in main_table(part).caption
 
 
 def test_a_class_that_resamples_miss_or_that_no_voxel_has_is_told(scored):
     part = part_of(scored)
     assert part.resamples.lost == 0
-    before = main_table([part]).caption
+    before = main_table(part).caption
     part.resamples.lost = 0.125
     part.resamples.labelled_clips = part.resamples.labelled_clips | {"vru": 0}
-    for table in (main_table([part]), beyond_table([part]), ablation_table(part, MARKS)):
+    for table in (main_table(part), beyond_table(part), ablation_table(part, MARKS)):
         for sentence in ("In 12 % of the resamples no voxel", "Not one voxel is labelled VRU:"):
             assert sentence in table.caption
             assert sentence not in before

@@ -8,8 +8,7 @@ import pytest
 from src.errors import UserError
 from src.ontology import FREE
 from src.report.ladder_report import _made_elsewhere
-from src.report.paper_tables import main_table
-from src.report.run_group import OTHER_PROCESSOR, groups_of
+from src.report.run_group import OTHER_PROCESSOR, group_of
 from src.results.runs import read_run
 from src.run_folder import ANCHORS
 from src.tasks.scoring import parts_of
@@ -23,7 +22,7 @@ def names(group):
 def test_runs_are_sorted_as_the_tables_are(tmp_path):
     for name, seed in (("skyocc", 0), ("baseline", 1), ("aspp", 0), ("baseline", 0)):
         write_run(tmp_path, name, seed)
-    (group,) = groups_of(ladder_of(tmp_path), mixed=False)
+    group = group_of(ladder_of(tmp_path))
     assert names(group) == ["baseline seed 0", "baseline seed 1", "skyocc seed 0", "aspp seed 0"]
     assert [str(run) for run in group.rungs] == names(group)[:3]
     assert list(group.counts()) == ["baseline", "skyocc", "aspp", *ANCHORS]
@@ -32,8 +31,8 @@ def test_runs_are_sorted_as_the_tables_are(tmp_path):
 
 def test_parts_are_those_of_the_split(tmp_path):
     write_run(tmp_path)
-    write_run(tmp_path, "none_unseen", data__test_clips=[], of=protocol("tiny-4567"))
-    other, group = groups_of(ladder_of(tmp_path)[::-1], mixed=True)[::-1]
+    write_run(tmp_path / "other", data__test_clips=[])
+    group, other = (group_of(ladder_of(folder)) for folder in (tmp_path, tmp_path / "other"))
     parts = group.parts(parts_of)
     assert [(part.name, part.resamples.clips, part.resamples.frames) for part in parts] == [
         *(("test", 5, 7), ("test_unseen_clips", 1, 3), ("test_seen_clips", 4, 4)),
@@ -51,16 +50,15 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("other", OTHERS)
-def test_runs_that_are_not_alike_are_refused_unless_mixed(tmp_path, other):
+def test_runs_that_are_not_alike_are_refused(tmp_path, other):
     changes, said = OTHERS[other]
     write_run(tmp_path, "baseline", 0)
     folder = write_run(tmp_path, "skyocc", 0, **changes)
     runs = ladder_of(tmp_path)
-    with pytest.raises(UserError, match=f"{said}.*or set task.mixed=true$") as caught:
-        groups_of(runs, mixed=False)
+    with pytest.raises(UserError, match=f"{said}.*or report them apart, each .*") as caught:
+        group_of(runs)
     assert str(caught.value).startswith(str(folder))
     assert "\n" not in str(caught.value)
-    assert sum(len(group.runs) for group in groups_of(runs, mixed=True)) == 2
 
 
 def test_other_labels_are_noticed_where_the_anchors_are_kept_elsewhere(tmp_path):
@@ -69,7 +67,7 @@ def test_other_labels_are_noticed_where_the_anchors_are_kept_elsewhere(tmp_path)
     for anchor in ANCHORS:
         (runs[0] / f"tallies/{anchor}.npz").unlink()
     with pytest.raises(UserError, match=r"was scored on other labels than .*attitude/seed0"):
-        groups_of(ladder_of(tmp_path), mixed=False)
+        group_of(ladder_of(tmp_path))
 
 
 def labelled_otherwise(folder, beyond):
@@ -88,16 +86,16 @@ def labelled_otherwise(folder, beyond):
 
 
 def test_labels_of_another_processor_stand_in_one_report_which_says_so(tmp_path):
-    (group,) = groups_of(labelled_otherwise(tmp_path, beyond=0), mixed=False)
+    group = group_of(labelled_otherwise(tmp_path, beyond=0))
     assert group.runs[1].counts.scored_on_other(group.runs[0].counts) == "other labels"
-    (line,) = _made_elsewhere([group])
+    (line,) = _made_elsewhere(group)
     assert line.endswith(f"unlike in up to {1e6 * group.unlike_labels:.1f} of a million voxels")
     assert 90 < 1e6 * group.unlike_labels <= 100
 
 
 def test_labels_that_differ_in_more_are_refused(tmp_path):
     with pytest.raises(UserError, match="was scored on other labels"):
-        groups_of(labelled_otherwise(tmp_path, beyond=1), mixed=False)
+        group_of(labelled_otherwise(tmp_path, beyond=1))
 
 
 def test_other_clips_are_refused(tmp_path):
@@ -105,33 +103,13 @@ def test_other_clips_are_refused(tmp_path):
     renamed = dataclasses.replace(other.counts, clips=["x/clip00", *other.counts.clips[1:]])
     other = dataclasses.replace(other, counts=renamed)
     with pytest.raises(UserError, match="was scored on other clips or frames than"):
-        groups_of([one, other], mixed=False)
+        group_of([one, other])
 
 
-def test_a_mixed_report_keeps_other_protocols_apart_and_the_ladder_first(tmp_path):
-    write_run(tmp_path, "attitude", 0, of=protocol("tiny-4567"))
-    for name in ("baseline", "weights", "skyocc"):
-        write_run(tmp_path, name, 0, code=f"of {name}")
-    first, second = groups_of(ladder_of(tmp_path), mixed=True)
-    assert names(first) == ["baseline seed 0", "weights seed 0", "skyocc seed 0"]
-    assert first.label == ""
-    assert names(second) == ["attitude seed 0"]
-    assert second.label == " (2: dataset=tiny-4567)"
-    parts = [group.parts(parts_of)[0] for group in (first, second)]
-    table = main_table(parts)
-    label = "+ Attitude-aware projection (2: dataset=tiny-4567)"
-    assert table.rows[-1 - len(ANCHORS)][0] == label
-    assert table.best_rows("Building") <= {*range(table.ranked)}, (
-        "no rival of what others were scored on"
-    )
-    assert table.ranked == len(table.rows) - 1 - len(ANCHORS)
-
-
-@pytest.mark.parametrize("mixed", [False, True])
-def test_two_runs_of_one_seed_are_refused(tmp_path, mixed):
+def test_two_runs_of_one_seed_are_refused(tmp_path):
     runs = [read_run(write_run(tmp_path / place)) for place in ("a", "b")]
     with pytest.raises(UserError, match=r"b/skyocc/seed0 and .*both are skyocc seed 0; name one"):
-        groups_of(runs, mixed)
+        group_of(runs)
 
 
 def test_counts_of_another_scoring_than_the_results_are_refused(tmp_path):
@@ -139,6 +117,6 @@ def test_counts_of_another_scoring_than_the_results_are_refused(tmp_path):
     table = pd.read_csv(folder / "results.csv")
     table.loc[table["experiment"] == "skyocc", "miou"] += 0.01
     table.to_csv(folder / "results.csv", index=False)
-    (group,) = groups_of([read_run(folder)], mixed=False)
+    group = group_of([read_run(folder)])
     with pytest.raises(UserError, match=r"skyocc/seed0: results\.csv says mIoU .* and the counts"):
         group.parts(parts_of)

@@ -1,12 +1,12 @@
 """Voxels as meshes: the faces that can be seen, where they lie, and which way they look."""
 
 import numpy as np
-import plotly.graph_objects as go
 import pytest
 
 from src.geometry import VoxelGrid
 from src.ontology import BUILDING, CAR, CLASSES, COLORS, FREE, GROUND, UNKNOWN
-from src.report.voxel_mesh import CLASS_PALETTE, exposed_faces, openness, voxel_meshes
+from src.report.canvas import readable
+from src.report.voxel_mesh import exposed_faces, openness, voxel_meshes
 
 GRID = VoxelGrid(lower_m=(0, -2, -1), upper_m=(5, 2, 2), shape=(10, 8, 6))
 
@@ -50,40 +50,41 @@ def test_corners_go_around_the_face_counterclockwise_as_seen_from_outside():
     assert (corners.mean(axis=1) == (voxels + neighbors + 1) / 2).all()
 
 
-def test_openness_is_the_free_share_of_the_voxels_around():
+def test_openness_counts_the_free_voxels_around():
     drawn = random_labels() < FREE
     padded = np.pad(drawn, 2)
     around = [padded[x : x + 3, y : y + 3, z : z + 3] for x, y, z in np.ndindex(12, 10, 8)]
-    expected = [1 - block.mean() for block in around]
-    assert np.allclose(openness(drawn).ravel(), expected)
+    expected = [27 - block.sum() for block in around]
+    assert openness(drawn).ravel().tolist() == expected
 
 
 def test_a_mesh_has_its_class_and_lies_where_its_voxels_are():
     labels = np.full(GRID.shape, FREE, dtype=np.uint8)
     labels[2:4, 3, 1] = CAR
-    (mesh,) = voxel_meshes(labels, GRID, CLASS_PALETTE)
-    trace = go.Mesh3d(mesh)
-    assert trace.name == "car"
-    assert trace.colorscale[1][1] == "rgb{}".format(COLORS["car"])
+    (mesh,) = voxel_meshes(labels, GRID)
+    assert mesh.name == "car"
+    assert mesh.colorscale[1][1] == "rgb{}".format(COLORS["car"])
     ends = [(min(mesh[axis]), max(mesh[axis])) for axis in "xyz"]
     assert np.allclose(ends, [(1.0, 2.0), (-0.5, 0.0), (-0.5, 0.0)])
-    assert len(mesh["i"]) == len(mesh["intensity"]) == 2 * len(mesh["meta"]) == 20
-    assert len(mesh["x"]) == 12, "corners are shared"
+    assert len(mesh.i) == len(mesh.intensity) == 20
+    assert len(mesh.x) == 12, "corners are shared"
 
 
-def test_the_meta_of_a_face_is_its_voxel():
+def test_every_triangle_is_half_a_face_of_a_voxel_of_its_class():
     labels = random_labels()
-    for mesh in voxel_meshes(labels, GRID, CLASS_PALETTE):
-        assert {CLASSES[n] for n in labels.ravel()[mesh["meta"]]} == {mesh["name"]}
+    for mesh in voxel_meshes(labels, GRID):
         points = np.stack([mesh[axis] for axis in "xyz"], axis=-1)
-        corners = points[np.stack([mesh[axis] for axis in "ijk"], axis=-1)].reshape(-1, 6, 3)
-        voxels = np.stack(np.unravel_index(mesh["meta"], GRID.shape), axis=-1)
-        middles = GRID.lower_m + (voxels + 0.5) * GRID.voxel_m
-        assert np.allclose(np.abs(corners - middles[:, None]), GRID.voxel_m / 2)
+        corners = points[np.stack([mesh[axis] for axis in "ijk"], axis=-1)]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        # The longest side of a triangle is the face's diagonal: its middle is the face's.
+        middles = (corners.min(axis=1) + corners.max(axis=1)) / 2 - normal * GRID.voxel_m / 2
+        voxels = np.floor((middles - GRID.lower_m) / GRID.voxel_m).astype(int)
+        assert {readable(CLASSES[n]) for n in labels[tuple(voxels.T)]} == {mesh.name}
 
 
 def test_free_and_unknown_are_not_drawn_and_a_hidden_class_leaves_no_hole():
     labels = random_labels()
-    meshes = {mesh["name"]: len(mesh["meta"]) for mesh in voxel_meshes(labels, GRID, CLASS_PALETTE)}
+    meshes = {mesh.name: len(mesh.i) for mesh in voxel_meshes(labels, GRID)}
     drawn = (GROUND, BUILDING, CAR)
-    assert meshes == {CLASSES[kind]: count_faces(labels == kind) for kind in drawn}
+    assert meshes == {CLASSES[kind]: 2 * count_faces(labels == kind) for kind in drawn}

@@ -17,7 +17,6 @@ from src.results.render import (
     latex_of,
     markdown_of,
     print_table,
-    table_html,
 )
 from tests.report.typesetting import typeset
 
@@ -174,53 +173,6 @@ def test_a_wide_table_spans_the_page():
 def test_it_compiles_and_fits_the_page_where_graphicx_is_there(tmp_path, packages):
     both = f"{latex_of(TABLE)}\n{latex_of(wide(11, ['Row 0', 'Row 1']))}"
     assert ("Overfull" in typeset(tmp_path, both, packages)) == ("graphicx" not in packages)
-
-
-# ------------------------------------------------------------------------------------------ HTML
-
-
-def html_cells(html):
-    """The attributes and the text of every data cell."""
-    return [
-        (attributes.strip(), re.sub("<[^>]*>", "", content))
-        for attributes, content in re.findall(r"<td([^>]*)>(.*?)</td>", html)
-    ]
-
-
-def test_a_cell_of_a_page_has_its_number_whole_and_says_what_is_best_empty_or_apart():
-    assert html_cells(table_html(TABLE)) == [
-        ('class="text"', "✗"),
-        (f'data-value="{1 / 3!r}"', "0.33 [0.10, 0.70]"),
-        ('class="best" data-value="0.0"', "0.00 best"),
-        ('data-value="80.0"', "80.00 [70.00, 95.50]"),
-        ('class="text"', "✓"),
-        ('class="best" data-value="25.085"', "25.09 best [20.00, 30.00]"),
-        ('data-value="-1.5"', "−1.50 [−3.00, 0.00]"),
-        ('class="best" data-value="7.0"', "7.00 best [1.00, 9.00]"),
-        ('class="text"', "✓"),
-        ('class="empty"', "–"),
-        ('class="empty"', "–"),
-        ('data-value="10.0"', "10.00"),
-        ('class="text"', ""),
-        ('data-value="99.0" data-apart', "+99.00 [+98.00, +99.50]"),
-        ('class="empty"', "–"),
-        ('class="empty"', "–"),
-    ]
-
-
-def test_heads_of_a_page_are_buttons_that_begin_with_the_best_and_lines_are_before_rows():
-    html = table_html(TABLE)
-    firsts = ["ascending", "ascending", "descending", "descending", "ascending"]
-    assert re.findall(r'data-first="(\w+)"', html) == firsts
-    assert html.count('aria-sort="none"') == 5
-    assert re.findall(r'<tr class="line"><th scope="row">(\w+)', html) == ["Gain"]
-
-
-def test_names_of_a_page_are_escaped_everywhere():
-    wicked = "<script>\"'&"
-    html = table_html(Table("k", wicked, wicked, [wicked], [(wicked, [wicked])], wicked))
-    assert "<script>" not in html
-    assert html.count("&lt;script&gt;") == 6
 
 
 # ---------------------------------------------------------------------------------- the terminal

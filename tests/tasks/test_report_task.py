@@ -152,7 +152,7 @@ def test_the_page_has_the_tables_and_the_curves_of_the_runs_that_have_a_log(runs
         log = "step,epoch,train/total,val/miou,val/kar_miou\n9,0,2.5,,\n9,0,,0.125,0.25\n"
         (runs / f"skyocc/seed{seed}/metrics.csv").write_text(log)
     page = (reported(runs) / "report.html").read_text()
-    for words in ("Main results, test", "Learning curves", "KAR-mIoU on validation", "25.0 %"):
+    for words in ("Main results, test", "KAR-mIoU on validation", "25.0 %"):
         assert words in page
     assert "All 12 runs of the ladder share every setting" in page
 
@@ -296,41 +296,11 @@ def test_a_run_without_a_number_of_epochs_is_reported(runs):
     assert "streams seed 1: unfinished, no epoch logged" in page_of(reported(runs))
 
 
-def test_a_mixed_report_says_so_and_has_no_difference_between_protocols(runs, tmp_path):
-    shutil.rmtree(runs / "attitude")
-    unlike = {"of": protocol("tiny-4567"), "code": "0ther", "data__test_clips": []}
-    write_run(runs, "attitude", 0, **unlike)
-    with pytest.raises(UserError, match=r"trained by code .*; .*task\.mixed=true"):
+def test_runs_of_two_codes_or_protocols_are_refused_with_the_way_out(runs):
+    write_run(runs, "mine", 0, code="0ther")
+    with pytest.raises(UserError, match=r"by code .*; .* or report them apart, each with its own"):
         reported(runs)
-
-    out = reported(runs, mixed=True)
-    main, other = table(out, "main"), " (2: dataset=tiny-4567)"
-    assert {f"+ Attitude-aware projection{other}", f"Voxel prior{other}"} < set(main.index)
-    assert "+ Attitude-aware projection" not in main.index
-    assert table(out, "incremental").loc["Safety-prior class weights"].isna().all()
-
-    warned = section_of(out, "Not a clean comparison")
-    assert "different code: code c0de (" in warned
-    assert "code 0ther (attitude seed 0)" in warned
-    assert re.search(r"scored unlike the others .*attitude seed 0", warned)
-
-    reported(runs, out=tmp_path / "public", mixed=True, publish=True)
-    again = reported(runs, tmp_path / "public/runs", out=tmp_path / "again", mixed=True)
-    assert page_of(again) == page_of(out)
-
-    experiments = set(scores_of(out)["experiment"])
-    assert {f"attitude{other}", f"all_free{other}"} < experiments
-    assert "attitude" not in experiments
-
-
-def test_curves_of_other_protocols_are_no_seeds_of_one(tmp_path):
-    runs = tmp_path / "runs"
-    log = "step,epoch,val/kar_miou,val/miou\n1,0,0.2,0.3\n2,1,0.25,0.35\n"
-    one = write_run(runs / "a", "skyocc", 0)
-    other = write_run(runs / "b", "skyocc", 1, of=protocol("tiny-4567"))
-    for run in (one, other):
-        (run / "metrics.csv").write_text(log)
-    out = reported(runs / "a", one, other, out=tmp_path / "out", mixed=True)
-    page = (out / "report.html").read_text()
-    assert "2 seeds" not in page
-    assert "SkyOcc (2: dataset=tiny-4567)" in page
+    shutil.rmtree(runs / "mine")
+    write_run(runs, "mine", 0, of=protocol("tiny-4567"))
+    with pytest.raises(UserError, match=r"dataset=tiny-4567, and .* or report them apart, each"):
+        reported(runs)
