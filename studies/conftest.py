@@ -1,4 +1,5 @@
 """The fixtures of the project's tests that the studies' tests use, too."""
 
-from tests.conftest import mini_config, mini_dataset, mini_sim, run_py  # noqa: F401
+from tests.conftest import mini_config, mini_dataset, mini_sim  # noqa: F401
+from tests.data.conftest import clips  # noqa: F401
 from tests.tasks.conftest import trained  # noqa: F401

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from ..data.clip import Clip
-from ..errors import UserError
+from ..errors import UserError, closest
 from ..results.render import Table
 from ..results.runs import ScoredRun
 from ..results.table import Resamples
@@ -69,9 +69,13 @@ def with_settings(
     Raises `UserError` for a setting that no section reads.
     """
     parameters = [signature(section).parameters.keys() for section in sections.values()]
+    known = sorted(set().union(*parameters) - {"reported"})
     for name in settings:
-        if not any(name in of_section for of_section in parameters):
-            raise UserError(f"task.{name}: nothing reads this key; no section of the report has it")
+        if name not in known:
+            raise UserError(
+                f"task.{name}: nothing reads this key{closest(name, known)} the sections of the "
+                f"report read {', '.join(known) or 'none'}"
+            )
 
     return [
         partial(section, **{name: settings[name] for name in of_section & settings.keys()})

@@ -8,7 +8,6 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from src.data.datamodule import SkyShieldData
-from src.data.measured_attitude import MeasuredAttitude
 from src.metrics.protocol import Protocol
 from src.results.counts import Counts
 from src.tasks.scoring import clips_of, protocol_of
@@ -16,6 +15,7 @@ from src.tasks.session import Session
 from src.tasks.trainer import Predictor, predictor
 from src.terminal import say, tracked
 from studies.attitude.conditions import ATTITUDE, Condition, condition_table, conditions_of
+from studies.attitude.measured_attitude import MeasuredAttitude
 from studies.counting import SCORE, Counter, print_scores, scores_of, write_counted
 
 # The scores that are printed, and their names.

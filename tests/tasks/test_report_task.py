@@ -7,8 +7,11 @@ from zipfile import ZipFile
 import pandas as pd
 import pytest
 from hydra.utils import instantiate
+from PIL import Image
 
 from src.errors import UserError
+from src.report.section import Section
+from src.results.render import Cell, Table
 from src.run_folder import ANCHORS
 from tests.results.scored import RIGHT, protocol, write_ladder, write_run
 from tests.synthetic import compose_config
@@ -155,6 +158,28 @@ def test_the_page_has_the_tables_and_the_curves_of_the_runs_that_have_a_log(runs
     for words in ("Main results, test", "KAR-mIoU on validation", "25.0 %"):
         assert words in page
     assert "All 12 runs of the ladder share every setting" in page
+
+
+def counted_section(reported, unit="runs"):
+    """A section of one's own: how many runs there are."""
+    rows = [("all", [Cell(len(reported.runs))])]
+    return Section([Table("counted", "Counted", "", [unit], rows)], pictures={"mine.png": dot})
+
+
+def dot(path, frames):
+    Image.new("RGB", (8, 8)).save(path)
+    return "Mine"
+
+
+def test_a_section_of_ones_own_adds_its_table_and_reads_its_settings(ladder, tmp_path):
+    mine = {"mine": {"_target_": f"{__name__}.counted_section", "_partial_": True}}
+    (tmp_path / "out/figures").mkdir(parents=True)
+    out = reported(ladder, out=tmp_path / "out", sections=mine, unit="trainings")
+    assert table(out, "counted").loc["all", "trainings"] == 12
+    assert "![Mine](figures/mine.png)" in page_of(out)
+    with pytest.raises(UserError, match=r"^task\.units: nothing reads .* mean 'unit'"):
+        reported(ladder, out=tmp_path / "other", sections=mine, units="trainings")
+    assert not (tmp_path / "other").exists()
 
 
 # -------------------------------------------------------------------------------- what is missing

@@ -10,8 +10,8 @@ from PIL import Image
 from src.data.clip import AUX
 from src.errors import UserError
 from src.results.counts import Counts
-from src.tasks.bounds import Sight, bounds
 from src.tasks.dataset import root_of
+from studies.bounds.task import Sight, bounds
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 

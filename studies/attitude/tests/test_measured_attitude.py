@@ -7,8 +7,8 @@ import torch
 from torch.utils.data import default_collate
 
 from src.data.dataset import OccupancyDataset
-from src.data.measured_attitude import MeasuredAttitude, delayed, roll_pitch_of
 from src.errors import UserError
+from studies.attitude.measured_attitude import MeasuredAttitude, delayed, roll_pitch_of
 
 FIRST, SECOND = "downtown/clip00", "suburb/clip00"
 

@@ -10,12 +10,12 @@ import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
-from ..bounds import require_choice
-from ..data.batch import Batch
-from ..data.clip import AUX, Clip
-from ..errors import UserError
-from ..geometry import VoxelGrid, pixel_centers, transform, unproject
-from ..ontology import FREE, SKY
+from src.bounds import require_choice
+from src.data.batch import Batch
+from src.data.clip import AUX, Clip
+from src.errors import UserError
+from src.geometry import VoxelGrid, pixel_centers, transform, unproject
+from src.ontology import FREE, SKY
 
 By = Literal["image", "pixel"]
 # Of the smooth error: so many waves, none of them shorter than the image.

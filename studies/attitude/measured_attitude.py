@@ -7,10 +7,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..errors import UserError
-from ..geometry import euler_from_rotation, rigid, rotation_from_euler
-from .batch import Batch
-from .clip import Clip
+from src.data.batch import Batch
+from src.data.clip import Clip
+from src.errors import UserError
+from src.geometry import euler_from_rotation, rigid, rotation_from_euler
 
 
 class MeasuredAttitude:

@@ -13,20 +13,19 @@ from jaxtyping import UInt8
 from omegaconf import DictConfig
 from torch import Tensor
 
+from src.data.batch import Batch
+from src.errors import UserError
+from src.metrics.protocol import require_same_protocol
+from src.results.scored import read_scored
+from src.run_folder import METRICS
+from src.tasks.evaluate import Anchor, anchors_of
+from src.tasks.model import origin_of
+from src.tasks.scoring import clips_of, protocol_of
+from src.tasks.session import Session
+from src.terminal import say, tracked
+from studies.attitude.measured_attitude import MeasuredAttitude
+from studies.bounds.true_sight import By, TrueSight
 from studies.counting import SCORE, Counter, print_scores, scores_of, write_counted
-
-from ..audit.true_sight import By, TrueSight
-from ..data.batch import Batch
-from ..data.measured_attitude import MeasuredAttitude
-from ..errors import UserError
-from ..metrics.protocol import require_same_protocol
-from ..results.scored import read_scored
-from ..run_folder import METRICS
-from ..terminal import say, tracked
-from .evaluate import Anchor, anchors_of
-from .model import origin_of
-from .scoring import clips_of, protocol_of
-from .session import Session
 
 # The scores that are printed, and their names.
 PRINTED = {"miou_occupied": "mIoU occupied", SCORE: "KAR-mIoU"}
@@ -102,7 +101,7 @@ def bounds(
     table = scores_of([*counts, *beside], "bound").merge(facts, on="bound", how="left")
 
     # Scoring needs no drawing code; it is loaded for the figure alone.
-    from ..report.bounds import draw_bounds
+    from studies.bounds.figure import draw_bounds
 
     write_counted(Path(out), "bounds", counts, table, draw_bounds)
     print_scores(table, "bound", TITLE, PRINTED)

@@ -1,12 +1,12 @@
 import pytest
 import torch
 
-from src.audit.true_sight import TrueSight, counted, smooth_field
 from src.data.clip import AUX, Clip
 from src.data.dataset import OccupancyDataset
 from src.errors import UserError
 from src.geometry import VoxelGrid, transform, world_from_occ
 from src.ontology import CAR, CLASSES, FREE
+from studies.bounds.true_sight import TrueSight, counted, smooth_field
 from tests.synthetic import BOXES, write_clip
 
 
