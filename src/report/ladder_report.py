@@ -1,6 +1,6 @@
 """All that a report of the ladder says, as data: its tables, its settings, and what is missing."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -8,19 +8,21 @@ from pathlib import Path
 import pandas as pd
 
 from ..results.render import Table
-from ..results.runs import ScoredRun, UnfinishedRun
+from ..results.runs import UNKNOWN_CODE, ScoredRun, UnfinishedRun
 from ..results.table import Parts, joined
 from .paper_tables import paper_tables
 from .run_group import RunGroup
+from .sampling import sampling_table
 from .section import Draw, Reported, Section
 from .shared_settings import (
-    Values,
-    code_lines,
+    PRECISION,
     differing,
     grouped,
+    listed,
     marks_of,
-    other_experiments,
-    statement,
+    others_table,
+    settings_table,
+    shared_table,
     surprises,
 )
 
@@ -29,20 +31,18 @@ from .shared_settings import (
 class LadderReport:
     """``group`` are the finished runs.
 
-    ``scores`` is the long table. ``warnings`` say why the rungs may not be comparable, ``missing``
-    which runs are not there, and ``others`` what the experiments that are no rung are.
-    ``differing`` has the values of every setting in which the runs of the ladder differ, and
-    ``pictures`` what the sections draw, by file name.
+    ``scores`` is the long table. ``facts`` are tables of what the numbers rest on, and ``unclean``
+    is one of the settings for which the rungs may not be comparable, without a row if there is
+    none. ``missing`` says which runs are not there, and ``pictures`` has what the sections draw, by
+    file name.
     """
 
     group: RunGroup
     tables: tuple[Table, ...]
     scores: pd.DataFrame
-    settings: str
-    differing: Values
-    warnings: tuple[str, ...]
+    facts: tuple[Table, ...]
+    unclean: Table
     missing: tuple[str, ...]
-    others: tuple[str, ...]
     pictures: Mapping[str, Draw]
 
     @property
@@ -83,21 +83,42 @@ def ladder_report(
     given = Reported(ladder, group.runs, of_parts, out)
     added = [section(given) for section in sections]
     expected = [name for each in added for name in each.experiments]
+    tables += [table for each in added for table in each.tables]
+    resampled = [*of_parts.values(), *(one for each in added for one in each.resampled)]
     return LadderReport(
         group=group,
-        tables=(*tables, *(table for each in added for table in each.tables)),
+        tables=(*tables, sampling_table(resampled)),
         scores=joined([*(part.scores for part in parts), *(each.scores for each in added)]),
-        settings=statement(rungs or group.runs, ladder),
-        differing=differing(rungs or group.runs),
-        warnings=(
-            *surprises(rungs, ladder),
-            *code_lines(group.runs),
-            *_made_elsewhere(group),
-        ),
+        facts=tuple(table for table in _facts(group) if table.rows),
+        unclean=settings_table("unclean", "Not a clean comparison", surprises(rungs, ladder)),
         missing=tuple(_missing(group, unfinished, seeds, expected)),
-        others=tuple(other_experiments(group.runs, ladder)),
         pictures={name: draw for each in added for name, draw in each.pictures.items()},
     )
+
+
+def _facts(group: RunGroup) -> Iterator[Table]:
+    """Yields tables of the runs, the data, the code and the settings that the numbers rest on."""
+    runs, compared = group.runs, group.rungs or group.runs
+    seeds = grouped((run.experiment, str(run.seed)) for run in runs)
+    parameters = grouped((f"{run.row['parameters']:,}", run.experiment) for run in runs)
+    grid = runs[0].counts.protocol.voxel_grid
+
+    facts = {
+        "Runs, seeds": [listed(seeds)],
+        "Dataset": [runs[0].counts.protocol.dataset],
+        "Grid": [f"{' x '.join(map(str, grid.shape))} voxels of {grid.voxel_m:g} m"],
+        "Code (src/)": [runs[0].code_digest or UNKNOWN_CODE],
+        "Commit": [run.row["git_commit"] or "none" for run in runs],
+        "Precision": [run.row[PRECISION] for run in runs],
+        # One size needs no names: it is that of every experiment.
+        "Parameters": [listed(parameters)] if len(parameters) > 1 else list(parameters),
+        "Labels of other processors": [f"{1e6 * group.unlike_labels:.1f} of a million voxels"],
+    }
+    rows = [(name, ["; ".join(dict.fromkeys(values))]) for name, values in facts.items()]
+    yield Table("facts", "Runs, data and code", "", ["value"], rows, head="Fact")
+    yield shared_table(compared)
+    yield settings_table("differing", "What the rungs do not share", differing(compared))
+    yield others_table(runs, group.ladder)
 
 
 def _missing(
@@ -122,22 +143,6 @@ def _missing(
             lines.append(str(run) if run else f"{key[0]} seed {key[1]}: no run")
     lines += [str(run) for key, run in begun.items() if key not in finished]
 
-    seeds = grouped(key for key in sorted(finished) if key[0] in ladder)
-    if not seeds:
+    if not group.rungs:
         return ["no finished run of the ladder is here, so no table of its rungs", *lines]
-    if len(set(map(tuple, seeds.values()))) > 1:
-        lines.append(
-            "rungs have different seeds: a difference is over those that both have, and so not the "
-            "difference of the means beside it"
-        )
     return lines
-
-
-def _made_elsewhere(group: RunGroup) -> list[str]:
-    """Says how far labels differ of which processors made a few otherwise."""
-    if not group.unlike_labels:
-        return []
-    return [
-        "runs were scored on labels of several processors, unlike in up to "
-        f"{1e6 * group.unlike_labels:.1f} of a million voxels"
-    ]

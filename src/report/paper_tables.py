@@ -12,7 +12,6 @@ from ..ontology import CLASSES, NUM_CLASSES
 from ..results.files import SHORT_NAMES
 from ..results.render import Row, Table
 from ..results.table import pivoted
-from .captions import counted, resampling
 from .ladder import PAPER
 from .run_group import BEYOND, LONG_TAIL, Part
 
@@ -22,7 +21,7 @@ CLASS_NAMES = {
     **dict(zip(LONG_TAIL, ("Thin Struct.", "Large Veh.", "Car", "VRU"))),
     **dict(zip(CLASSES[7:], ("General", "Free Space"))),
 }
-PERCENT = "All numbers are percentages."
+PERCENT = "All numbers are percentages, in brackets their intervals."
 
 
 class Column(NamedTuple):
@@ -89,18 +88,15 @@ def long_tail_table(part: Part, frames: Collection[int]) -> Table:
     rows = [(_added(part, name, frames), {"experiment": name}) for name in part.rungs]
 
     # The last row says what the highest rung gains over the lowest, where both are there.
-    text, lines, first, last = "", (), part.ladder.first, part.ladder.last
+    lines, first, last = (), part.ladder.first, part.ladder.last
     if {first, last} <= set(part.rungs) and first != last:
         lines = (len(rows),)
         full = "full model" if last == PAPER.last else part.ladder.row_name(last)
         rows.append((f"Gain of {full}", {"experiment": last, "reference": first}))
-        text = f"Gains are relative to {part.ladder.reference}. "
 
-    labelled = part.resamples.labelled_clips
-    clips = ", ".join(f"{CLASS_NAMES[name]} {labelled[name]}" for name in LONG_TAIL)
-    text += (
-        f"All numbers are standard IoU percentages. Of the {counted(part.resamples.clips, 'clip')},"
-        f" so many have a labelled voxel of the class: {clips}."
+    text = (
+        f"Gains are relative to {part.ladder.reference}. All numbers are standard IoU percentages, "
+        "in brackets their intervals."
     )
     cells = _cells(part, rows, columns)
     return _of_rungs(
@@ -124,8 +120,8 @@ def incremental_table(part: Part) -> Table:
         if name in part.rungs
     ]
     text = (
-        "Values are percentage-point changes from the immediately previous configuration; empty "
-        "where that is missing."
+        "Values are percentage-point changes from the immediately previous configuration, in "
+        "brackets their intervals; empty where that is missing."
     )
     title, cells = "Incremental component effects", _cells(part, rows, columns)
     return _of_rungs(part, "incremental", title, text, columns, cells, head="Added component")
@@ -138,11 +134,9 @@ def progression_table(part: Part, frames: Collection[int]) -> Table:
     columns = [*MEANS, *changes, Column("gap", "Gap", best="")]
 
     rows = [(_added(part, name, frames), {"experiment": name}) for name in part.rungs]
-    either, noun = " or ".join(map(str, sorted(frames))), "frames" if max(frames) > 1 else "frame"
     text = (
-        f"Each prediction sees {either} {noun}. Δ values are relative to {part.ladder.reference}. "
-        f"{PERCENT} The gap is mIoU less KAR-mIoU: what leaving free space out and weighing by "
-        "time to collision take together."
+        f"Δ values are relative to {part.ladder.reference}. {PERCENT} The gap is mIoU less "
+        "KAR-mIoU: what leaving free space out and weighing by time to collision take together."
     )
     title, cells = f"{_kind(frames)} progression", _cells(part, rows, columns)
     return _of_rungs(part, "progression", title, text, columns, cells)
@@ -165,12 +159,6 @@ def beyond_table(part: Part) -> Table:
         "that the UAV's body sweeps, and in the bubble within the horizon. These two rates are "
         "lowest for what calls everything occupied: read them with the IoU."
     )
-    frames, clips = part.resamples.blocked
-    if frames:
-        text += (
-            f" The collision-miss rate rests on the {counted(frames, 'frame')}, of "
-            f"{counted(clips, 'clip')}, with something in the tube."
-        )
     return _of_all(part, "beyond", "Beyond the paper", text, columns)
 
 
@@ -183,8 +171,7 @@ def _of_all(part: Part, key: str, title: str, text: str, columns: Sequence[Colum
             lines.append(len(rows))
         keys = [(part.ladder.row_name(name), {"experiment": name}) for name in names]
         rows += _cells(part, keys, columns)
-    caption = f"{text}{_absent(part)} {resampling(part.resamples, part.rungs + part.others)}"
-    return _table(part, key, title, caption, columns, rows, lines=tuple(lines))
+    return _table(part, key, title, text, columns, rows, lines=tuple(lines))
 
 
 def _of_rungs(
@@ -196,10 +183,8 @@ def _of_rungs(
     rows: Sequence[Row],
     **more,
 ) -> Table:
-    """Returns a table of the ladder alone; its caption ends with how the intervals were drawn."""
-    drawn = resampling(part.resamples, part.rungs, differences=True)
-    caption = f"{text}{_absent(part)} {drawn}"
-    return _table(part, key, title, caption, columns, rows, **{"head": "Configuration", **more})
+    """Returns a table of the ladder alone."""
+    return _table(part, key, title, text, columns, rows, **{"head": "Configuration", **more})
 
 
 def _table(
@@ -239,17 +224,6 @@ def _cells(
 def _changes(names: Mapping[str, str], reference: str = "", best: str = "high") -> list[Column]:
     """Returns a column for the change of each score; from what, the rows say where it does not."""
     return [Column(score, f"Δ {name}", best, reference=reference) for score, name in names.items()]
-
-
-def _absent(part: Part) -> str:
-    """Says what a class that is nowhere does to the means, and to their differences."""
-    if not part.absent:
-        return ""
-    return (
-        f" Not one voxel is labelled {', '.join(CLASS_NAMES[name] for name in part.absent)}: the "
-        "class counts in a row's means, with 0, if it was predicted there, and is left out if it "
-        "was not."
-    )
 
 
 def _kind(frames: Collection[int]) -> str:

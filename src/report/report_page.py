@@ -8,17 +8,15 @@ from plotly.graph_objects import Figure
 from plotly.offline import get_plotlyjs
 
 from ..atomic import replacing
-from ..results.render import Table
 from ..results.runs import ScoredRun
 from ..run_folder import METRICS
 from .curve_plot import CurvePlot
 from .curves import TRAIN_LOSS, read_curve
 from .ladder_report import LadderReport
 from .picture import address
-from .report_text import facts_of, settings_rows
+from .report_text import NUMBERS
 from .scene import VoxelScene
 from .scene_figure import scenes_figure
-from .shared_settings import Values
 from .template import filled
 
 # Columns of ``metrics.csv``, and the titles and units of their plots.
@@ -47,12 +45,13 @@ def write_report_page(
     page = filled(
         "page.html",
         heading=heading,
-        facts=facts_of(report) | {"Settings": report.settings},
-        alarms={"Not a clean comparison": report.warnings, "Missing": report.missing},
+        missing=report.missing,
         sections={
-            "Settings": [_settings_table(report.differing)] if report.differing else [],
+            "Not a clean comparison": [report.unclean] if report.unclean.rows else [],
+            "Facts": report.facts,
             "Tables": report.tables,
         },
+        numbers=NUMBERS.replace("`", ""),
         plotlyjs=get_plotlyjs(),
         plots=[(title, _plot_html(plot, f"plot-{n}")) for n, (title, plot) in enumerate(plots)],
         pictures=[
@@ -68,18 +67,6 @@ def _plot_html(plot: Figure, name: str) -> str:
     """Returns a plot without plotly's script; its name makes the same bytes of the same plot."""
     settings = {"full_html": False, "include_plotlyjs": False, "config": {"displaylogo": False}}
     return plot.to_html(div_id=name, **settings)
-
-
-def _settings_table(differing: Values) -> Table:
-    (corner, *columns), *rows = settings_rows(differing)
-    return Table(
-        "settings",
-        "What the rungs do not share",
-        "Every key of their configurations in which two of them differ.",
-        columns,
-        [(name, values) for name, *values in rows],
-        corner,
-    )
 
 
 def learning_curves(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[CurvePlot]:

@@ -10,7 +10,6 @@ import torch
 
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
-from ..ontology import CLASSES
 from ..results.counts import OTHER_LABELS, Counts
 from ..results.files import SCORES
 from ..results.runs import ScoredRun
@@ -100,12 +99,6 @@ class Part:
     @property
     def anchors(self) -> list[str]:
         return [name for name in ANCHORS if self.resamples.seeds(name)]
-
-    @property
-    def absent(self) -> list[str]:
-        """The classes without a labelled voxel."""
-        labelled = self.resamples.labelled_clips
-        return [name for name in CLASSES if not labelled[name]]
 
 
 @dataclass(frozen=True)

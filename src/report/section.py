@@ -49,7 +49,7 @@ class Reported:
 
 @dataclass(frozen=True)
 class Section:
-    """What a section adds to a report.
+    """What a section adds to a report; its intervals rest on what it has ``resampled``.
 
     ``scores`` are rows of the long table. Every seed of the sweep is expected of ``experiments``,
     as it is of the rungs. ``pictures`` has every picture that the section may draw, by file name.
@@ -57,6 +57,7 @@ class Section:
 
     tables: Sequence[Table] = ()
     scores: pd.DataFrame = field(default_factory=pd.DataFrame)
+    resampled: Sequence[Resamples] = ()
     experiments: Sequence[str] = ()
     pictures: Mapping[str, Draw] = field(default_factory=dict)
 

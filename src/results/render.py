@@ -176,7 +176,7 @@ def markdown_of(table: Table) -> str:
         lines.append([markdown(name), *map("".join, zip(cells, bounds))])
 
     rows = "".join(f"| {' | '.join(line)} |\n" for line in lines)
-    return f"**{markdown(table.title)}.** {markdown(table.caption)}\n\n{rows}"
+    return f"**{markdown(table.title)}.** {markdown(table.caption)}".rstrip() + f"\n\n{rows}"
 
 
 def markdown(text: str) -> str:

@@ -11,7 +11,6 @@ from omegaconf import DictConfig
 
 from ..errors import UserError
 from ..metrics.suite import import_metrics
-from ..report.captions import counted
 from ..report.sensitivity import draw_sensitivity, sensitivity_table
 from ..results.bootstrap import difference_of, interval_of
 from ..results.counts import Counts
@@ -63,7 +62,7 @@ def _sensitivity(scored: Mapping[str, Counts], folder: Path) -> str:
     write_table(ranked, table)
     draw_sensitivity(ranked, list(scored), figure)
     orders = len(ranked[[f"rank {name}" for name in scored]].drop_duplicates())
-    return f"{len(ranked)} settings of KAR-mIoU rank the runs in {counted(orders, 'order')}"
+    return f"orders of the runs under {len(ranked)} settings of KAR-mIoU: {orders}"
 
 
 def _clips_like(patterns: Sequence[str], counts: Counts) -> set[str]:
@@ -111,7 +110,6 @@ def _printed(table: pd.DataFrame, clips: int) -> Table:
             beside = [Cell(*percent[3:], signed=True), sure] if run != first else [None, None]
             rows.append((f"{score}, {run}", [Cell(*percent[:3]), *beside]))
 
-    over = counted(clips, "clip")
-    title = f"Scores (%) with intervals over {over}, and differences from {first}"
+    title = f"Scores (%) with intervals (clips: {clips}), and differences from {first}"
     columns = ["value", "difference", "same sign"]
     return Table("differences", title, "", columns, rows, "score, run", lines=tuple(lines[1:]))

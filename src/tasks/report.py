@@ -148,8 +148,10 @@ def _print(made: LadderReport, folder: Path) -> None:
         if table := made.table(key):
             title = f"{table.title} (%; below each number its interval)"
             print_table(replace(table, title=title), console)
-    for lines, style in ((made.warnings, "bold red"), (made.missing, "yellow"), (made.others, "")):
-        for line in lines:
-            console.print(line, style=style, markup=False, highlight=False)
-    console.print(made.settings, markup=False, highlight=False)
+    for setting, values in made.unclean.rows:
+        of = "; ".join(map(" ".join, zip(made.unclean.columns, values)))
+        line = f"{made.unclean.title}: {setting} ({of})"
+        console.print(line, style="bold red", markup=False, highlight=False)
+    for line in made.missing:
+        console.print(line, style="yellow", markup=False, highlight=False)
     console.print(str(folder), highlight=False, soft_wrap=True)

@@ -26,7 +26,8 @@ def attitude_section(reported: Reported) -> Section:
         "tilt.jpg": _draw_tilt,
         "attitude.png": lambda path, _: draw_report_attitude(scores, path),
     }
-    return Section(attitude_tables(scores), scores.scores, pictures=pictures)
+    resampled = list(scores.resamples.values())
+    return Section(attitude_tables(scores), scores.scores, resampled, pictures=pictures)
 
 
 @lru_cache(maxsize=1)

@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass, replace
 
 import pandas as pd
 
-from src.report.captions import ONE_SEED, intervals_over, listed_seeds, lost_classes
 from src.report.ladder import PAPER, Ladder
 from src.results.render import Table
 from src.results.table import MEAN, Resamples, joined, pivoted
@@ -17,17 +16,17 @@ SCORES = ("miou", "miou_occupied", SCORE)
 
 BY_TILT = (
     "KAR-mIoU of the test frames of each tilt |roll| + |pitch|, and below it what a rung gains "
-    "over {reference} on the same frames. All numbers are percentages."
+    "over {reference} on the same frames. All numbers are percentages, in brackets their intervals."
 )
 BY_LEVEL = (
     "KAR-mIoU of the test frames of each tilt where the model is told that the UAV flies level, "
     "and below it what the true attitude is worth to it: the gain over that on the same frames. "
-    "All numbers are percentages."
+    "All numbers are percentages, in brackets their intervals."
 )
 BY_FAULT = (
     "KAR-mIoU of the whole test split where the model is told a wrong attitude: noise of a "
     "standard deviation on roll and pitch, drawn once for all runs, or the attitude of some time "
-    "ago. All numbers are percentages."
+    "ago. All numbers are percentages, in brackets their intervals."
 )
 
 
@@ -119,27 +118,12 @@ def _table(
     return Table(
         f"attitude_{which}",
         title,
-        f"{text.format(reference=ladder.reference)} {how_drawn(attitude, conditions, names)}",
+        text.format(reference=ladder.reference),
         heads,
         pivoted(attitude.scores, rows, columns),
         best=dict.fromkeys(heads, "high"),
         lines=(len(names),) if changes else (),
     )
-
-
-def how_drawn(
-    attitude: AttitudeScores, conditions: Sequence[Condition], names: Sequence[str]
-) -> str:
-    """Says how the intervals were drawn; each column has clips of its own."""
-    columns = [attitude.resamples[condition] for condition in conditions]
-    every = attitude.resamples.values()
-    seeds = {name: sorted({s for each in every for s in each.seeds(name)}) for name in names}
-    most = max(map(len, seeds.values()))
-
-    of = f"{most} seeds and, independently, of the" if most > 1 else "the"
-    text = f"{intervals_over(columns[0])} {of} clips that have such frames, the same for every row."
-    text = text if most > 1 else f"{text} {ONE_SEED}."
-    return f"{text} {lost_classes(*columns)}{listed_seeds(seeds, differences=True)}"
 
 
 def tilt_in_words(condition: Condition, frames: int) -> str:

@@ -9,14 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, product
 
 from src.errors import UserError
-from src.report.captions import resampling
 from src.report.shared_settings import FACTOR_KEYS, SEED, differing, factors_of
 from src.results.bootstrap import interval_of
 from src.results.render import Cell, Row, Table
 from src.results.runs import ScoredRun
 from src.results.table import Resamples
 from studies.attitude.conditions import Condition
-from studies.attitude.tables import AttitudeScores, how_drawn, tilt_in_words
+from studies.attitude.tables import AttitudeScores, tilt_in_words
 from studies.free_bias.counts import read_bias, read_free_bias
 
 FACTORS = ("attitude-aware projection", "safety class weights", "Lovász loss")
@@ -126,7 +125,7 @@ def cube_tables(
     }
     found = {name: weights for name, weights, _ in effects(vertices)}
     if bins and FACTORS[0] in found:
-        tables.append(_by_tilt(attitude, bins, found[FACTORS[0]]))
+        tables.append(_by_tilt(bins, found[FACTORS[0]]))
     return tables
 
 
@@ -144,13 +143,7 @@ def _effects_table(
         "What a factor adds, in percentage points: the mean over models that differ in it alone. "
         "Of an interaction (x): how much more the one adds where the other is there, too."
     )
-    lacking = [has for has in product((False, True), repeat=len(FACTORS)) if has not in vertices]
-    if lacking:
-        text += f" Models that are not there: {'; '.join(map(_in_words, lacking))}."
-    drawn = resampling(resamples, [*vertices.values()], differences=True)
-    return Table(
-        key, title, f"{text} {drawn}", ["models", *scores.values()], rows, head="Effect of"
-    )
+    return Table(key, title, text, ["models", *scores.values()], rows, head="Effect of")
 
 
 def _tuned_table(runs: Sequence[ScoredRun], resamples: Resamples) -> Table:
@@ -166,21 +159,17 @@ def _tuned_table(runs: Sequence[ScoredRun], resamples: Resamples) -> Table:
         "What is added to the logit of free, in nats, is the number with the highest KAR-mIoU on "
         "validation, of each seed. Primitive miss has a threshold of its own."
     )
-    drawn = resampling(resamples, [*resamples.samples])
     columns, best = ["added to free", *scores.values()], dict.fromkeys(scores.values(), "high")
     best |= {SCORES["primitive_miss"]: "low"}
     title = "Models at the weight of free that validation prefers, test"
-    return Table("free_bias", title, f"{text} {drawn}", columns, rows, best=best)
+    return Table("free_bias", title, text, columns, rows, best=best)
 
 
-def _by_tilt(
-    attitude: AttitudeScores, bins: Mapping[Condition, Resamples], weights: Mapping[str, float]
-) -> Table:
+def _by_tilt(bins: Mapping[Condition, Resamples], weights: Mapping[str, float]) -> Table:
     """Returns what the attitude adds to KAR-mIoU in frames of each tilt."""
     cells = [_cell(resamples, weights, "kar_miou") for resamples in bins.values()]
     columns = [tilt_in_words(condition, each.frames) for condition, each in bins.items()]
-    drawn = how_drawn(attitude, [*bins], [*weights])
-    text = f"Effect on KAR-mIoU in frames of each tilt |roll| + |pitch|. {drawn}"
+    text = "Effect on KAR-mIoU in frames of each tilt |roll| + |pitch|."
     rows: list[Row] = [(FACTORS[0], cells)]
     return Table("cube_tilt", "Effect by tilt", text, columns, rows, head="Effect of")
 
@@ -198,7 +187,3 @@ def _cell(
     if sample is None:
         return None
     return Cell(*(100 * end for end in interval_of(sample, resamples.level)), signed=signed)
-
-
-def _in_words(vertex: Vertex) -> str:
-    return " and ".join(name for name, has in zip(FACTORS, vertex) if has) or "none of the factors"

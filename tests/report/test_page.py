@@ -58,7 +58,7 @@ def test_the_page_needs_nothing_but_itself(whole):
 
 def test_it_has_the_tables_the_curves_the_scenes_and_the_pictures(whole, report):
     titles = re.findall(r"<h2>(.*?)</h2>", whole)
-    assert titles == ["Missing", "Settings", "Tables", "Loss", "Scenes"]
+    assert titles == ["Missing", "Facts", "Tables", "Loss", "Scenes"]
     for words in ("attitude seed 1: no run", "a sheet as jpg", *(t.title for t in report.tables)):
         assert words in whole
     assert whole.count('class="plotly-graph-div"') == 2
@@ -78,7 +78,7 @@ def test_a_table_shows_its_intervals_its_best_and_its_lines(whole, report):
 def test_what_is_empty_is_left_out(report, tmp_path):
     report = dataclasses.replace(report, missing=())
     page = written(tmp_path, report, plots=[CurvePlot("Loss", "", (Curve("a", (), ()),))])
-    assert re.findall(r"<h2>(.*?)</h2>", page) == ["Settings", "Tables"]
+    assert re.findall(r"<h2>(.*?)</h2>", page) == ["Facts", "Tables"]
     assert "ITS SCRIPT" not in page, "4.8 MB for nothing"
 
 

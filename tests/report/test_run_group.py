@@ -7,7 +7,7 @@ import pytest
 
 from src.errors import UserError
 from src.ontology import FREE
-from src.report.ladder_report import _made_elsewhere
+from src.report.ladder_report import _facts
 from src.report.run_group import OTHER_PROCESSOR, group_of
 from src.results.runs import read_run
 from src.run_folder import ANCHORS
@@ -88,8 +88,9 @@ def labelled_otherwise(folder, beyond):
 def test_labels_of_another_processor_stand_in_one_report_which_says_so(tmp_path):
     group = group_of(labelled_otherwise(tmp_path, beyond=0))
     assert group.runs[1].counts.scored_on_other(group.runs[0].counts) == "other labels"
-    (line,) = _made_elsewhere(group)
-    assert line.endswith(f"unlike in up to {1e6 * group.unlike_labels:.1f} of a million voxels")
+    facts = dict(next(_facts(group)).rows)
+    share = f"{1e6 * group.unlike_labels:.1f} of a million voxels"
+    assert facts["Labels of other processors"] == [share]
     assert 90 < 1e6 * group.unlike_labels <= 100
 
 

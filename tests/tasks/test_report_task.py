@@ -16,7 +16,9 @@ from src.run_folder import ANCHORS
 from tests.results.scored import RIGHT, protocol, write_ladder, write_run
 from tests.synthetic import compose_config
 
-KEYS = ("main", "ablation", "long_tail", "incremental", "progression", "beyond")
+KEYS = ("main", "ablation", "long_tail", "incremental", "progression", "beyond", "sampling")
+FACTS = 3
+"""So many tables say what the numbers of a ladder rest on."""
 OF_PARTS = ("main", "ablation", "beyond")
 
 
@@ -83,15 +85,17 @@ def test_a_ladder_leaves_every_table_in_every_form(ladder, tmp_path, capsys):
     }
 
     page, latex = page_of(out), (out / "tables.tex").read_text()
-    assert page.count("| --: |\n") == len(expected)
+    assert page.count("| --: |\n") == len(expected) + FACTS
     assert all(f"\\label{{tab:{key}}}" in latex for key in expected)
     assert "## Missing" not in page
     assert "Not a clean comparison" not in page
-    assert "All 12 runs of the ladder share every setting but: model.encoder.projection" in page
+    assert "| Runs, seeds | baseline (0, 1, 2); attitude (0, 1, 2); weights (0, 1, 2);" in page
+    assert "| optimizer.lr | 0.002 |" in page
+    assert "| model.encoder.projection | level | attitude | attitude | attitude |" in page
 
     said = capsys.readouterr().out
     assert max(map(len, said.splitlines()[:-1])) <= 110
-    for words in ("Main results, test", "Ablation study, test", "SkyOcc", "All 12 runs"):
+    for words in ("Main results, test", "Ablation study, test", "SkyOcc"):
         assert words in said
     assert said.splitlines()[-1] == str(out)
 
@@ -157,7 +161,7 @@ def test_the_page_has_the_tables_and_the_curves_of_the_runs_that_have_a_log(runs
     page = (reported(runs) / "report.html").read_text()
     for words in ("Main results, test", "KAR-mIoU on validation", "25.0 %"):
         assert words in page
-    assert "All 12 runs of the ladder share every setting" in page
+    assert "<th>model.encoder.projection</th><td>level</td>" in page
 
 
 def counted_section(reported, unit="runs"):
@@ -182,6 +186,17 @@ def test_a_section_of_ones_own_adds_its_table_and_reads_its_settings(ladder, tmp
     assert not (tmp_path / "other").exists()
 
 
+def test_a_setting_beside_the_factors_stands_before_the_tables_and_is_printed(runs, capsys):
+    for seed in range(3):
+        path = runs / f"skyocc/seed{seed}/config.yaml"
+        path.write_text(path.read_text().replace("lr: 0.002", "lr: 0.01"))
+    page = page_of(reported(runs))
+    row = "| optimizer.lr | 0.002 | 0.002 | 0.002 | 0.01 |"
+    assert page.index("Not a clean comparison") < page.index(row) < page.index("## Facts")
+    line = " ".join(capsys.readouterr().out.split())
+    assert "Not a clean comparison: optimizer.lr (baseline 0.002; attitude 0.002; " in line
+
+
 # -------------------------------------------------------------------------------- what is missing
 
 
@@ -196,10 +211,8 @@ def test_an_own_ladder_is_reported_as_the_papers_is(runs):
     expected = main.loc["mine", "KAR-mIoU"] - main.loc["Baseline", "KAR-mIoU"]
     assert ablation.loc["mine", "Δ KAR"] == pytest.approx(expected)
     page = page_of(out)
-    assert "mine is skyocc but for optimizer.lr = 0.01 (0.002)" in page
-    assert re.search(
-        r"^- Parameters: 10 \(baseline, skyocc.*\); 12,000 \(mine\)$", page, re.MULTILINE
-    )
+    assert "| mine | skyocc | optimizer.lr | 0.01 | 0.002 |" in page
+    assert re.search(r"\| Parameters \| 10 \(baseline, skyocc.*\); 12,000 \(mine\) \|", page)
     assert "Not a clean comparison" not in page
     assert "weights seed" not in page
 
@@ -219,8 +232,6 @@ def test_an_interrupted_sweep_says_what_is_missing_and_reports_the_rest(runs, ca
     assert [line for line in section_of(out, "Missing").splitlines() if line] == [
         "- weights seed 1: unfinished, 3 of 8 epochs logged",
         "- skyocc seed 2: no run",
-        "- rungs have different seeds: a difference is over those that both have, and so not the "
-        "difference of the means beside it",
     ]
     assert "weights seed 1: unfinished, 3 of 8 epochs logged" in capsys.readouterr().out
 
@@ -238,15 +249,6 @@ def test_seeds_that_have_not_begun_are_missing_where_the_sweep_is_known(ladder, 
     ]
 
 
-def test_predictions_of_different_numbers_of_frames_are_said_to_be(tmp_path):
-    runs = tmp_path / "runs/tiny"
-    for name, frames in {"one": 1, "two": 2, "skyocc": 4}.items():
-        write_run(runs, name, 0, data__frames=frames)
-    text = page_of(reported(runs, rungs=["one", "two", "skyocc"]))
-    assert "Each prediction sees 1 or 2 or 4 frames. Δ values are relative to one." in text
-    assert "two is skyocc but for data.frames = 2 (4)" in text
-
-
 def test_without_any_rung_there_is_the_main_table_alone(tmp_path):
     runs = tmp_path / "runs/tiny"
     for seed in (0, 1):
@@ -256,7 +258,7 @@ def test_without_any_rung_there_is_the_main_table_alone(tmp_path):
     assert "ablation" not in set(tables(out)["table"])
     page = page_of(out)
     assert "no finished run of the ladder is here" in page
-    assert "All 2 runs share every setting but: seed." in page
+    assert "| seed | 0, 1 |" in page
 
 
 # ---------------------------------------------------------------------------------- what it refuses

@@ -334,7 +334,7 @@ def test_a_comparison_of_some_clips_is_of_these_alone(runs, compared, tmp_path, 
     capsys.readouterr()
     some = compared(runs, [f"{clip[:-1]}?", clip])
     printed = " ".join(capsys.readouterr().out.split())
-    assert "intervals over 1 clip," in printed
+    assert "intervals (clips: 1)," in printed
     assert "nan" not in printed
     pd.testing.assert_frame_equal(some, compared(alone))
     assert not some["value"].equals(compared(runs, ["*"])["value"])

@@ -65,8 +65,6 @@ def test_tables_have_scores_and_below_them_the_changes(attitude):
     assert names(level) == ["Baseline", ABOVE, *told]
     assert {each.lines for each in (tilt, level, faults)} == {(2,)}
     assert [cell.signed for cell in tilt.rows[2][1]] == [True, True]
-    assert "resamples of 2 seeds and, independently, of the clips" in tilt.caption
-    assert "Seeds: 0, 1." in tilt.caption
 
 
 def test_a_gain_is_the_mean_of_the_differences_of_each_seed(attitude, folders):
@@ -102,12 +100,6 @@ def test_rows_of_the_figure_are_shares_beside_the_facts_of_their_conditions(atti
     assert set(worths.index) == {"test", "tilt_0_5deg", "tilt_5_infdeg"}
     assert not worths["level"].any()
     assert 100 * worths.loc["tilt_5_infdeg", "value"] == pytest.approx(level.rows[3][1][2].value)
-
-
-def test_with_one_seed_it_is_not_said_that_seeds_were_drawn(folders):
-    tilt, *_ = attitude_tables(scores_of(folders["baseline", 0]))
-    assert "resamples of the clips" in tilt.caption
-    assert "With one seed only clips are drawn" in tilt.caption
 
 
 def test_runs_without_such_scores_have_no_table(folders):
