@@ -64,7 +64,7 @@ class Film:
 
     def write(self, path: str | Path, row: Mapping[str, object]) -> None:
         """Writes the end of the flight as a GIF of at most 1 MB, which tells the time and, at the
-        end, the outcome in its ``row``; and beside it a page on which it turns and is replayed."""
+        end, the outcome in its ``row``; and beside it a page on which it turns, frame by frame."""
         shown = self._scenes[-SHOWN:]
         hit = f", {row['hit']}".replace("_", " ") if row["hit"] else ""
         titles = [scene.title for scene in shown[:-1]]
