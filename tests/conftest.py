@@ -6,12 +6,16 @@ import os
 import runpy
 import sys
 
+import jaxtyping
 import pytest
 import torch
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import OmegaConf
 
+from tests.annotations import check_annotations
 from tests.sessions import ROOT
+
+check_annotations()  # before anything of src is imported
 
 if "OMP_NUM_THREADS" not in os.environ:
     # The threads of two processes on two cores would wait for each other most of the time.
@@ -38,6 +42,14 @@ def mini_dataset(mini_config):
 
     make_dataset(mini_config)
     return root_of(mini_config)
+
+
+@pytest.fixture
+def unchecked():
+    """Annotations are not checked: for what the code itself refuses, as it does for a user."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
 
 
 @pytest.fixture

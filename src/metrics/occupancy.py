@@ -5,7 +5,7 @@ from torch import Tensor
 
 from . import functional as F
 from .confusion import PenalizedConfusion
-from .tables import Scores, Tables
+from .tables import Scores, Sums
 
 
 class KARMeanIoU(PenalizedConfusion):
@@ -43,7 +43,7 @@ class KARMeanIoU(PenalizedConfusion):
     tensor(0.5000)
     """
 
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns ``kar_miou`` of tables ``count`` and ``excess`` [*n, c, c]."""
         kar_iou = F.iou_compute(tables["count"], tables["excess"])
         return {"kar_miou": F.mean_iou(kar_iou, without=self.free_index)}
@@ -85,7 +85,7 @@ class OccupancyScores(PenalizedConfusion):
     kar_iou/free     0.269
     """
 
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables ``count`` and ``excess`` [*n, c, c]."""
         iou = F.iou_compute(tables["count"])
         kar_iou = F.iou_compute(tables["count"], tables["excess"])

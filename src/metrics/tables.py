@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
-from jaxtyping import Float, Int64, UInt8
+from jaxtyping import Float, Float64, Int64, UInt8
 from torch import Tensor
 from torchmetrics import Metric
 
@@ -16,6 +16,8 @@ from . import functional as F
 from .functional.codes import MAX_CLASSES
 
 Tables = dict[str, Int64[Tensor, "..."]]
+# Tables added up, which is a weighted sum where clips are resampled.
+Sums = Mapping[str, Int64[Tensor, "..."] | Float64[Tensor, "..."]]
 Scores = dict[str, Float[Tensor, "..."]]
 
 
@@ -85,7 +87,7 @@ class TableMetric(Accumulator):
         """
 
     @abstractmethod
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables [*n, ...], each [*n]: of many sums at once, if need be."""
 
     @property
