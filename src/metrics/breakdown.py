@@ -13,7 +13,7 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .confusion import PenalizedConfusion
+from .occupancy import ConfusionMetric
 from .tables import Scores, Sums
 
 TTC_EDGES_S = (1.0, 2.0, 3.0, 4.0, 5.0)
@@ -25,7 +25,7 @@ WHOLE = "whole"
 Pair = tuple[F.Table, F.Table]
 
 
-class KARBreakdown(PenalizedConfusion):
+class KARBreakdown(ConfusionMetric):
     """The parts of KAR-mIoU, from one pass over every frame.
 
     Voxels are sorted by their time to collision (``|x| / max(|v|, min_speed_mps)``), by their

@@ -9,7 +9,7 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .functional.primitives import CLEAR
+from .functional.codes import NOTHING
 from .primitives import PrimitiveMetric
 from .tables import Scores, Sums, Tables
 
@@ -94,7 +94,7 @@ class PlanRegret(PrimitiveMetric):
         chosen = torch.zeros(self.chosen.shape, dtype=torch.int64)
         if not swept.known.any():
             return chosen
-        blocked = swept.met != CLEAR
+        blocked = swept.met != NOTHING
         by_prediction = self._cheapest(swept.known & ~swept.said)
         by_truth = self._cheapest(swept.known & ~blocked)
         hit = by_prediction < len(blocked) and bool(blocked[by_prediction])

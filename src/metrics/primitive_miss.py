@@ -9,7 +9,7 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .functional.primitives import CLEAR
+from .functional.codes import NOTHING
 from .primitives import PrimitiveMetric
 from .tables import Scores, Sums, Tables
 
@@ -92,7 +92,7 @@ class PrimitiveMiss(PrimitiveMetric):
         return scores
 
     def _frame(self, swept: F.Swept, has_logits: bool) -> Tables:
-        truly = swept.met != CLEAR
+        truly = swept.met != NOTHING
         outcome = (2 * truly.long() + swept.said)[swept.known]
         tables = {name: torch.zeros(table.shape).long() for name, table in self.tables.items()}
         tables["said"] = torch.bincount(outcome, minlength=4).view(2, 2)

@@ -12,15 +12,15 @@ from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import THIN_STRUCTURE
 from . import functional as F
-from .confusion import PenalizedConfusion
 from .functional.codes import UNCOUNTED
+from .occupancy import ConfusionMetric
 from .tables import Scores, Sums, Tables
 
 # The columns of the table ``frames``: what the tube of a frame truly was, and what was predicted.
 BLOCKED, MISSED, CLEAR, STOPPED = range(4)
 
 
-class SafetyScores(PenalizedConfusion):
+class SafetyScores(ConfusionMetric):
     """The safety suite. Occupied is every class but free; unknown voxels never count.
 
     The *bubble* is all within ``max(|v|, min_speed_mps) * horizon_s`` of the UAV. The *tube* is all

@@ -19,6 +19,9 @@ CODES = 256
 UNCOUNTED = 255
 _NO_CLASS = 254
 
+# Stands for the class that a ray or a path meets where it meets nothing.
+NOTHING = 255
+
 
 def encode(
     labels: Labels, target: Labels, mask: Mask | None, num_classes: int, ignore_index: int
