@@ -63,7 +63,7 @@ def no_locks(monkeypatch):
 
 
 @pytest.fixture
-def run_py(monkeypatch, capsys):
+def run_py(monkeypatch, capsys, unchecked):
     """Runs ``run.py`` in this process; returns its status, its lines and those of its errors."""
 
     def called(*overrides):
