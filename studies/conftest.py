@@ -2,4 +2,5 @@
 
 from tests.conftest import mini_config, mini_dataset, mini_sim  # noqa: F401
 from tests.data.conftest import clips  # noqa: F401
+from tests.metrics.conftest import four_classes, grid, random_batch  # noqa: F401
 from tests.tasks.conftest import trained  # noqa: F401

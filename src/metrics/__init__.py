@@ -10,5 +10,4 @@ from .plan_regret import PlanRegret
 from .primitive_miss import PrimitiveMiss
 from .ray_iou import CameraRayIoU, RayIoU
 from .safety import SafetyScores
-from .sensitivity import KARSensitivity
 from .tables import TableMetric

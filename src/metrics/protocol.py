@@ -20,6 +20,9 @@ RULES = {
     "accumulation": "counts over the data set",
 }
 
+# A metric that was once of every suite. Older counts, which name it, are read without it.
+FORMER = ("sensitivity", "src.metrics.KARSensitivity")
+
 SUPERVISED, VISIBLE = "every supervised voxel", "visible voxels"
 
 
@@ -64,8 +67,14 @@ class Protocol:
     def from_json(cls, text: str) -> "Protocol":
         """Reads what `to_json` wrote. Raises `UserError` for any other text."""
         try:
-            return cls(**json.loads(text))
-        except (ValueError, TypeError) as error:
+            protocol = cls(**json.loads(text))
+            name, target = FORMER
+            metrics = protocol.suite.get("metrics", {})
+            if metrics.get(name, {}).get("_target_") == target:
+                metrics.pop(name)
+                protocol.suite.pop(name, None)
+            return protocol
+        except (ValueError, TypeError, AttributeError) as error:
             raise UserError(f"protocol: cannot be read ({error})") from error
 
     def to_json(self) -> str:

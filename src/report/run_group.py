@@ -45,7 +45,7 @@ BEYOND = {
 }
 
 # Metrics whose many scores have tables of their own, and no place in a report.
-APART = ("breakdown", "calibration", "sensitivity")
+APART = ("breakdown", "calibration")
 # Metrics of which a report shows the scores above; it shows every score of any other metric.
 KNOWN = ("occupancy", "safety", "rays", "primitives", "plans", "objects")
 

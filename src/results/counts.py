@@ -108,10 +108,12 @@ class Counts:
 
             name, protocol = (str(arrays.pop(key)) for key in ("name", "protocol"))
             clips, frames = (arrays.pop(key).tolist() for key in ("clips", "frames"))
+            described = Protocol.from_json(protocol)
             for key, array in arrays.items():
                 metric, table = key.split("/", 1)
-                tables.setdefault(metric, {})[table] = torch.from_numpy(array)
-            return cls(name, Protocol.from_json(protocol), clips, frames, tables)
+                if metric in described.suite.get("metrics", [metric]):
+                    tables.setdefault(metric, {})[table] = torch.from_numpy(array)
+            return cls(name, described, clips, frames, tables)
         except FileNotFoundError as error:
             raise UserError(f"{path}: no such file; {AGAIN}") from error
         # numpy raises the last two over the header of an array.

@@ -15,8 +15,6 @@ from ..metrics.suite import ScoreSuite, import_metrics
 from ..ontology import FREE
 from .counts import Counts
 
-# These take logits, or have too many tables.
-LEFT_OUT = ("calibration", "sensitivity")
 MASK = "voxels that the camera truly sees"
 
 
@@ -67,7 +65,8 @@ class FrameScores:
         clips = [f"{flight}@{second}" for second in range(len(frames))]
 
         metrics = self._config["suite"]["metrics"]
-        kept = {name: each for name, each in metrics.items() if name not in LEFT_OUT}
+        # It takes logits.
+        kept = {name: each for name, each in metrics.items() if name != "calibration"}
         protocol = Protocol.of(
             "flights",
             "flown",

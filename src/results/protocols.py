@@ -1,7 +1,6 @@
 """The same predictions under other protocols: how far the choice alone moves the number."""
 
 import pandas as pd
-import torch
 
 from ..metrics import functional as F
 from .counts import Counts
@@ -31,16 +30,11 @@ def protocol_table(counts: Counts) -> pd.DataFrame:
         "KAR-mIoU, visible voxels": parts["visible/kar_miou"],
         "geometric IoU, occupied against free": F.geometric_iou(count.sum(0), free),
     }
-    # Runs whose cameras are unknown have no rays, and published counts no sensitivity.
     for edge_m in suite.metric("breakdown").distance_edges_m:
         score = parts[f"all/within_{edge_m:g}m/miou_occupied"]
         scores[f"mIoU of occupied classes within {edge_m:g} m"] = score
-    if "rays" in counts.tables:
+    if "rays" in counts.tables:  # their cameras are known
         scores["RayIoU, mean of its thresholds"] = counts.scores("rays", rows)["ray_iou"]
-    if "sensitivity" in counts.tables:
-        grid = torch.stack([*counts.scores("sensitivity", rows).values()])
-        scores["KAR-mIoU, the lowest of its parameter grid"] = grid.min()
-        scores["KAR-mIoU, the highest of its parameter grid"] = grid.max()
 
     values = [(name, float(score)) for name, score in scores.items()]
     return pd.DataFrame(values, columns=["protocol", "score"])

@@ -1,5 +1,4 @@
-"""task=compare: scored runs beside each other, with paired intervals, and how far their ranking
-depends on the parameters of KAR-mIoU."""
+"""task=compare: scored runs beside each other, with paired intervals."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,7 +10,6 @@ from omegaconf import DictConfig
 
 from ..errors import UserError
 from ..metrics.suite import import_metrics
-from ..report.sensitivity import draw_sensitivity, sensitivity_table
 from ..results.bootstrap import difference_of, interval_of
 from ..results.counts import Counts
 from ..results.files import write_table
@@ -25,13 +23,12 @@ PRINTED = ("miou", "miou_occupied", "kar_miou", "geometric_iou", "primitive_miss
 
 
 def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = ()) -> None:
-    """Writes ``differences.csv``, ``sensitivity.csv`` and ``sensitivity.png`` to ``out``, and
-    prints the scores of all runs and their differences from the first.
+    """Writes ``differences.csv`` to ``out``, and prints the scores of all runs and their
+    differences from the first.
 
     Only the clips like one of the patterns in ``clips`` count, as ``old_town/*``; without a
-    pattern, all. Runs whose counts were published without those of other parameters of KAR-mIoU
-    are compared without the sensitivity. Raises `UserError` for fewer than two runs, for runs of
-    other protocols, clips or labels, and for a pattern that no scored clip is like.
+    pattern, all. Raises `UserError` for fewer than two runs, for runs of other protocols, clips or
+    labels, and for a pattern that no scored clip is like.
     """
     import_metrics(cfg.suite)
     if len(runs) < 2:
@@ -45,24 +42,7 @@ def compare(cfg: DictConfig, runs: list[str], out: str, clips: Sequence[str] = (
     folder, table = Path(out), _differences(scored)
     write_table(table, folder / "differences.csv")
     print_table(_printed(table, len(next(iter(scored.values())).rows())))
-    say(_sensitivity(scored, folder))
     say(folder)
-
-
-def _sensitivity(scored: Mapping[str, Counts], folder: Path) -> str:
-    """Writes how the ranking depends on the parameters of KAR-mIoU, and says it in a line."""
-    table, figure = folder / "sensitivity.csv", folder / "sensitivity.png"
-    without = [name for name, counts in scored.items() if "sensitivity" not in counts.tables]
-    if without:
-        for earlier in (table, figure):
-            earlier.unlink(missing_ok=True)
-        return f"no ranking under other parameters: {without[0]} has no counts for them"
-
-    ranked = sensitivity_table(scored)
-    write_table(ranked, table)
-    draw_sensitivity(ranked, list(scored), figure)
-    orders = len(ranked[[f"rank {name}" for name in scored]].drop_duplicates())
-    return f"orders of the runs under {len(ranked)} settings of KAR-mIoU: {orders}"
 
 
 def _clips_like(patterns: Sequence[str], counts: Counts) -> set[str]:

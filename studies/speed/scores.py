@@ -19,6 +19,7 @@ from src import metrics
 from src.data.truth import SkyShieldTruth
 from src.metrics.functional import camera_rays
 from src.ontology import FREE, NUM_CLASSES, UNKNOWN
+from studies.sensitivity.metric import KARSensitivity
 from studies.settings import run
 from studies.speed.timing import print_costs
 
@@ -47,7 +48,7 @@ def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
     primitives, plans = metrics.PrimitiveMiss(grid), metrics.PlanRegret(grid)
     objects = metrics.ObjectMiss(grid)
     calibration = metrics.Calibration(grid)
-    ray_iou, sensitivity = metrics.RayIoU(grid), metrics.KARSensitivity(grid)
+    ray_iou, sensitivity = metrics.RayIoU(grid), KARSensitivity(grid)
     subject = f"{'x'.join(map(str, grid.shape))} voxels, {clip} frame {frame} of {source.name}"
     return {
         "MulticlassJaccardIndex (torchmetrics)": lambda: jaccard.update(ids, target),

@@ -26,7 +26,6 @@ SHARED = {
     "calibration_bins": 5,
     "ray_thresholds_m": [1.0, 4.0],
     "rays": [6, 4],
-    "sensitivity": {"horizon_s": [2.5, 5.0]},
     "resamples": 50,
     "level": 0.9,
     "seed": 0,

@@ -8,7 +8,6 @@ from src.metrics import (
     Calibration,
     KARBreakdown,
     KARMeanIoU,
-    KARSensitivity,
     OccupancyScores,
     SafetyScores,
 )
@@ -16,7 +15,7 @@ from tests.metrics.inputs import assert_same, updated
 
 CLIPS = ["town/a", "town/b", "village/c", "village/empty"]
 OF_FRAME = ["village/c", "town/a", "town/b", "town/a", "village/c", "town/b", "town/a"]
-METRICS = (KARMeanIoU, OccupancyScores, KARBreakdown, SafetyScores, KARSensitivity, Calibration)
+METRICS = (KARMeanIoU, OccupancyScores, KARBreakdown, SafetyScores, Calibration)
 
 
 @pytest.fixture

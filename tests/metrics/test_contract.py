@@ -16,7 +16,6 @@ from src.metrics import (
     Calibration,
     KARBreakdown,
     KARMeanIoU,
-    KARSensitivity,
     ObjectMiss,
     OccupancyScores,
     PlanRegret,
@@ -32,12 +31,11 @@ OPTIONS = {
     PrimitiveMiss: {"radius_m": 4.0},
     PlanRegret: {"radius_m": 4.0},
     ObjectMiss: {"near_m": 4.0},
-    KARSensitivity: {"values": {"horizon_s": (1.5, 5.0), "penalty_scale": (0.0, 2.0, 7.0)}},
 }
 CONFUSIONS = (KARMeanIoU, OccupancyScores, KARBreakdown, SafetyScores)
 ON_PATHS = (PlanRegret, ObjectMiss)
-OF_VELOCITY = (*CONFUSIONS, KARSensitivity, Calibration, PrimitiveMiss, *ON_PATHS)
-OF_LABELS = (*CONFUSIONS, KARSensitivity, RayIoU, *ON_PATHS)
+OF_VELOCITY = (*CONFUSIONS, Calibration, PrimitiveMiss, *ON_PATHS)
+OF_LABELS = (*CONFUSIONS, RayIoU, *ON_PATHS)
 EVERY = (*OF_LABELS, Calibration, PrimitiveMiss)
 EXAMPLES = [path for path in Path("src/metrics").rglob("*.py") if ">>>" in path.read_text()]
 

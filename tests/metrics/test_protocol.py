@@ -12,6 +12,9 @@ METRIC = {"num_classes": 9, "free_index": 8, "horizon_s": 5.0}
 SUITE = {"tube_s": 2.0, "rays": [100, 56], "sensitivity": {"horizon_s": [2.5, 5.0]}}
 
 
+OF_NO_SUITE = '{"dataset": "a", "part": "test", "frames": 1, "grid": {}, "suite": []}'
+
+
 @pytest.fixture
 def protocol():
     hydra = {"_target_": "src.metrics.OccupancyScores", **METRIC}
@@ -54,7 +57,20 @@ def test_alike_ones_may_stand_beside_each_other(protocol):
     require_same_protocol({"a": protocol, "b": Protocol.from_json(protocol.to_json())})
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"dataset": 1}'])
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"dataset": 1}', OF_NO_SUITE])
 def test_another_text_is_one_clear_error(text):
     with pytest.raises(UserError, match=r"^protocol: cannot be read"):
         Protocol.from_json(text)
+
+
+def test_a_metric_that_has_left_the_suite_is_left_out(protocol):
+    entry = {"_target_": "src.metrics.KARSensitivity", "values": {"horizon_s": [2.5, 5.0]}}
+    older = dataclasses.replace(protocol, suite=SUITE | {"metrics": {"sensitivity": entry}})
+    read = Protocol.from_json(older.to_json()).suite
+    assert read == {key: value for key, value in SUITE.items() if key != "sensitivity"} | {
+        "metrics": {}
+    }
+
+    own = entry | {"_target_": "mine.Sensitivity"}
+    mine = dataclasses.replace(protocol, suite=SUITE | {"metrics": {"sensitivity": own}})
+    assert Protocol.from_json(mine.to_json()) == mine

@@ -8,7 +8,7 @@ import torch
 from omegaconf import OmegaConf
 
 from src.errors import UserError
-from src.metrics import KARMeanIoU, OccupancyScores
+from src.metrics import KARBreakdown, KARMeanIoU, OccupancyScores
 from src.metrics.protocol import SUPERVISED, Protocol
 from src.metrics.suite import ScoreSuite, import_metrics
 from src.results.counts import Counts
@@ -47,11 +47,12 @@ def test_scores_of_a_clip_are_those_of_its_frames(scored, grid, random_batch):
     assert scores["all/kar_miou"] == expected["kar_miou"]
 
 
-def test_the_sensitivity_alone_stays_out_of_the_table_of_scores(scored, grid):
+def test_a_metric_that_says_so_stays_out_of_the_table_of_scores(scored, grid, monkeypatch):
+    monkeypatch.setattr(KARBreakdown, "in_score_table", False)
     listed = scored.scores()
     for name, by_clip in scored.by_clip.items():
         scores = by_clip.metric.scores(by_clip.tables())
-        assert (scores.keys() <= listed.keys()) == (name != "sensitivity")
+        assert (scores.keys() <= listed.keys()) == (name != "breakdown")
     protocol = Protocol.of("mini-0", "test", 8, grid, SUPERVISED, METRIC, SUITE)
     counts = Counts("mine", protocol, CLIPS, [4, 4, 0], scored.tables())
     table = run_table({0: [counts]}, {"test": lambda clip: True})
@@ -137,7 +138,6 @@ def test_shared_settings_reach_every_metric_that_has_them(grid):
     calibration = suite.metric("calibration")
     assert (calibration.bubble.horizon_s, calibration.bins) == (3.5, 7)
     assert suite.metric("rays").rays == (5, 3)
-    assert len(suite.metric("sensitivity").penalties) == 81
 
 
 def test_counts_of_before_the_metrics_were_named_are_one_clear_error(grid):

@@ -30,7 +30,7 @@ SUITE = {
     **{"tube_radius_m": 3.0, "tube_s": 2.0, "thin_tolerance": 1, "calibration_bins": 5},
     **{"turns_deg_per_s": [-30, 0, 30], "climbs_deg": [0, 10], "phantoms": 0.01},
     **{"collision": 2.0, "object_near_m": 4.0, "object_s": 2.0, "object_tolerance_m": 0.5},
-    **{"ray_thresholds_m": [1.0, 4.0], "rays": [6, 4], "sensitivity": {"horizon_s": [2.5, 5.0]}},
+    **{"ray_thresholds_m": [1.0, 4.0], "rays": [6, 4]},
     **{"resamples": 60, "level": 0.9, "seed": 0},
 }
 WEIGHTS = {"_target_": "src.models.losses.safety_weights", "_partial_": True, "max_ratio": 4.0}

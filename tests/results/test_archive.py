@@ -11,7 +11,7 @@ from src.results.counts import Counts
 from src.results.runs import read_run, run_folders
 from tests.results.scored import write_run
 
-WITHOUT = ("sensitivity", "breakdown", "calibration")
+WITHOUT = ("breakdown", "calibration")
 
 
 @pytest.fixture(scope="module")

@@ -259,25 +259,6 @@ def test_two_runs_are_compared_by_the_same_draws(dataset, runs, compared, tmp_pa
     assert row[["difference_low", "difference_high"]].tolist() == pytest.approx(bounds.tolist())
 
 
-def test_the_better_run_ranks_first_whatever_the_parameters(runs, compared, tmp_path, capsys):
-    whole = compared(runs)
-    ranks = pd.read_csv(tmp_path / "out/sensitivity.csv")
-    assert len(ranks) == 81
-    assert (ranks["rank perfect"] == 1).all()
-    assert (tmp_path / "out/sensitivity.png").stat().st_size > 10_000
-
-    # Published counts lack what a ranking needs.
-    counts = Counts.read(file_of(runs[1]))
-    del counts.tables["sensitivity"]
-    counts.write(file_of(runs[1]))
-
-    capsys.readouterr()
-    pd.testing.assert_frame_equal(compared(runs), whole)
-    assert "no ranking under other parameters: perfect has no counts" in capsys.readouterr().out
-    left = [path.name for path in (tmp_path / "out").iterdir()]
-    assert left == ["differences.csv"], "nothing of another time"
-
-
 def with_other_frames(counts):
     counts.frames[:] = counts.frames[0] - 1, counts.frames[1] + 1
 
@@ -338,20 +319,6 @@ def test_a_comparison_of_some_clips_is_of_these_alone(runs, compared, tmp_path, 
     assert "nan" not in printed
     pd.testing.assert_frame_equal(some, compared(alone))
     assert not some["value"].equals(compared(runs, ["*"])["value"])
-
-
-def test_what_rounding_alone_tells_apart_shares_a_rank(dataset, compared, tmp_path):
-    half = write_predictions(dataset, tmp_path / "half", every_other_slice)
-    first = file_of(scored(dataset, half))
-    counts = Counts.read(first)
-    excess = counts.tables["sensitivity"]["excess"]
-    excess += excess > 0  # the least step of these fixed-point numbers
-    counts.write(tmp_path / "again.npz")
-
-    compared([first, tmp_path / "again.npz"])
-    ranks = pd.read_csv(tmp_path / "out/sensitivity.csv").filter(like="rank")
-    assert ranks.shape == (81, 2)
-    assert (ranks == 1).all(axis=None)
 
 
 def test_a_comparison_needs_two_runs_and_clips_that_are_there(runs, compared, tmp_path):

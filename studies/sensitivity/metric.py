@@ -9,10 +9,10 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from ..errors import UserError
-from ..geometry import VoxelGrid
-from . import functional as F
-from .tables import Scores, Sums, Tables, VoxelMetric
+from src.errors import UserError
+from src.geometry import VoxelGrid
+from src.metrics import functional as F
+from src.metrics.tables import Scores, Sums, Tables, VoxelMetric
 
 PARAMETERS = ("min_speed_mps", "horizon_s", "decay_per_s", "penalty_scale")
 

@@ -1,4 +1,4 @@
-"""The weight of an error by its distance, drawn: ``python -m src.report.penalty_curve PNG``."""
+"""The weight of an error by its distance: ``python -m studies.sensitivity.penalty_curve PNG``."""
 
 import sys
 from pathlib import Path
@@ -6,9 +6,9 @@ from pathlib import Path
 import torch
 from matplotlib.figure import Figure
 
-from ..metrics.functional import Penalty
-from .canvas import INK, MUTED
-from .figure_file import write_figure
+from src.metrics.functional import Penalty
+from src.report.canvas import INK, MUTED
+from src.report.figure_file import write_figure
 
 SPEEDS_MPS = (5.0, 8.0, 12.0)
 COLORS = ("#2962ff", "#00898a", "#d1495b")

@@ -5,9 +5,9 @@ from itertools import product
 import pytest
 
 from src.errors import UserError
-from src.metrics import KARMeanIoU, KARSensitivity
-from src.metrics.sensitivity import GRID, PARAMETERS
-from tests.metrics.inputs import FOUR_CLASSES, scores_of, updated
+from src.metrics import KARMeanIoU
+from studies.sensitivity.metric import GRID, PARAMETERS, KARSensitivity
+from tests.metrics.inputs import FOUR_CLASSES, assert_same, scores_of, updated
 
 FEW = {"horizon_s": (1.5, 5.0), "penalty_scale": (0.0, 2.0, 7.0)}
 
@@ -75,3 +75,10 @@ def test_no_values_and_repeated_ones_are_refused(grid, values, said):
 def test_a_value_that_makes_no_sense_is_refused_by_name(grid, name):
     with pytest.raises(UserError, match=f"^{name}:"):
         KARSensitivity(grid, {name: (1.0, -1.0)})
+
+
+def test_any_split_into_batches_gives_the_same_bits(grid, random_batch):
+    whole = random_batch(0, frames=11)
+    parts = zip(*(tensor.split(3) for tensor in whole))
+    first, second = updated(KARSensitivity(grid), whole), updated(KARSensitivity(grid), *parts)
+    assert_same(first.tables, second.tables)

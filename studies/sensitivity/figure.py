@@ -1,6 +1,6 @@
-"""How KAR-mIoU and the ranking of runs depend on its four parameters."""
+"""A heat map of KAR-mIoU under other parameters."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,36 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from ..errors import UserError
-from ..metrics.functional import Penalty
-from ..metrics.sensitivity import PARAMETERS
-from ..results.counts import Counts
-from .canvas import INK, MUTED
-from .figure_file import write_figure
+from src.metrics.functional import Penalty
+from src.report.canvas import INK, MUTED
+from src.report.figure_file import write_figure
+from studies.sensitivity.metric import PARAMETERS
 
 SYMBOLS = dict(zip(PARAMETERS, ("$v_{min}$ (m/s)", "$T_h$ (s)", r"$\lambda$ (1/s)", r"$\gamma$")))
 CELL_INCHES, DPI = 0.62, 110
 PANELS_A_ROW = 2
-# Scores are ranked to this many digits: those of the same labels differ by some 1e-11 between a
-# run, whose batches hold the velocity in float32, and task=score, which has it in float64.
-DECIMALS = 9
-
-
-def sensitivity_table(runs: Mapping[str, Counts]) -> pd.DataFrame:
-    """Returns a row for each combination of parameters: KAR-mIoU of every run, and its rank."""
-    for name, counts in runs.items():
-        if "sensitivity" not in counts.tables:
-            raise UserError(f"{name}: has no counts for other parameters; score it again")
-    table = next(iter(runs.values())).suite().metric("sensitivity").settings
-
-    scores = pd.DataFrame(
-        {
-            name: [float(value) for value in counts.scores("sensitivity").values()]
-            for name, counts in runs.items()
-        }
-    )
-    ranks = scores.round(DECIMALS).rank(axis=1, ascending=False, method="min").astype("Int64")
-    return pd.concat([table, scores, ranks.add_prefix("rank ")], axis=1)
 
 
 def draw_sensitivity(table: pd.DataFrame, runs: Sequence[str], path: str | Path) -> None:
