@@ -11,7 +11,7 @@ transforms and projections take tensors or numpy arrays, and return what they we
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
 
@@ -52,9 +52,9 @@ def _tensor_of(value: object) -> object:
 
 @_numpy_too
 def rotation_from_euler(
-    roll_rad: Float[Array, "*batch"],
-    pitch_rad: Float[Array, "*batch"],
-    yaw_rad: Float[Array, "*batch"],
+    roll_rad: Float[Array, "*#batch"],
+    pitch_rad: Float[Array, "*#batch"],
+    yaw_rad: Float[Array, "*#batch"],
 ) -> Float[Array, "*batch 3 3"]:
     """Rotation Rz(yaw) Ry(pitch) Rx(roll), which takes body axes to world axes.
 
@@ -99,9 +99,9 @@ def rotation_from_quat(quat_xyzw: Float[Array, "*batch 4"]) -> Float[Array, "*ba
 
 @_numpy_too
 def quat_from_euler(
-    roll_rad: Float[Array, "*batch"],
-    pitch_rad: Float[Array, "*batch"],
-    yaw_rad: Float[Array, "*batch"],
+    roll_rad: Float[Array, "*#batch"],
+    pitch_rad: Float[Array, "*#batch"],
+    yaw_rad: Float[Array, "*#batch"],
 ) -> Float[Array, "*batch 4"]:
     """Unit quaternion, scalar last, of Rz(yaw) Ry(pitch) Rx(roll)."""
     cr, sr = torch.cos(roll_rad / 2), torch.sin(roll_rad / 2)
@@ -124,7 +124,7 @@ def quat_from_euler(
 
 @_numpy_too
 def rigid(
-    rotation: Float[Array, "*batch 3 3"], translation_m: Float[Array, "*batch 3"]
+    rotation: Float[Array, "*#batch 3 3"], translation_m: Float[Array, "*#batch 3"]
 ) -> Float[Array, "*batch 4 4"]:
     """The 4x4 matrix ``[R t; 0 1]``."""
     batch = torch.broadcast_shapes(rotation.shape[:-2], translation_m.shape[:-1])
@@ -143,14 +143,14 @@ def inverse(b_from_a: Float[Array, "*batch 4 4"]) -> Float[Array, "*batch 4 4"]:
 
 
 def transform(
-    b_from_a: Float[Array, "*batch 4 4"], points_a: Float[Array, "*batch n 3"]
+    b_from_a: Float[Array, "*#batch 4 4"], points_a: Float[Array, "*#batch n 3"]
 ) -> Float[Array, "*batch n 3"]:
     """Points of frame a, expressed in frame b."""
     return rotate(b_from_a, points_a) + b_from_a[..., None, :3, 3]
 
 
 def rotate(
-    b_from_a: Float[Array, "*batch 4 4"], directions_a: Float[Array, "*batch n 3"]
+    b_from_a: Float[Array, "*#batch 4 4"], directions_a: Float[Array, "*#batch n 3"]
 ) -> Float[Array, "*batch n 3"]:
     """Directions of frame a, expressed in frame b."""
     return directions_a @ b_from_a[..., :3, :3].swapaxes(-1, -2)
@@ -181,7 +181,7 @@ def occ_from_body(world_from_body: Float[Array, "*batch 4 4"]) -> Float[Array, "
 
 @_numpy_too
 def camera_from_occ(
-    world_from_body: Float[Array, "*batch 4 4"], body_from_camera: Float[Array, "*batch 4 4"]
+    world_from_body: Float[Array, "*#batch 4 4"], body_from_camera: Float[Array, "*#batch 4 4"]
 ) -> Float[Array, "*batch 4 4"]:
     """The paper's T^{C<-G}_t (App. A.2): ``camera_from_body @ body_from_world @ world_from_occ``.
 
@@ -196,9 +196,9 @@ def camera_from_occ(
 
 @_numpy_too
 def project(
-    points_occ: Float[Array, "*batch n 3"],
-    camera_from_occ: Float[Array, "*batch 4 4"],
-    pix_from_camera: Float[Array, "*batch 3 3"],
+    points_occ: Float[Array, "*#batch n 3"],
+    camera_from_occ: Float[Array, "*#batch 4 4"],
+    pix_from_camera: Float[Array, "*#batch 3 3"],
 ) -> tuple[Float[Array, "*batch n 2"], Float[Array, "*batch n"]]:
     """Image location ``(u, v)`` in pixels and z-depth in metres of points in the occ frame.
 
@@ -216,9 +216,9 @@ def project(
 
 @_numpy_too
 def unproject(
-    pix: Float[Array, "*batch n 2"],
-    depth_m: Float[Array, "*batch n"],
-    pix_from_camera: Float[Array, "*batch 3 3"],
+    pix: Float[Array, "*#batch n 2"],
+    depth_m: Float[Array, "*#batch n"],
+    pix_from_camera: Float[Array, "*#batch 3 3"],
 ) -> Float[Array, "*batch n 3"]:
     """Points in the camera frame of image locations with a z-depth: the inverse of `project`."""
     homogeneous = torch.cat([pix, torch.ones_like(pix[..., :1])], dim=-1)
@@ -257,9 +257,7 @@ def pixel_centers(width: int, height: int) -> Float[Tensor, "h w 2"]:
     return torch.stack([u, v], dim=-1)
 
 
-def front_mount(
-    position_m: tuple[float, float, float], pitch_rad: float = 0.0
-) -> Float[Tensor, "4 4"]:
+def front_mount(position_m: Sequence[float], pitch_rad: float = 0.0) -> Float[Tensor, "4 4"]:
     """``body_from_camera`` (float64) of a camera along body x, pitched down by an angle."""
     body_from_level_camera = torch.tensor(
         [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], dtype=torch.float64
@@ -276,13 +274,13 @@ def front_mount(
 class VoxelGrid:
     """Cubic voxels in the occ frame; index ``i`` covers ``[lower + i*s, lower + (i+1)*s)``.
 
-    The default is the paper's grid. Raises `UserError` for a shape that does not divide the range
-    into cubes.
+    The default is the paper's grid. Any sequences will do; they become tuples. Raises `UserError`
+    for a shape that does not divide the range into cubes.
     """
 
-    lower_m: tuple[float, float, float] = (0.0, -25.0, -20.0)
-    upper_m: tuple[float, float, float] = (50.0, 25.0, 10.0)
-    shape: tuple[int, int, int] = (100, 100, 60)
+    lower_m: Sequence[float] = (0.0, -25.0, -20.0)
+    upper_m: Sequence[float] = (50.0, 25.0, 10.0)
+    shape: Sequence[int] = (100, 100, 60)
 
     def __post_init__(self) -> None:
         for name, kind in (("lower_m", float), ("upper_m", float), ("shape", int)):

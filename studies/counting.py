@@ -1,6 +1,6 @@
 """Predictions of the test split beside a run's own: counted by clip, written together, printed."""
 
-import collections
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -24,12 +24,12 @@ SCORE = "kar_miou"
 Draw = Callable[[pd.DataFrame, Path], object]
 
 
-class Counter:
+class ClipCounts:
     """Counts, clip by clip, what one prediction says of frames of the test split."""
 
     def __init__(self, name: str, metric: TableMetric, clips: Sequence[str]) -> None:
         self.name, self.metric = name, ByClip(metric, clips)
-        self.frames: collections.Counter[str] = collections.Counter()
+        self.frames: Counter[str] = Counter()
 
     def add(
         self, batch: Batch, labels: UInt8[Tensor, "b X Y Z"], holds: Bool[Tensor, "b"] | None = None

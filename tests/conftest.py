@@ -6,12 +6,16 @@ import os
 import runpy
 import sys
 
+import jaxtyping
 import pytest
 import torch
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import OmegaConf
 
+from tests.annotations import check_annotations
 from tests.sessions import ROOT
+
+check_annotations()  # before anything of src is imported
 
 if "OMP_NUM_THREADS" not in os.environ:
     # The threads of two processes on two cores would wait for each other most of the time.
@@ -41,6 +45,14 @@ def mini_dataset(mini_config):
 
 
 @pytest.fixture
+def unchecked():
+    """Annotations are not checked: for what the code itself refuses, as it does for a user."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
+
+
+@pytest.fixture
 def no_locks(monkeypatch):
     """A file system that knows no file locks."""
 
@@ -51,7 +63,7 @@ def no_locks(monkeypatch):
 
 
 @pytest.fixture
-def run_py(monkeypatch, capsys):
+def run_py(monkeypatch, capsys, unchecked):
     """Runs ``run.py`` in this process; returns its status, its lines and those of its errors."""
 
     def called(*overrides):

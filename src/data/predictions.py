@@ -149,7 +149,7 @@ class Predictions:
             return False
         # A prediction says something of every voxel: unknown is no class of it.
         whole = np.issubdtype(labels.dtype, np.integer) and labels.shape == shape
-        return whole and labels.min() >= 0 and labels.max() < NUM_CLASSES
+        return bool(whole and labels.min() >= 0 and labels.max() < NUM_CLASSES)
 
     def _read(self, clip: str, name: str, array: str) -> np.ndarray:
         path = self.folder / clip / name

@@ -13,8 +13,8 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .confusion import PenalizedConfusion
-from .tables import Scores, Tables
+from .occupancy import ConfusionMetric
+from .tables import Scores, Sums
 
 TTC_EDGES_S = (1.0, 2.0, 3.0, 4.0, 5.0)
 DISTANCE_EDGES_M = (5.0, 10.0, 25.0)
@@ -22,10 +22,10 @@ DISTANCE_EDGES_M = (5.0, 10.0, 25.0)
 WHOLE = "whole"
 
 # The tables ``count`` and ``excess`` of a part of space.
-Pair = tuple[Int64[Tensor, "*n c c"], Int64[Tensor, "*n c c"]]
+Pair = tuple[F.Table, F.Table]
 
 
-class KARBreakdown(PenalizedConfusion):
+class KARBreakdown(ConfusionMetric):
     """The parts of KAR-mIoU, from one pass over every frame.
 
     Voxels are sorted by their time to collision (``|x| / max(|v|, min_speed_mps)``), by their
@@ -73,7 +73,7 @@ class KARBreakdown(PenalizedConfusion):
         self.n_bins = math.prod(self.sides)
         super().__init__(grid, *arguments, parts=(2, self.n_bins), **kwargs)
 
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables ``count`` and ``excess`` [*n, 2, ttc * distance, c, c]."""
         scores = {}
         for (scope, part), (count, excess) in self._parts(tables).items():
@@ -95,7 +95,7 @@ class KARBreakdown(PenalizedConfusion):
             }
         return scores
 
-    def table(self, tables: Tables | None = None) -> pd.DataFrame:
+    def table(self, tables: Sums | None = None) -> pd.DataFrame:
         """Returns a row for each scope, part of space and class: voxels, IoU and KAR-IoU.
 
         They are those of everything counted so far, or of other ``tables``.
@@ -115,7 +115,7 @@ class KARBreakdown(PenalizedConfusion):
         bins = bins.to(visible.device, torch.int32)
         return bins.index_select(0, self.shell) + self.n_bins * visible.int()
 
-    def _parts(self, tables: Tables) -> dict[tuple[str, str], Pair]:
+    def _parts(self, tables: Sums) -> dict[tuple[str, str], Pair]:
         """Returns ``count`` and ``excess`` of every scope and part of space."""
         parts = {}
         for scope, seen in {"all": [0, 1], "visible": [1]}.items():

@@ -10,7 +10,7 @@ from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
 from .functional.codes import UNCOUNTED
-from .tables import Scores, Tables, VoxelMetric
+from .tables import Scores, Sums, Tables, VoxelMetric
 
 # The columns of the table ``reliability``.
 VOXELS, HITS, CONFIDENCE = range(3)
@@ -78,7 +78,7 @@ class Calibration(VoxelMetric):
         speeds_mps = F.speeds(velocity, batch=len(target))
         return self.stacked([self._frame(*frame) for frame in zip(logits, codes, speeds_mps)])
 
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
         reliability, likelihood = tables["reliability"].double(), tables["likelihood"].double()
         voxels, nll = likelihood[..., 0], likelihood[..., 1] / FIXED_POINT

@@ -14,7 +14,7 @@ from ..geometry import VoxelGrid
 from ..ontology import GROUND
 from . import functional as F
 from .safety import swept_tube
-from .tables import Scores, Tables, VoxelMetric
+from .tables import Scores, Sums, Tables, VoxelMetric
 
 
 class ObjectMiss(VoxelMetric):
@@ -71,7 +71,7 @@ class ObjectMiss(VoxelMetric):
         F.speeds(velocity, batch=len(target))
         return self.stacked([{"objects": self._frame(*each)} for each in zip(codes, velocity)])
 
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
         objects = tables["objects"].double()
         of_class = objects[..., 1] / objects.sum(-1)

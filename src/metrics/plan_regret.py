@@ -9,9 +9,9 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .functional.primitives import CLEAR
+from .functional.codes import NOTHING
 from .primitives import PrimitiveMetric
-from .tables import Scores, Tables
+from .tables import Scores, Sums, Tables
 
 
 class PlanRegret(PrimitiveMetric):
@@ -62,7 +62,7 @@ class PlanRegret(PrimitiveMetric):
         swept = self.swept(preds, target, velocity, mask)
         return self.stacked([{"chosen": self._frame(each)} for each in swept])
 
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
         chosen = tables["chosen"].double()
         costs = self.costs.to(chosen.device)
@@ -77,7 +77,7 @@ class PlanRegret(PrimitiveMetric):
             "needless_stop_rate": with_a_way[..., -1, :].sum(-1) / with_a_way.sum((-2, -1)),
         }
 
-    def _costs(self) -> Float64[Tensor, "k+1"]:
+    def _costs(self) -> Float64[Tensor, "choices"]:
         """Returns the price of every primitive, and of a stop; that of a path of unit length."""
         paths = F.primitive_paths(
             torch.tensor([1.0, 0.0, 0.0]),
@@ -94,7 +94,7 @@ class PlanRegret(PrimitiveMetric):
         chosen = torch.zeros(self.chosen.shape, dtype=torch.int64)
         if not swept.known.any():
             return chosen
-        blocked = swept.met != CLEAR
+        blocked = swept.met != NOTHING
         by_prediction = self._cheapest(swept.known & ~swept.said)
         by_truth = self._cheapest(swept.known & ~blocked)
         hit = by_prediction < len(blocked) and bool(blocked[by_prediction])

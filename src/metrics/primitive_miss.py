@@ -9,9 +9,9 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .functional.primitives import CLEAR
+from .functional.codes import NOTHING
 from .primitives import PrimitiveMetric
-from .tables import Scores, Tables
+from .tables import Scores, Sums, Tables
 
 # The log-odds that a path is blocked are sorted into bins of an eighth, from -16 to 16.
 BINS, BINS_A_UNIT = 256, 8
@@ -74,7 +74,7 @@ class PrimitiveMiss(PrimitiveMetric):
         swept = self.swept(preds, target, velocity, mask, logits)
         return self.stacked([self._frame(each, logits is not None) for each in swept])
 
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
         blocked, clear, said = (tables[name].double() for name in ("blocked", "clear", "said"))
         called = _called(clear)  # [*n, thresholds]
@@ -92,7 +92,7 @@ class PrimitiveMiss(PrimitiveMetric):
         return scores
 
     def _frame(self, swept: F.Swept, has_logits: bool) -> Tables:
-        truly = swept.met != CLEAR
+        truly = swept.met != NOTHING
         outcome = (2 * truly.long() + swept.said)[swept.known]
         tables = {name: torch.zeros(table.shape).long() for name, table in self.tables.items()}
         tables["said"] = torch.bincount(outcome, minlength=4).view(2, 2)

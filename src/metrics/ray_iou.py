@@ -11,7 +11,7 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .tables import Scores, Tables, VoxelMetric
+from .tables import Scores, Sums, Tables, VoxelMetric
 
 # The columns of the table ``clear``: rays that truly meet nothing, and those predicted to.
 CLEAR, PHANTOM = range(2)
@@ -78,7 +78,7 @@ class RayIoU(VoxelMetric):
         _check_rays(origin_m, directions, len(target))
         return self.stacked([self._frame(*frame) for frame in zip(codes, origin_m, directions)])
 
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
         hits, met, clear = (tables[name].double() for name in ("hits", "met", "clear"))
         iou = hits / (met.sum(-2, keepdim=True) - hits)

@@ -12,15 +12,15 @@ from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import THIN_STRUCTURE
 from . import functional as F
-from .confusion import PenalizedConfusion
 from .functional.codes import UNCOUNTED
-from .tables import Scores, Tables
+from .occupancy import ConfusionMetric
+from .tables import Scores, Sums, Tables
 
 # The columns of the table ``frames``: what the tube of a frame truly was, and what was predicted.
 BLOCKED, MISSED, CLEAR, STOPPED = range(4)
 
 
-class SafetyScores(PenalizedConfusion):
+class SafetyScores(ConfusionMetric):
     """The safety suite. Occupied is every class but free; unknown voxels never count.
 
     The *bubble* is all within ``max(|v|, min_speed_mps) * horizon_s`` of the UAV. The *tube* is all
@@ -98,7 +98,7 @@ class SafetyScores(PenalizedConfusion):
         tables |= self.confusion(codes, speeds_mps, torch.zeros_like(codes, dtype=torch.bool))
         return tables | {"frames": _outcomes(tables["tube"]), "thin": self._thin(codes)}
 
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
         bubble = tables["count"][..., 0, :, :].double()
         occupied = [c for c in range(self.num_classes) if c != self.free_index]

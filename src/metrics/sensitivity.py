@@ -12,7 +12,7 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .tables import Scores, Tables, VoxelMetric
+from .tables import Scores, Sums, Tables, VoxelMetric
 
 PARAMETERS = ("min_speed_mps", "horizon_s", "decay_per_s", "penalty_scale")
 
@@ -84,7 +84,7 @@ class KARSensitivity(VoxelMetric):
         speeds_mps = F.speeds(velocity, batch=len(target))
         return self.stacked([self._frame(*frame) for frame in zip(codes, speeds_mps)])
 
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables as `frame_tables` gives them, summed."""
         hits, errors = (tables[name].double()[..., None, :] for name in ("hits", "errors"))
         penalized = errors + tables["excess"].double() / F.FIXED_POINT

@@ -1,11 +1,12 @@
 """Metrics whose whole state is a few integer tables."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import torch
-from jaxtyping import Float, Int64, UInt8
+from jaxtyping import Float, Float64, Int64, UInt8
 from torch import Tensor
 from torchmetrics import Metric
 
@@ -16,56 +17,36 @@ from . import functional as F
 from .functional.codes import MAX_CLASSES
 
 Tables = dict[str, Int64[Tensor, "..."]]
+# Tables added up, which is a weighted sum where clips are resampled.
+Sums = Mapping[str, Int64[Tensor, "..."] | Float64[Tensor, "..."]]
 Scores = dict[str, Float[Tensor, "..."]]
 
 
-class Accumulator(Metric, ABC):
-    """A metric that adds up int64 tables, and is unchanged by what raises."""
-
-    is_differentiable = False
-    full_state_update = False
-
-    def add_tables(self, **shapes: tuple[int, ...]) -> None:
-        """Begins the tables of these names, with zeros."""
-        for name, shape in shapes.items():
-            table = torch.zeros(shape, dtype=torch.int64)
-            self.add_state(name, default=table, dist_reduce_fx="sum")
-
-    @abstractmethod
-    def added(self, *batch: Any, **options: Any) -> Tables:
-        """Returns what a batch adds to the tables."""
-
-    def update(self, *batch: Any, **options: Any) -> None:
-        """Counts a batch."""
-        try:
-            tables = self.added(*batch, **options)
-        except Exception:
-            # The framework has counted this call already.
-            self._update_count -= 1
-            raise
-        for name, table in tables.items():
-            setattr(self, name, getattr(self, name) + table)
-
-    def forward(self, *batch: Any, **options: Any) -> Any:
-        """Counts a batch, and returns the scores of this batch alone."""
-        # The framework clears the state before it updates: a batch that raises then would lose it.
-        self.added(*batch, **options)
-        return super().forward(*batch, **options)
+@contextmanager
+def uncounted_if_it_raises(metric: Metric) -> Iterator[None]:
+    """Takes back what the framework did before `update`, which is to count the call."""
+    try:
+        yield
+    except Exception:
+        metric._update_count -= 1
+        raise
 
 
-class TableMetric(Accumulator):
+class TableMetric(Metric, ABC):
     """A metric that adds up int64 tables over the frames of a dataset.
 
     So its scores are those of the dataset, not means of frames, and equal to the last bit whatever
     the batches, their order and the ranks. What a batch adds (`frame_tables`) and what the scores
     of some tables are (`scores`) are functions of their own: `ByClip` keeps the tables of every
-    clip apart with them.
+    clip apart with them. A batch that raises changes nothing.
 
     A metric of one's own gives ``shapes`` to the constructor, which gets the grid first, and writes
     these two functions. The suite reads from the names of the arguments of `frame_tables` what to
     feed it with (`ScoreSuite.update`).
     """
 
+    is_differentiable = False
+    full_state_update = False
     higher_is_better = True
 
     # Whether its scores stand in the table of a run's scores. Many numbers that are to be read
@@ -77,6 +58,12 @@ class TableMetric(Accumulator):
         super().__init__(**kwargs)
         self.add_tables(**shapes)
 
+    def add_tables(self, **shapes: tuple[int, ...]) -> None:
+        """Begins the tables of these names, with zeros."""
+        for name, shape in shapes.items():
+            table = torch.zeros(shape, dtype=torch.int64)
+            self.add_state(name, default=table, dist_reduce_fx="sum")
+
     @abstractmethod
     def frame_tables(self, *batch: Any, **options: Any) -> Tables:
         """Returns the tables of every frame of a batch, stacked: [b, ...].
@@ -85,7 +72,7 @@ class TableMetric(Accumulator):
         """
 
     @abstractmethod
-    def scores(self, tables: Tables) -> Scores:
+    def scores(self, tables: Sums) -> Scores:
         """Returns the scores of tables [*n, ...], each [*n]: of many sums at once, if need be."""
 
     @property
@@ -93,9 +80,18 @@ class TableMetric(Accumulator):
         """The tables of everything counted so far."""
         return self.metric_state
 
-    def added(self, *batch: Any, **options: Any) -> Tables:
-        """Returns what a batch adds to the tables; the arguments are those of `frame_tables`."""
-        return {name: each.sum(0) for name, each in self.frame_tables(*batch, **options).items()}
+    def update(self, *batch: Any, **options: Any) -> None:
+        """Adds the tables of a batch; the arguments are those of `frame_tables`."""
+        with uncounted_if_it_raises(self):
+            tables = self.frame_tables(*batch, **options)
+        for name, table in tables.items():
+            setattr(self, name, getattr(self, name) + table.sum(0))
+
+    def forward(self, *batch: Any, **options: Any) -> Any:
+        """Adds the tables of a batch, and returns the scores of this batch alone."""
+        # The framework clears the state before it updates: a batch that raises then would lose it.
+        self.frame_tables(*batch, **options)
+        return super().forward(*batch, **options)
 
     def compute(self) -> Any:
         """Returns the scores of everything counted so far."""

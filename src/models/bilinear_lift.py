@@ -26,7 +26,7 @@ class BilinearLift(nn.Module):
         super().__init__()
         self.output = height_projections(num_heights, dim, gain_of_mean(num_heights))
 
-    def forward(self, query: Queries, features: Features, references: References) -> Pillars:
+    def forward(self, query: Queries | None, features: Features, references: References) -> Pillars:
         """Returns the update of every pillar, from feature maps at the strides of the backbone."""
         levels = [feature.permute(0, 2, 3, 1) for feature in features]
         listed = references.listed()

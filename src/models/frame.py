@@ -3,7 +3,8 @@
 from typing import NamedTuple
 
 from jaxtyping import Float, UInt8
-from torch import Tensor
+
+from ..geometry import Array
 
 
 class StreamFrame(NamedTuple):
@@ -14,10 +15,10 @@ class StreamFrame(NamedTuple):
     do.
     """
 
-    image: UInt8[Tensor, "3 h w"]
+    image: UInt8[Array, "3 h w"]
     time_s: float
-    world_from_body: Float[Tensor, "4 4"]
-    velocity_mps: Float[Tensor, "3"]
-    pix_from_camera: Float[Tensor, "3 3"]
-    body_from_camera: Float[Tensor, "4 4"]
+    world_from_body: Float[Array, "4 4"]
+    velocity_mps: Float[Array, "3"]
+    pix_from_camera: Float[Array, "3 3"]
+    body_from_camera: Float[Array, "4 4"]
     clip: str = ""

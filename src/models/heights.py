@@ -32,7 +32,7 @@ def gain_of_mean(num_heights: int) -> float:
 
 
 def projected_sum(
-    by_height: Float[Tensor, "b*p*j told"],
+    by_height: Float[Tensor, "bpj told"],
     projections: Float[Tensor, "j told dim"],
     batch_size: int,
 ) -> Pillars:

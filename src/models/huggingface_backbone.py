@@ -1,7 +1,7 @@
 """Image encoders from the Hugging Face Hub, or at random from their configurations."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -155,7 +155,7 @@ def _folder(name: str, revision: str, files: list[str]) -> Path:
         ) from error
 
 
-def _require_all(name: str, missing: list[str]) -> None:
+def _require_all(name: str, missing: Iterable[str]) -> None:
     """Raises `UserError` for parts without weights, but for the norms at the outputs.
 
     A classifier, whose weights are published, has no such norms.

@@ -64,7 +64,7 @@ class LiftSplat(nn.Module):
         self.depth = nn.Linear(dim, self.num_bins)
         self.output = height_projections(num_heights, dim)
 
-    def forward(self, query: Queries, features: Features, references: References) -> Pillars:
+    def forward(self, query: Queries | None, features: Features, references: References) -> Pillars:
         """Returns the update of every pillar, from feature maps at the strides of the backbone."""
         feature = features[STRIDES.index(self.stride)]
         batch_size, _, height, width = feature.shape
@@ -117,7 +117,7 @@ def splat(
     cell: Cells,
     inside: Inside,
     num_cells: int,
-) -> Float[Tensor, "num_cells dim"]:
+) -> Float[Tensor, "{num_cells} dim"]:
     """Sums in every cell the contexts that fall into it, weighted with their probabilities.
 
     The products are never stored: they are the terms of one `embedding_bag` over the points sorted
@@ -139,7 +139,9 @@ def splat(
     return SumOfRows.apply(context, row, weights, offsets)
 
 
-def splat_by_adding(context, probability, cell, inside, num_cells) -> Float[Tensor, "cells dim"]:
+def splat_by_adding(
+    context, probability, cell, inside, num_cells
+) -> Float[Tensor, "{num_cells} dim"]:
     """Computes `splat` with every product stored and added to its cell."""
     products = (context[:, None] * probability[..., None]).flatten(0, 1)
     # What lies outside goes to one cell more, which is dropped.

@@ -49,7 +49,7 @@ class Metadata(nn.Module):
         return self.layers(torch.cat([measured[name].float() for name in self.names], dim=-1))
 
 
-def height_phases(height_m: Float[Tensor, "b"]) -> Float[Tensor, "b 2*waves"]:
+def height_phases(height_m: Float[Tensor, "b"]) -> Float[Tensor, "b phases"]:
     """Returns sine and cosine of a height in each of `HEIGHT_WAVES_M`."""
     phase = 2 * math.pi * height_m[:, None] / height_m.new_tensor(HEIGHT_WAVES_M)
     return torch.cat([phase.sin(), phase.cos()], dim=-1)

@@ -146,7 +146,7 @@ def rays_camera(
     return torch.stack([x, y, torch.ones_like(x)], dim=-1)
 
 
-def padded_index(valid: Bool[Tensor, "b n"], room: int) -> Int[Tensor, "b*room"]:
+def padded_index(valid: Bool[Tensor, "b n"], room: int) -> Int[Tensor, "b*{room}"]:
     """Places in the flattened ``valid`` of each row's first ``room`` true ones, row by row.
 
     A row with fewer is padded with the number of all places. No shape depends on the values.

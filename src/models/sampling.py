@@ -62,7 +62,7 @@ def summed_by_grid(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
     heads, points = x.shape[:2]
     batch_size, dim = len(levels[0]), levels[0].shape[-1]
 
-    def by_frame(entries: Float[Tensor, "heads points r"]) -> Float[Tensor, "b*heads k points"]:
+    def by_frame(entries: Float[Tensor, "heads points r"]) -> Float[Tensor, "maps k points"]:
         return entries.view(heads, points, batch_size, -1).permute(2, 0, 3, 1).flatten(0, 1)
 
     total = torch.zeros((), dtype=levels[0].dtype, device=x.device)
@@ -91,7 +91,7 @@ class SumOfRows(torch.autograd.Function):
         rows: Float[Tensor, "n d"],
         index: Int[Tensor, "i"],
         weights: Float[Tensor, "i"],
-        offsets: Int[Tensor, "k+1"],
+        offsets: Int[Tensor, "borders"],
     ) -> Float[Tensor, "k d"]:
         ctx.save_for_backward(rows, index, weights, offsets)
         return _summed(rows, index, weights, offsets)

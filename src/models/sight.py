@@ -32,7 +32,7 @@ class Sight(NamedTuple):
     """
 
     classes: Float[Tensor, "b 9 h w"]
-    depth: Float[Tensor, "b bins+1 h w"]
+    depth: Float[Tensor, "b bins_and_beyond h w"]
 
     def depth_m(self) -> Float[Tensor, "b h w"]:
         """Returns the median of the depth in metres, of what is not beyond."""
@@ -141,8 +141,8 @@ def rays(
 
 def depth_error(
     sight: Sight, depth_m: Float[Tensor, "b h w"]
-) -> tuple[Float[Tensor, "b h w"], Bool[Tensor, "b h w"]]:
-    """Returns the absolute error of the logarithm of the depth, and which pixels count: those that
-    see something nearer than `FAR_M`."""
+) -> tuple[Float[Tensor, "b h w"], Float[Tensor, "b h w"]]:
+    """Returns the absolute error of the logarithm of the depth, and 1 for the pixels that count:
+    those that see something nearer than `FAR_M`. The others are 0."""
     error = (sight.depth_m().log() - depth_m.clamp(NEAR_M, FAR_M).log()).abs()
     return error, (depth_m < FAR_M).to(error)

@@ -14,8 +14,9 @@ from ..loop.perception import seen_by
 from ..loop.planner import Plan
 from ..loop.stage import Stage
 from ..ontology import CLASSES, FREE, UNKNOWN
+from ..results.render import Table
 from .animation import draw_scenes
-from .page import write_page
+from .report_page import write_page
 from .scene import Labels, VoxelScene
 from .view import Frustum
 
@@ -63,15 +64,18 @@ class Film:
 
     def write(self, path: str | Path, row: Mapping[str, object]) -> None:
         """Writes the end of the flight as a GIF of at most 1 MB, which tells the time and, at the
-        end, the outcome in its ``row``; and beside it a page on which it turns and is replayed."""
+        end, the outcome in its ``row``; and beside it a page on which it turns, frame by frame."""
         shown = self._scenes[-SHOWN:]
         hit = f", {row['hit']}".replace("_", " ") if row["hit"] else ""
         titles = [scene.title for scene in shown[:-1]]
         titles.append(f"{row['time_s']:.1f} s: {row['outcome']}{hit}")
-        facts = [(name.replace("_", " "), str(row[name])) for name in FACTS if row[name] != ""]
+        facts = {name.replace("_", " "): str(row[name]) for name in FACTS if row[name] != ""}
+        rows = [(row["flight"], list(facts.values()))]
+        table = Table("flight", "Flight", "", list(facts), rows, "Flight")
         heading = f"{row['perception']} on {row['flight']}"
         # Every second frame, with the last: a page of all would have ten megabytes.
-        write_page(Path(path).with_suffix(".html"), heading, facts, scenes=shown[::-2][::-1])
+        page = Path(path).with_suffix(".html")
+        write_page(page, heading, {"Facts": [table]}, shown[::-2][::-1])
         draw_scenes(shown, [FRAME_MS] * (len(shown) - 1) + [LAST_MS], path, titles)
 
 

@@ -3,11 +3,13 @@
 from collections.abc import Mapping, Sequence
 from mimetypes import guess_type
 from pathlib import Path
+from types import MappingProxyType
 
 from plotly.graph_objects import Figure
 from plotly.offline import get_plotlyjs
 
 from ..atomic import replacing
+from ..results.render import Table
 from ..results.runs import ScoredRun
 from ..run_folder import METRICS
 from .curve_plot import CurvePlot
@@ -40,17 +42,32 @@ def write_report_page(
     ``figures`` maps pictures on disk to their captions. What is empty is left out, and all text is
     escaped. Raises `UserError` where the page cannot be written.
     """
+    sections = {
+        "Not a clean comparison": [report.unclean] if report.unclean.rows else [],
+        "Facts": report.facts,
+        "Tables": report.tables,
+    }
     plots = [(plot.title, plot.figure()) for plot in curves if len(plot.points())]
-    plots += [("Scenes", scenes_figure(scenes))] if scenes else []
+    write_page(path, heading, sections, scenes, plots, figures, report.missing)
+
+
+def write_page(
+    path: Path,
+    heading: str,
+    sections: Mapping[str, Sequence[Table]],
+    scenes: Sequence[VoxelScene],
+    plots: Sequence[tuple[str, Figure]] = (),
+    figures: Mapping[Path, str] = MappingProxyType({}),
+    missing: Sequence[str] = (),
+) -> None:
+    """Writes a page of tables by section, titled plots, scenes and pictures, as
+    `write_report_page` does."""
+    plots = [*plots, *([("Scenes", scenes_figure(scenes))] if scenes else [])]
     page = filled(
         "page.html",
         heading=heading,
-        missing=report.missing,
-        sections={
-            "Not a clean comparison": [report.unclean] if report.unclean.rows else [],
-            "Facts": report.facts,
-            "Tables": report.tables,
-        },
+        missing=missing,
+        sections=sections,
         numbers=NUMBERS.replace("`", ""),
         plotlyjs=get_plotlyjs(),
         plots=[(title, _plot_html(plot, f"plot-{n}")) for n, (title, plot) in enumerate(plots)],

@@ -70,7 +70,6 @@ class Shown(NamedTuple):
     """An entry of a table as it is shown: its text, the bounds below it, and whether it is best."""
 
     entry: Cell | str | None
-    column: str
     text: str
     bounds: list[str]
     is_best: bool
@@ -102,9 +101,6 @@ class Table:
         place = self.columns.index(column)
         return [entries[place] for _, entries in self.rows]
 
-    def is_text(self, column: str) -> bool:
-        return any(isinstance(entry, str) for entry in self.entries(column))
-
     def is_signed(self, column: str) -> bool:
         """Whether all numbers of a column are differences."""
         return all(cell.signed for cell in self.entries(column) if isinstance(cell, Cell))
@@ -134,7 +130,7 @@ class Table:
                 text, bounds = entry or "", []
                 if isinstance(entry, Cell):
                     text, bounds = entry.text(decimals), entry.bounds(decimals)
-                row.append(Shown(entry, column, text, bounds, n in best[column]))
+                row.append(Shown(entry, text, bounds, n in best[column]))
             yield name, row
 
 
@@ -195,9 +191,17 @@ def latex_of(table: Table) -> str:
     """
     is_wide = len(table.columns) > WIDE
     kind, size = ("table*", r"\scriptsize") if is_wide else ("table", r"\small")
-    rows = [_latex_row(name, row) for name, row in table.shown()]
-    for n in sorted(table.lines, reverse=True):
-        rows.insert(n, r"\midrule")
+    rows = []
+    for n, (name, row) in enumerate(table.shown()):
+        rule = r"\midrule" if n in table.lines else r"\addlinespace[2pt]" if n else ""
+        rows.append([f"{rule} {latex(name)}".strip(), *map(_latex_value, row)])
+        if any(cell.bounds for cell in row):
+            rows.append(["", *map(_latex_bounds, row)])
+    heads = list(map(latex, (table.head, *table.columns)))
+    columns = f"l{'c' * len(table.columns)}"
+    tabular = pd.DataFrame(rows, columns=heads).to_latex(
+        index=False, escape=False, column_format=columns
+    )
 
     lines = (
         rf"\begin{{{kind}}}[t]",
@@ -206,13 +210,7 @@ def latex_of(table: Table) -> str:
         r"\setlength{\tabcolsep}{3pt}",
         rf"\caption{{\textbf{{{latex(table.title)}.}} {latex(table.caption)}}}",
         rf"\label{{tab:{table.key}}}",
-        rf"\sbox0{{\begin{{tabular}}{{l{'c' * len(table.columns)}}}",
-        r"\toprule",
-        " & ".join(map(latex, (table.head, *table.columns))) + r" \\",
-        r"\midrule",
-        *rows,
-        r"\bottomrule",
-        r"\end{tabular}}",
+        rf"\sbox0{{{tabular.strip()}}}",
         FITTED,
         rf"\end{{{kind}}}",
     )
@@ -224,23 +222,16 @@ def latex(text: str) -> str:
     return "".join(LATEX.get(letter, letter if letter <= LAST_LATIN else "?") for letter in text)
 
 
-def _latex_row(name: str, row: Sequence[Shown]) -> str:
-    """Returns a line of numbers and, where there is any interval, a small one of them below."""
+def _latex_value(cell: Shown) -> str:
+    is_number = isinstance(cell.entry, Cell) and cell.text != NONE
     # A hyphen would be set shorter than the plus that it stands below.
-    texts = [
-        x.text.replace("-", "$-$")
-        if isinstance(x.entry, Cell) and x.text != NONE
-        else latex(x.text)
-        for x in row
-    ]
-    values = [rf"\textbf{{{t}}}" if x.is_best else t for x, t in zip(row, texts)]
-    below = [", ".join(x.bounds).replace("-", "$-$") for x in row]
+    text = cell.text.replace("-", "$-$") if is_number else latex(cell.text)
+    return rf"\textbf{{{text}}}" if cell.is_best else text
 
-    line = " & ".join([latex(name), *values]) + r" \\"
-    if not any(below):
-        return line
-    small = (rf"{{\tiny [{bounds}]}}" if bounds else "" for bounds in below)
-    return f"{line}\n{' & '.join(['', *small])} " + r"\\[2pt]"
+
+def _latex_bounds(cell: Shown) -> str:
+    bounds = ", ".join(cell.bounds).replace("-", "$-$")
+    return rf"{{\tiny [{bounds}]}}" if bounds else ""
 
 
 # ---------------------------------------------------------------------------------- the terminal

@@ -16,7 +16,7 @@ from src.tasks.trainer import Predictor, predictor
 from src.terminal import say, tracked
 from studies.attitude.conditions import ATTITUDE, Condition, condition_table, conditions_of
 from studies.attitude.measured_attitude import MeasuredAttitude
-from studies.counting import SCORE, Counter, print_scores, scores_of, write_counted
+from studies.counting import SCORE, ClipCounts, print_scores, scores_of, write_counted
 
 # The scores that are printed, and their names.
 PRINTED = {"miou_occupied": "mIoU occupied", SCORE: "KAR-mIoU", "iou/thin_structure": "thin"}
@@ -41,7 +41,7 @@ def attitude(
     checkpoint, data = session.checkpoint("attitude"), session.data
 
     metric, clips = instantiate(cfg.metric), clips_of(data.split["test"])
-    counters = {each: Counter(each.name, metric(data.grid), clips) for each in conditions}
+    counters = {each: ClipCounts(each.name, metric(data.grid), clips) for each in conditions}
     _count(counters, data, predictor(checkpoint.network(), trainer), seed)
     counts = list(narrowed(counters, protocol_of(cfg, data, len(data.split["test"]))))
     table = condition_table(conditions, seed).merge(scores_of(counts, "condition"), on="condition")
@@ -57,7 +57,7 @@ def attitude(
     say(folder)
 
 
-def narrowed(counters: Mapping[Condition, Counter], whole: Protocol) -> Iterator[Counts]:
+def narrowed(counters: Mapping[Condition, ClipCounts], whole: Protocol) -> Iterator[Counts]:
     """Yields the counts; their protocols are that of the whole split, narrowed to their frames."""
     for counter in counters.values():
         part, frames = f"{whole.part}, {counter.name}", counter.frames.total()
@@ -65,7 +65,7 @@ def narrowed(counters: Mapping[Condition, Counter], whole: Protocol) -> Iterator
 
 
 def _count(
-    counters: Mapping[Condition, Counter], data: SkyShieldData, logits: Predictor, seed: int
+    counters: Mapping[Condition, ClipCounts], data: SkyShieldData, logits: Predictor, seed: int
 ) -> None:
     """Counts the test split under every condition; each wrong attitude is predicted with once."""
     clips = {clip: data.clips[clip] for clip in clips_of(data.split["test"])}

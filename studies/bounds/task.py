@@ -25,7 +25,7 @@ from src.tasks.session import Session
 from src.terminal import say, tracked
 from studies.attitude.measured_attitude import MeasuredAttitude
 from studies.bounds.true_sight import By, TrueSight
-from studies.counting import SCORE, Counter, print_scores, scores_of, write_counted
+from studies.counting import SCORE, ClipCounts, print_scores, scores_of, write_counted
 
 # The scores that are printed, and their names.
 PRINTED = {"miou_occupied": "mIoU occupied", SCORE: "KAR-mIoU"}
@@ -84,7 +84,9 @@ def bounds(
 
     sights = list(dict.fromkeys(_sights(depth_error, attitude_deg, cfg.data.frames)))
     predictions, metric = _predictions(session, sights, seed), instantiate(cfg.metric)
-    counters = {name: Counter(name, metric(data.grid), clips_of(samples)) for name in predictions}
+    counters = {
+        name: ClipCounts(name, metric(data.grid), clips_of(samples)) for name in predictions
+    }
     for batch in tracked(data.in_order("test"), "scoring"):
         for name, predict in predictions.items():
             counters[name].add(batch, predict(batch))

@@ -203,6 +203,7 @@ def test_a_full_disk_is_named_and_leaves_nothing(tmp_path, monkeypatch, name, ro
 
     what = content()
     what["semantics"] = np.random.default_rng(0).integers(0, 255, (FRAMES, 60, 60, 4), np.uint8)
+    what["visible"] = what["semantics"] > 0
     monkeypatch.setattr(zipfile.io, "open", opened)
     with pytest.raises(OSError, match="No space left") as error:
         write(tmp_path / "t/c", what)

@@ -145,7 +145,8 @@ def test_a_key_may_mirror_the_sample_and_shorten_its_history(clips):
 
 
 def test_without_images_the_past_is_told_by_its_motion(clips):
-    whole, light = (OccupancyDataset(clips, [(CLIP, 20)], 4, 0.2, images=i)[0] for i in (1, 0))
+    of_images = (OccupancyDataset(clips, [(CLIP, 20)], 4, 0.2, images=i) for i in (True, False))
+    whole, light = (dataset[0] for dataset in of_images)
     assert torch.equal(light["image"], whole["image"][-1:])
     for key in whole.keys() - {"image", "clip", "frame"}:
         assert torch.equal(light[key], whole[key]), key

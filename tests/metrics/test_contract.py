@@ -284,6 +284,7 @@ BAD_BATCHES = {
         for make in metrics
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_a_bad_batch_is_one_clear_error_and_leaves_the_state(
     grid, batch_for, make, call, names, spoil
 ):

@@ -118,6 +118,7 @@ RAYS = SUITE["metrics"]["rays"]
         ),
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_settings_that_would_fail_after_the_counting_are_refused_before(grid, message, settings):
     with pytest.raises(UserError, match=rf"^{message}"):
         ScoreSuite(grid, CLIPS, settings)

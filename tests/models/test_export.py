@@ -108,6 +108,7 @@ def test_a_folder_without_graphs_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("formats", [["onnx", "tflite"], ["tensorrt"], []])
+@pytest.mark.usefixtures("unchecked")
 def test_formats_that_there_are_not_are_refused_before_the_work(tmp_path, formats):
     refused = pytest.raises(UserError, match=rf"task\.formats: .*{''.join(formats[-1:])}")
     with refused:

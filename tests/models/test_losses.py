@@ -211,6 +211,7 @@ def test_a_term_of_ones_own_joins_the_sum_with_its_settings_and_class_counts():
         ({"mine": partial(mean_margin, offset=partial(max))}, "loss.terms.mine.offset: "),
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_what_is_no_sum_of_terms_is_refused_by_its_key(terms, key):
     with pytest.raises(UserError, match=f"^{key}"):
         OccupancyLoss(terms)

@@ -1,7 +1,7 @@
 """The LightningModule: steps, schedule, and what happens when the loss is not finite."""
 
 from pathlib import Path
-from types import SimpleNamespace
+from unittest.mock import Mock
 
 import lightning
 import pytest
@@ -135,7 +135,7 @@ def test_the_rate_rises_over_the_warm_up_and_ends_at_zero(tmp_path):
 
 def test_weight_decay_spares_biases_and_norms():
     module = build()
-    module._trainer = SimpleNamespace(estimated_stepping_batches=4)
+    module._trainer = Mock(spec=lightning.Trainer, estimated_stepping_batches=4)
     decayed, spared = module.configure_optimizers()["optimizer"].param_groups
     assert [p.ndim for p in decayed["params"]] == [2]
     assert decayed["weight_decay"] == OPTIMIZER["weight_decay"]

@@ -277,6 +277,7 @@ def test_a_height_moves_the_ground_by_as_many_voxels():
 
 
 @pytest.mark.parametrize("names", [True, "height", ["height", "depth"]])
+@pytest.mark.usefixtures("unchecked")
 def test_other_metadata_are_refused(names):
     with pytest.raises(UserError, match=r"^model\.metadata: "):
         build_network(metadata=names)

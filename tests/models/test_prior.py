@@ -160,6 +160,7 @@ def test_its_weight_is_chosen_on_frames_at_their_own_heights():
         frames_of([BUILDING, 254, FREE, FREE])[0],
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_labels_that_do_not_fit_are_refused_and_not_counted(semantics):
     prior = VoxelPrior(GRID.shape)
     with pytest.raises(UserError, match=r"^semantics:"):

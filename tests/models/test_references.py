@@ -77,6 +77,7 @@ def test_bfloat16_autocast_does_not_blur_the_pixels():
     assert mixed.pix.equal(plain.pix)
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_an_unknown_projection_is_refused():
     with pytest.raises(UserError, match=r"model\.encoder\.projection: 'tilted'; there are"):
         PillarReferences(GRID, 4, "tilted")

@@ -139,7 +139,7 @@ def test_environments_braces_and_columns_are_balanced():
 
     lines = [line for line in body(text) if line != "\\midrule"]
     assert {len(re.findall(r"(?<!\\)&", line)) for line in lines} == {len(TABLE.columns)}
-    assert all(re.search(r"\\\\(\[2pt\])?$", line) for line in lines)
+    assert all(line.endswith(r" \\") for line in lines)
     assert re.search(r"\\begin\{tabular\}\{lcccc\}", text)
 
 
@@ -154,14 +154,13 @@ def test_specials_are_escaped():
 
 def test_latex_marks_the_best_and_sets_signs_and_intervals():
     lines = body(latex_of(TABLE))
-    nasty = next(n for n, line in enumerate(lines) if line.startswith("a\\textbar"))
+    nasty = next(n for n, line in enumerate(lines) if r"] a\textbar" in line)
     assert r"\textbf{25.09}" in lines[nasty]
     assert "$-$1.50" in lines[nasty]
     assert r"{\tiny [20.00, 30.00]} & {\tiny [$-$3.00, 0.00]}" in lines[nasty + 1]
-    gain = next(n for n, line in enumerate(lines) if line.startswith("Gain"))
-    assert lines[gain - 1] == "\\midrule"
-    assert "+99.00" in lines[gain]
-    assert r"\textbf{+99.00}" not in lines[gain]
+    (gain,) = (line for line in lines if line.startswith(r"\midrule Gain"))
+    assert "+99.00" in gain
+    assert r"\textbf{+99.00}" not in gain
 
 
 def test_a_wide_table_spans_the_page():

@@ -1,13 +1,13 @@
 """One byte per voxel, ``16 * target + prediction``, and everything that is refused on the way."""
 
 import torch
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Integer, UInt8
 from torch import Tensor
 
 from ...errors import UserError
 
 # A batch: class ids of any integer dtype, or scores of the classes; velocities or speeds in m/s.
-Labels = Int[Tensor, "b X Y Z"]
+Labels = Integer[Tensor, "b X Y Z"]
 Logits = Float[Tensor, "b c X Y Z"]
 Preds = Labels | Logits
 Velocity = Float[Tensor, "b 3"] | Float[Tensor, "b"]
@@ -18,6 +18,9 @@ MAX_CLASSES = 15
 CODES = 256
 UNCOUNTED = 255
 _NO_CLASS = 254
+
+# Stands for the class that a ray or a path meets where it meets nothing.
+NOTHING = 255
 
 
 def encode(
@@ -63,7 +66,7 @@ def _target_bytes(target: Labels, ignore_index: int) -> UInt8[Tensor, "b X Y Z"]
     return _bytes(torch.where(target == ignore_index, UNCOUNTED, target))
 
 
-def _bytes(ids: Int[Tensor, "*v"]) -> UInt8[Tensor, "*v"]:
+def _bytes(ids: Integer[Tensor, "*v"]) -> UInt8[Tensor, "*v"]:
     """Casts class ids to bytes; what does not fit becomes an id that is never valid."""
     if ids.dtype == torch.uint8 or ids.numel() == 0:
         return ids.to(torch.uint8)

@@ -16,8 +16,6 @@ from .codes import CODES
 
 BACKENDS = ("auto", "numba", "torch")
 
-Tables = tuple[Int64[Tensor, "b k c c"], Int64[Tensor, "b k c c"]]
-
 
 def confusion_tables(
     codes: UInt8[Tensor, "b X Y Z"],
@@ -27,7 +25,7 @@ def confusion_tables(
     num_parts: int,
     num_classes: int,
     backend: str = "auto",
-) -> Tables:
+) -> tuple[Int64[Tensor, "b k c c"], Int64[Tensor, "b k c c"]]:
     """Returns voxel counts and excess penalties of every frame, sorted by part (k).
 
     ``codes`` are those of `encode`. ``shell`` names each voxel's distance from the UAV, and
@@ -35,10 +33,17 @@ def confusion_tables(
     ``parts`` says in which of ``num_parts`` parts of space each voxel of a frame lies; with
     ``None`` all of them lie in the first.
     """
-    fill = _fill_by_numba if is_compiled(backend, codes.device) else _fill_by_torch
+    compiled = is_compiled(backend, codes.device)
+    if compiled:
+        from .kernels import count_frame  # only here: importing the compiler takes a second
+
     tables = torch.zeros(2, len(codes), num_parts * CODES, dtype=torch.int64, device=codes.device)
     for n, frame in enumerate(zip(codes.flatten(1), parts)):
-        fill(*frame, shell, excess[n], *tables[:, n])
+        tensors = (*frame, shell, excess[n], *tables[:, n])
+        if compiled:
+            count_frame(*(None if tensor is None else tensor.numpy() for tensor in tensors))
+        else:
+            _count_frame_by_torch(*tensors)
 
     kept = slice(num_classes)
     return tuple(tables.unflatten(-1, (num_parts, 16, 16))[..., kept, kept])
@@ -53,17 +58,11 @@ def is_compiled(backend: str, device: torch.device) -> bool:
     return backend != "torch" and device.type == "cpu"
 
 
-def _fill_by_torch(codes, parts, shell, excess, count, penalty) -> None:
+def _count_frame_by_torch(codes, parts, shell, excess, count, penalty) -> None:
+    """Does in plain operations what `kernels.count_frame` does in one compiled pass."""
     cells = codes if parts is None else codes + CODES * parts
     count += torch.bincount(cells, minlength=len(count))
 
     wrong = torch.nonzero((codes ^ (codes >> 4)) & 15).squeeze(1)
     of_errors = excess.index_select(0, shell.index_select(0, wrong))
     penalty.scatter_add_(0, cells.index_select(0, wrong).long(), of_errors)
-
-
-def _fill_by_numba(*tensors: Tensor | None) -> None:
-    # Only here: importing the compiler takes a second.
-    from .kernels import count_frame
-
-    count_frame(*(None if tensor is None else tensor.numpy() for tensor in tensors))

@@ -1,11 +1,12 @@
 """Scores as pure functions of [target, prediction] tables; leading dimensions are kept."""
 
-from jaxtyping import Float, Int64
+from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
 from .penalty import FIXED_POINT
 
-Table = Int64[Tensor, "*n c c"]
+# A sum of frames; that of resampled clips is weighted, and float64.
+Table = Int64[Tensor, "*n c c"] | Float64[Tensor, "*n c c"]
 
 
 def iou_compute(

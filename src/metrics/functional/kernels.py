@@ -6,8 +6,7 @@ import numpy as np
 
 from ...jit import njit
 from ...voxels import advance, enter, is_inside
-from .codes import CODES, UNCOUNTED
-from .primitives import CLEAR
+from .codes import CODES, NOTHING, UNCOUNTED
 
 
 @njit(nogil=True)
@@ -87,7 +86,7 @@ def sweep(codes, logits, paths, ball, radius, free_index, met, known, said, log_
                     # NaN stays: it is refused afterwards.
                     if not odds[i, j, k] <= log_odds[n]:
                         log_odds[n] = odds[i, j, k]
-            if nearest < np.inf and met[n] == CLEAR:
+            if nearest < np.inf and met[n] == NOTHING:
                 met[n] = first
 
 

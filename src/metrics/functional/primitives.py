@@ -11,9 +11,7 @@ from torch import Tensor
 
 from ...errors import UserError
 from ...geometry import VoxelGrid
-
-# Stands for no class: nothing truly occupied in the path.
-CLEAR = 255
+from .codes import NOTHING
 
 
 def primitive_paths(
@@ -46,7 +44,7 @@ def primitive_paths(
 
 class Swept(NamedTuple):
     """What lies within a radius of each path. ``met`` is the class of what is truly in it, of the
-    first voxel that the path comes near, or `CLEAR`; ``known`` says whether any voxel of it has a
+    first voxel that the path comes near, or `NOTHING`; ``known`` says whether any voxel of it has a
     label, ``said`` whether one is predicted occupied, and ``log_odds`` is the highest that one is
     occupied, where there are logits."""
 
@@ -74,7 +72,7 @@ def swept(
     from .kernels import sweep
 
     count = len(paths_m)
-    met, known, said = (np.full(count, value, np.uint8) for value in (CLEAR, 0, 0))
+    met, known, said = (np.full(count, value, np.uint8) for value in (NOTHING, 0, 0))
     log_odds = np.full(count, -np.inf)
     # In voxels; the center of voxel 0 is at 0.
     paths = (paths_m - np.array(grid.lower_m)) / grid.voxel_m - 0.5

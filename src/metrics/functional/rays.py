@@ -6,9 +6,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from ...geometry import VoxelGrid, inverse, pixel_centers, rotate, unproject
-
-# What a ray meets that leaves the grid.
-NOTHING = 255
+from .codes import NOTHING
 
 
 def camera_rays(

@@ -15,7 +15,7 @@ from src.results.runs import read_run
 from studies.attitude.conditions import Condition, conditions_of, read_conditions
 from studies.attitude.task import narrowed
 from studies.attitude.tests.presented import write_attitude
-from studies.counting import Counter
+from studies.counting import ClipCounts
 from tests.results.scored import CLIPS, FRAMES, GRID, counts, protocol, write_run
 
 
@@ -82,7 +82,9 @@ def test_values_that_make_no_sense_are_refused(values, key):
 
 def test_the_counts_of_the_bins_add_up_to_those_of_all_frames():
     conditions = list(conditions_of([5, 10], [], [], False))
-    counters = {each: Counter(each.name, OccupancyScores(GRID), CLIPS[:2]) for each in conditions}
+    counters = {
+        each: ClipCounts(each.name, OccupancyScores(GRID), CLIPS[:2]) for each in conditions
+    }
     batch = batch_of([0, 6, 4, 20], [0, 0, 4, 0], [*CLIPS[:1] * 2, *CLIPS[1:2] * 2])
     for condition, counter in counters.items():
         counter.add(batch, batch["semantics"].roll(1, dims=1), condition.holds(batch))
