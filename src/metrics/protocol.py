@@ -20,7 +20,7 @@ RULES = {
     "accumulation": "counts over the data set",
 }
 
-# A metric that was once of every suite. Older counts, which name it, are read without it.
+# A metric that was once in every suite. Older counts and weights, which name it, are read without.
 FORMER = ("sensitivity", "src.metrics.KARSensitivity")
 
 SUPERVISED, VISIBLE = "every supervised voxel", "visible voxels"
@@ -68,12 +68,7 @@ class Protocol:
         """Reads what `to_json` wrote. Raises `UserError` for any other text."""
         try:
             protocol = cls(**json.loads(text))
-            name, target = FORMER
-            metrics = protocol.suite.get("metrics", {})
-            if metrics.get(name, {}).get("_target_") == target:
-                metrics.pop(name)
-                protocol.suite.pop(name, None)
-            return protocol
+            return dataclasses.replace(protocol, suite=without_former(protocol.suite))
         except (ValueError, TypeError, AttributeError) as error:
             raise UserError(f"protocol: cannot be read ({error})") from error
 
@@ -97,6 +92,16 @@ class Protocol:
             if first.get(key) != second.get(key):
                 return key, first.get(key), second.get(key)
         return None
+
+
+def without_former(suite: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a suite without a metric that has left the suites (`FORMER`)."""
+    name, target = FORMER
+    metrics = suite.get("metrics", {})
+    if metrics.get(name, {}).get("_target_") != target:
+        return dict(suite)
+    kept = {key: value for key, value in suite.items() if key != name}
+    return kept | {"metrics": {key: value for key, value in metrics.items() if key != name}}
 
 
 def require_same_protocol(protocols: Mapping[str, Protocol]) -> None:

@@ -10,6 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from ..data.datamodule import SkyShieldData
 from ..errors import UserError
+from ..metrics.protocol import without_former
 from ..models.checkpoint import Checkpoint
 from ..models.network import SkyOcc
 from ..provenance import git_commit
@@ -102,9 +103,10 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
     # The trainer is this machine's, but scores depend on the precision.
     adopted.trainer.precision = own["trainer"]["precision"]
     # A metric that is newer than the checkpoint, and its settings, are of the command's suite.
-    adopted.suite = OmegaConf.merge({}, cfg.suite, own["suite"])
+    suite = without_former(own["suite"])
+    adopted.suite = OmegaConf.merge({}, cfg.suite, suite)
     # Arguments of metrics refer to shared settings, which the command may set: not their values.
-    adopted.suite.metrics = OmegaConf.merge(own["suite"].get("metrics", {}), cfg.suite.metrics)
+    adopted.suite.metrics = OmegaConf.merge(suite.get("metrics", {}), cfg.suite.metrics)
 
     # What the checkpoint does not say, or the command says itself.
     unsaid = [key for key in KEYS["place"] if key.partition(".")[0] in taken]
