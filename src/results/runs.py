@@ -109,7 +109,7 @@ def run_folders(places: Sequence[Path], out: Path) -> list[Path]:
 
     for place in places:
         if not place.is_dir():
-            archive = f"unpack it first: python -m zipfile -e {place} FOLDER"
+            archive = f"unpack it first: python -m tarfile -e {place} FOLDER"
             missing = "train first, or name runs in task.runs"
             way = archive if place.is_file() else missing
             raise UserError(f"{place}: no such folder; {way}")

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from lzma import LZMAError
 from pathlib import Path
+from tarfile import TarError
 
 import pandas as pd
 import torch
@@ -101,10 +102,10 @@ def _tables(path: Path) -> Iterator[tuple[str, float, pd.DataFrame]]:
         table = pd.read_csv(path, keep_default_na=False)
         flown = table[table["frames"] == "flown"]
         groups = [*flown.groupby(["name", "threshold"], sort=False)]
-    except (*BROKEN, LZMAError) as error:
+    except (*BROKEN, LZMAError, TarError) as error:
         raise UserError(
-            f"task.flights: {path} is no table of flights ({error}); give a folder of task=fly, "
-            f"or unpack an archive: python -m zipfile -e {path} FOLDER"
+            f"task.flights: {path} is no table of flights; give a folder of task=fly, "
+            f"or unpack an archive: python -m tarfile -e {path} FOLDER"
         ) from error
     for (name, threshold), own in groups:
         yield str(name), float(threshold), own

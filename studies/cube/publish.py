@@ -1,15 +1,16 @@
 """Finished runs of a study as one file, small enough to be committed.
 
-    python -m studies.cube.publish FOLDER... --out FILE.zip
+    python -m studies.cube.publish FOLDER... --out FILE.tar.xz
 
-A report is made from it again after ``python -m zipfile -e FILE.zip FOLDER``.
+A report is made from it again after ``python -m tarfile -e FILE.tar.xz FOLDER``.
 """
 
 import argparse
+import tarfile
 import tempfile
-import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path, PurePosixPath
 
 from src.atomic import replacing
@@ -47,7 +48,7 @@ def publish_runs(runs: Sequence[ScoredRun], path: Path) -> None:
     are the same beside every run, so they are written once. Raises `UserError` for a file that
     cannot be written.
     """
-    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+    with replacing(path) as temporary, tarfile.open(temporary, "w:xz", preset=9) as archive:
         for run in runs:
             folder = PurePosixPath(run.experiment) / f"seed{run.seed}"
             anchors = run.anchors.values() if run is runs[0] else ()
@@ -71,10 +72,11 @@ def _packed(counts: Counts) -> bytes:
         return file.read_bytes()
 
 
-def _add(archive: zipfile.ZipFile, name: PurePosixPath, content: bytes) -> None:
-    # A fixed date, so that the same runs give the same bytes.
-    member = zipfile.ZipInfo(str(name), date_time=(1980, 1, 1, 0, 0, 0))
-    archive.writestr(member, content, zipfile.ZIP_LZMA)
+def _add(archive: tarfile.TarFile, name: PurePosixPath, content: bytes) -> None:
+    # Without a date or an owner: the same runs give the same bytes.
+    member = tarfile.TarInfo(str(name))
+    member.size = len(content)
+    archive.addfile(member, BytesIO(content))
 
 
 if __name__ == "__main__":

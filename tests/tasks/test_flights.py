@@ -91,9 +91,9 @@ def test_mistakes_are_told_in_one_line(tmp_path, seen):
         run(tmp_path, [str(tmp_path)])
     with pytest.raises(UserError, match=r"task.perceptions: none is called 'sean'; .* seen"):
         run(tmp_path, [seen], perceptions=["sean"])
-    (tmp_path / "runs.zip").write_bytes(b"PK")
-    with pytest.raises(UserError, match=r"runs.zip is no table .* python -m zipfile -e"):
-        run(tmp_path, [str(tmp_path / "runs.zip")])
+    (tmp_path / "runs.tar.xz").write_bytes(b"PK")
+    with pytest.raises(UserError, match=r"runs.tar.xz is no table .* python -m tarfile -e"):
+        run(tmp_path, [str(tmp_path / "runs.tar.xz")])
     again = write(tmp_path / "again", ["arrived"] * 3, "seen", 0.3)
     with pytest.raises(UserError, match=r"name one of seen at 0\.5, seen at 0\.3"):
         run(tmp_path, [seen, again])

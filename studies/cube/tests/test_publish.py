@@ -2,7 +2,7 @@
 
 import shutil
 import sys
-import zipfile
+import tarfile
 
 import pytest
 
@@ -37,9 +37,9 @@ def publish(monkeypatch):
 
 
 def test_unpacked_runs_are_read_as_they_were(runs, publish, tmp_path):
-    publish(runs, "--out", tmp_path / "runs.zip")
-    with zipfile.ZipFile(tmp_path / "runs.zip") as archive:
-        archive.extractall(folder := tmp_path / "runs")
+    publish(runs, "--out", tmp_path / "runs.tar.xz")
+    with tarfile.open(tmp_path / "runs.tar.xz") as archive:
+        archive.extractall(folder := tmp_path / "runs", filter="data")
     for path in run_folders([folder], folder / "out"):
         own, there = read_run(path), read_run(runs / path.relative_to(folder))
         assert own.config == there.config
@@ -54,13 +54,13 @@ def test_unpacked_runs_are_read_as_they_were(runs, publish, tmp_path):
     assert (further / "attitude.csv").read_text() == "condition\ntrue\n"
     assert len(list(folder.glob("*/seed0/tallies/all_free.npz"))) == 1
 
-    publish(folder, "--out", tmp_path / "again.zip")
-    assert (tmp_path / "again.zip").read_bytes() == (tmp_path / "runs.zip").read_bytes()
+    publish(folder, "--out", tmp_path / "again.tar.xz")
+    assert (tmp_path / "again.tar.xz").read_bytes() == (tmp_path / "runs.tar.xz").read_bytes()
 
 
 def test_a_folder_without_a_finished_run_is_refused(runs, publish, tmp_path):
     (tmp_path / "skyocc/seed0").mkdir(parents=True)
     shutil.copy(runs / "skyocc/seed0/config.yaml", tmp_path / "skyocc/seed0")
     with pytest.raises(UserError, match="holds no finished run"):
-        publish(tmp_path, "--out", tmp_path / "runs.zip")
-    assert not (tmp_path / "runs.zip").exists()
+        publish(tmp_path, "--out", tmp_path / "runs.tar.xz")
+    assert not (tmp_path / "runs.tar.xz").exists()
