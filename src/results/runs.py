@@ -109,7 +109,10 @@ def run_folders(places: Sequence[Path], out: Path) -> list[Path]:
 
     for place in places:
         if not place.is_dir():
-            raise UserError(f"{place}: no such folder; train first, or name runs in task.runs")
+            archive = f"unpack it first: python -m tarfile -e {place} FOLDER"
+            missing = "train first, or name runs in task.runs"
+            way = archive if place.is_file() else missing
+            raise UserError(f"{place}: no such folder; {way}")
         below = list(_below(place, out.resolve(), DEPTH))
         if not below:
             raise UserError(f"{place}: holds no run folder; train first, or name runs in task.runs")

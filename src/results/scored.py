@@ -6,7 +6,6 @@ from pathlib import Path
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
 from ..run_folder import ANCHORS, TALLIES
-from .archive import unpacked
 from .counts import Counts
 
 
@@ -20,16 +19,15 @@ def require_comparable(scored: Mapping[str, Counts]) -> None:
 
 
 def read_scored(runs: Sequence[str]) -> dict[str, Counts]:
-    """Reads the counts of run folders, score folders, archives or files, by a name of each."""
-    with unpacked([Path(run) for run in runs]) as (places, _):
-        files = [_file_of(place) for place in places]
-        resolved = [file.resolve() for file in files]
-        for n, run in enumerate(runs):
-            if resolved[n] in resolved[:n]:
-                raise UserError(f"task.runs: {run} is named twice")
+    """Reads the counts of run folders, score folders or files, by a name of each."""
+    files = [_file_of(Path(run)) for run in runs]
+    resolved = [file.resolve() for file in files]
+    for n, run in enumerate(runs):
+        if resolved[n] in resolved[:n]:
+            raise UserError(f"task.runs: {run} is named twice")
 
-        scored = [Counts.read(file) for file in files]
-        return dict(zip(_names(scored, files, runs), scored))
+    scored = [Counts.read(file) for file in files]
+    return dict(zip(_names(scored, files, runs), scored))
 
 
 def _file_of(path: Path) -> Path:

@@ -2,15 +2,18 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
+from lzma import LZMAError
 from pathlib import Path
+from tarfile import TarError
 
 import pandas as pd
 import torch
 from omegaconf import DictConfig, OmegaConf
 
+from ..data.files import BROKEN
 from ..errors import UserError
 from ..report.threshold_figure import draw_thresholds
-from ..results.archive import unpacked
 from ..results.files import write_table
 from ..results.flights import ALL, FLIGHTS, flight_scores
 from ..results.render import Cell, Table, print_table
@@ -26,21 +29,30 @@ BEST = {
 PRINTED = tuple(BEST)
 
 
-def flights(cfg: DictConfig, flights: list[str], reference: str, resamples: int, out: str) -> None:
+def flights(
+    cfg: DictConfig,
+    flights: Sequence[str],
+    reference: str,
+    resamples: int,
+    out: str,
+    perceptions: Sequence[str] = (),
+) -> None:
     """Writes ``scores.csv`` to ``out``, and prints the main ones.
 
-    ``flights`` are folders of `task=fly`; or folders of several, and archives of such, of which
-    every set ``flown`` is read. ``reference`` is the name of the perception that others are
-    compared with. Several seeds of a model, ``<name>-seed<k>``, are one perception. One that flew
-    with several thresholds is named with each, and drawn over them to ``thresholds.png``.
+    ``flights`` are folders of `task=fly`; folders of several, of which every set ``flown`` is read;
+    or tables of several, whose columns ``name`` and ``threshold`` tell them apart. Of
+    ``perceptions``, patterns such as ``skyocc-*``, those are read whose name matches one; without
+    any, all. ``reference`` is the name of the perception that others are compared with. Several
+    seeds of a model, ``<name>-seed<k>``, are one perception. One that flew with several thresholds
+    is named with each, and drawn over them to ``thresholds.png``.
 
-    Raises `UserError` without a folder, for one without flights, for one given twice, and for
-    flights of other missions.
+    Raises `UserError` without a folder, for one without flights, for one given twice, for a pattern
+    that matches nothing, and for flights of other missions.
     """
     if not flights:
         raise UserError("task.flights: name a folder or more, as task.flights=[runs/flights/seen]")
-    with unpacked([Path(each) for each in flights]) as (places, _):
-        flown = _together([each for place in places for each in _read(place)])
+    read = [each for place in flights for each in _read(Path(place))]
+    flown = _together(_chosen(read, perceptions))
     labels = {
         name: {each: f"{name} at {each:g}" if len(of_name) > 1 else name for each in of_name}
         for name, of_name in flown.items()
@@ -69,8 +81,11 @@ def print_scores(
 
 
 def _read(place: Path) -> Iterator[tuple[str, float, pd.DataFrame]]:
-    """Yields the perception's name, the planner's threshold and the flights: of a folder of
-    `task=fly`, or of all sets ``flown`` below a folder."""
+    """Yields the name of the flights, the planner's threshold and the flights: of a folder of
+    `task=fly`, of all sets ``flown`` below a folder, or of a table of several."""
+    if place.is_file():
+        yield from _tables(place)
+        return
     alone = place / FLIGHTS
     paths = [alone] if alone.is_file() else sorted(place.rglob(f"flown/{FLIGHTS}"))
     if not paths:
@@ -79,6 +94,40 @@ def _read(place: Path) -> Iterator[tuple[str, float, pd.DataFrame]]:
         table = pd.read_csv(path, keep_default_na=False)
         threshold = OmegaConf.load(path.parent / CONFIG).planner.threshold
         yield str(table["perception"].iloc[0]), float(threshold), table
+
+
+def _tables(path: Path) -> Iterator[tuple[str, float, pd.DataFrame]]:
+    """Yields what `_read` does, of the flights ``flown`` of a published table."""
+    try:
+        table = pd.read_csv(path, keep_default_na=False)
+        flown = table[table["frames"] == "flown"]
+        groups = [*flown.groupby(["name", "threshold"], sort=False)]
+    except (*BROKEN, LZMAError, TarError) as error:
+        raise UserError(
+            f"task.flights: {path} is no table of flights; give a folder of task=fly, "
+            f"or unpack an archive: python -m tarfile -e {path} FOLDER"
+        ) from error
+    for (name, threshold), own in groups:
+        yield str(name), float(threshold), own
+
+
+def _chosen(
+    read: Sequence[tuple[str, float, pd.DataFrame]], perceptions: Sequence[str]
+) -> list[tuple[str, float, pd.DataFrame]]:
+    """Keeps the flights whose name matches one of some patterns, or all without any; what they are
+    then called is their perception."""
+    names = [name for name, _, _ in read]
+    for pattern in perceptions:
+        if not any(fnmatchcase(name, pattern) for name in names):
+            raise UserError(
+                f"task.perceptions: none is called {pattern!r}; there are {', '.join(names)}"
+            )
+    wanted = perceptions or ["*"]
+    return [
+        (str(table["perception"].iloc[0]), threshold, table)
+        for name, threshold, table in read
+        if any(fnmatchcase(name, pattern) for pattern in wanted)
+    ]
 
 
 def _together(

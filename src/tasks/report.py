@@ -15,9 +15,8 @@ from ..report.ladder import ladder_named
 from ..report.ladder_report import LadderReport, ladder_report
 from ..report.report_page import learning_curves, write_report_page
 from ..report.report_text import report_text
-from ..report.run_group import APART, group_of
+from ..report.run_group import group_of
 from ..report.section import Section, ShownFrame, with_settings
-from ..results.archive import publish_runs, unpacked
 from ..results.files import write_table
 from ..results.render import WIDTH, csv_of, latex_of, print_table
 from ..results.runs import ScoredRun, UnfinishedRun, read_run, run_folders
@@ -27,7 +26,7 @@ from .scoring import parts_of
 from .showcase import COMPARISON, showcase
 
 TEXT, PAGE, FIGURES = "report.md", "report.html", "figures"
-SCORES, TABLES, LATEX, RUNS = "scores.csv", "tables.csv", "tables.tex", "runs.zip"
+SCORES, TABLES, LATEX = "scores.csv", "tables.csv", "tables.tex"
 # Tables that are printed, by their keys.
 PRINTED = ("main", "ablation")
 
@@ -39,7 +38,6 @@ def report(
     scenes: int,
     rungs: Sequence[str] = (),
     seeds: Sequence[int] = (),
-    publish: bool = False,
     sections: Mapping[str, Callable[..., Section]] | None = None,
     **of_sections: object,
 ) -> None:
@@ -47,11 +45,10 @@ def report(
 
     Without ``runs`` it takes all of the scale, and without ``rungs`` the ladder is the paper's;
     runs of ``seeds`` that are not there are named as missing. Each of the ``sections`` adds its
-    tables and pictures, and reads those of the further settings that it names. With ``publish`` it
-    leaves ``runs.zip``, too, from which the report is made again. Of so many ``scenes`` it shows
-    what the lowest and the highest rung predict, where the dataset and their checkpoints are there.
-    Raises `UserError` where no run is finished, a run cannot be read, or runs may not be put beside
-    each other.
+    tables and pictures, and reads those of the further settings that it names. Of so many
+    ``scenes`` it shows what the lowest and the highest rung predict, where the dataset and their
+    checkpoints are there. Raises `UserError` where no run is finished, a run cannot be read, or
+    runs may not be put beside each other.
     """
     import_metrics(cfg.suite)
     folder, ladder = Path(out), ladder_named(list(rungs))
@@ -61,29 +58,24 @@ def report(
     places = [Path(str(place)) for place in runs] or [Path(cfg.paths.runs) / cfg.scale_name]
     added = with_settings(sections or {}, of_sections)
 
-    with unpacked(places) as (folders, named):
-        finished, unfinished = _read(folders, folder, named)
-        _require_experiments(rungs, {run.experiment for run in (*finished, *unfinished)})
-        group = group_of(finished, ladder)
-        with Console().status("resampling"):
-            made = ladder_report(group, unfinished, parts_of, folder, list(seeds), added)
-        curves = learning_curves(made.named_runs)
-        shown = showcase(cfg, group.runs, folder / FIGURES, scenes, ladder)
-        made = replace(made, missing=(*made.missing, *map(named, shown.missing)))
+    finished, unfinished = _read(places, folder)
+    _require_experiments(rungs, {run.experiment for run in (*finished, *unfinished)})
+    group = group_of(finished, ladder)
+    with Console().status("resampling"):
+        made = ladder_report(group, unfinished, parts_of, folder, list(seeds), added)
+    curves = learning_curves(made.named_runs)
+    shown = showcase(cfg, group.runs, folder / FIGURES, scenes, ladder)
+    made = replace(made, missing=(*made.missing, *shown.missing))
 
-        figures = shown.figures | _drawn(made, folder / FIGURES, shown.frames)
-        heading = f"Report of {made.runs[0].counts.protocol.dataset}"
-        _write(made, heading, figures, folder)
-        scenes_shown = [each.scene for each in shown.frames]
-        write_report_page(made, heading, curves, figures, scenes_shown, folder / PAGE)
-        if publish:
-            publish_runs([group.runs], folder / RUNS, APART)
+    figures = shown.figures | _drawn(made, folder / FIGURES, shown.frames)
+    heading = f"Report of {made.runs[0].counts.protocol.dataset}"
+    _write(made, heading, figures, folder)
+    scenes_shown = [each.scene for each in shown.frames]
+    write_report_page(made, heading, curves, figures, scenes_shown, folder / PAGE)
     _print(made, folder)
 
 
-def _read(
-    places: Sequence[Path], out: Path, named: Callable[[str], str]
-) -> tuple[list[ScoredRun], list[UnfinishedRun]]:
+def _read(places: Sequence[Path], out: Path) -> tuple[list[ScoredRun], list[UnfinishedRun]]:
     """Reads the finished runs, of which there must be one, and the others."""
     runs = [read_run(path) for path in tracked(run_folders(places, out), "reading")]
     finished = [run for run in runs if isinstance(run, ScoredRun)]

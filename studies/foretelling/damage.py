@@ -20,7 +20,6 @@ from src.faults.damage import Damaged
 from src.loop.campaign import Campaign, Job
 from src.loop.flight import Moment
 from src.loop.stage import Stage
-from src.provenance import SOURCE
 from src.results.files import write_table
 from src.results.frame_scores import FrameScores
 from src.terminal import tracked
@@ -60,7 +59,7 @@ class Watchers:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--out", type=Path, default=SOURCE.parent / "docs/results/flight")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent)
     options = parser.parse_args()
 
     words = ["task=fly", "perception=truth", *MISSIONS, *options.overrides]

@@ -1,7 +1,6 @@
 """task=flights: perceptions side by side, thresholds as a curve, mistakes in one line."""
 
 import shutil
-import zipfile
 
 import pandas as pd
 import pytest
@@ -20,9 +19,9 @@ def write(folder, outcomes, perception, threshold=0.5, **changes):
     return str(folder)
 
 
-def run(tmp_path, folders, reference="seen"):
+def run(tmp_path, folders, reference="seen", perceptions=()):
     cfg = sound_config("task=flights")
-    flights(cfg, folders, reference, 50, str(tmp_path / "out"))
+    flights(cfg, folders, reference, 50, str(tmp_path / "out"), perceptions)
     return pd.read_csv(tmp_path / "out" / "scores.csv")
 
 
@@ -48,23 +47,39 @@ def test_one_that_flew_with_several_thresholds_is_a_curve(tmp_path, seen):
         assert picture.width > 500
 
 
-def test_the_seeds_of_a_model_are_one_perception_in_folders_and_archives(tmp_path, seen):
+@pytest.fixture
+def seeds(tmp_path):
     of_seed = {0: ["arrived", "collided", "arrived"], 1: ["collided", "collided", "arrived"]}
     for seed, outcomes in of_seed.items():
         write(tmp_path / f"all/learned/m-seed{seed}/flown", outcomes, f"m-seed{seed}")
-    with zipfile.ZipFile(tmp_path / "packed.zip", "w") as archive:
-        for path in (tmp_path / "all").rglob("*.*"):
-            archive.write(path, path.relative_to(tmp_path / "all"))
+    return tmp_path / "all"
 
-    places = ("all", "packed.zip", "packed/learned")
-    both, *others = (run(tmp_path, [seen, str(tmp_path / each)]) for each in places)
-    shutil.rmtree(tmp_path / "all/learned/m-seed1")
-    assert all(other.equals(both) for other in others)
+
+def test_the_seeds_of_a_model_are_one_perception(tmp_path, seen, seeds):
+    both = run(tmp_path, [seen, str(seeds)])
     values = both.set_index(["perception", "stratum", "score"])["value"]
     assert values["m", "all", "excess_collisions"] == pytest.approx(0.5)
 
-    [alone] = {*run(tmp_path, [seen, str(tmp_path / "all")])["perception"]} - {"seen"}
+    shutil.rmtree(seeds / "learned/m-seed1")
+    [alone] = {*run(tmp_path, [seen, str(seeds)])["perception"]} - {"seen"}
     assert alone == "m-seed0"
+
+
+def test_a_published_table_is_read_as_the_folders_were(tmp_path, seen, seeds):
+    paths = [tmp_path / "seen/flights.csv", *sorted(seeds.rglob("flights.csv"))]
+    tables = [pd.read_csv(path) for path in paths]
+    tables = [each.assign(name=each["perception"], frames="flown") for each in tables]
+    # Not of this comparison: frames of another UAV's flights, and flights of another threshold.
+    others = [tables[0].assign(frames="verge"), tables[1].assign(name="m-seed0_at_0.3")]
+    thresholds = [*(each.assign(threshold=0.5) for each in tables)]
+    thresholds += [each.assign(threshold=t) for each, t in zip(others, (0.5, 0.3))]
+    pd.concat(thresholds).to_csv(path := tmp_path / "flights.csv.xz", index=False)
+
+    chosen = run(tmp_path, [str(path)], perceptions=["seen", "m-seed?"])
+    assert chosen.equals(run(tmp_path, [seen, str(seeds)]))
+    assert "m-seed0 at 0.3" in set(
+        run(tmp_path, [str(path)], perceptions=["s*", "*seed0*"])["perception"]
+    )
 
 
 def test_mistakes_are_told_in_one_line(tmp_path, seen):
@@ -74,6 +89,11 @@ def test_mistakes_are_told_in_one_line(tmp_path, seen):
         run(tmp_path, [seen, seen])
     with pytest.raises(UserError, match=r"has no flights.csv; make it by task=fly"):
         run(tmp_path, [str(tmp_path)])
+    with pytest.raises(UserError, match=r"task.perceptions: none is called 'sean'; .* seen"):
+        run(tmp_path, [seen], perceptions=["sean"])
+    (tmp_path / "runs.tar.xz").write_bytes(b"PK")
+    with pytest.raises(UserError, match=r"runs.tar.xz is no table .* python -m tarfile -e"):
+        run(tmp_path, [str(tmp_path / "runs.tar.xz")])
     again = write(tmp_path / "again", ["arrived"] * 3, "seen", 0.3)
     with pytest.raises(UserError, match=r"name one of seen at 0\.5, seen at 0\.3"):
         run(tmp_path, [seen, again])

@@ -2,7 +2,6 @@
 
 import re
 import shutil
-from zipfile import ZipFile
 
 import pandas as pd
 import pytest
@@ -117,27 +116,6 @@ def test_the_long_table_has_the_scores_of_every_run_and_part(ladder, tmp_path):
     (cell,) = tables(out).query(chosen).itertuples()
     assert float(cell.value) == pytest.approx(100 * means["skyocc"])
     assert float(cell.low) < float(cell.value) < float(cell.high)
-
-
-def files_of(out):
-    """The bytes of every file of a report but the archive of its runs."""
-    files = {path.relative_to(out): path.read_bytes() for path in out.rglob("*.*")}
-    return {path: content for path, content in files.items() if path.suffix != ".zip"}
-
-
-def test_what_is_published_gives_the_same_report_again(runs, tmp_path):
-    (runs / "skyocc/seed1/metrics.csv").write_text("step,epoch,val/kar_miou\n1,0,0.2\n2,1,0.25\n")
-    (runs / "skyocc/seed1/checkpoints").mkdir()
-    (runs / "skyocc/seed1/checkpoints/best.ckpt").write_text("heavy")
-    out = reported(runs, out=tmp_path / "out", publish=True)
-    archive = (out / "runs.zip").read_bytes()
-    assert not [name for name in ZipFile(out / "runs.zip").namelist() if name.endswith(".ckpt")]
-    for place in ("runs", "runs.zip"):
-        again = reported(runs, out / place, out=tmp_path / "again")
-        assert files_of(again) == files_of(out)
-    reported(runs, out / "runs", out=out, publish=True)
-    assert files_of(again) == files_of(out), "onto itself too"
-    assert (out / "runs.zip").read_bytes() == archive
 
 
 def test_runs_may_be_named_and_nothing_else_is_then_taken(ladder, tmp_path):

@@ -7,17 +7,14 @@ import pandas as pd
 import torch
 from omegaconf import DictConfig
 
-from ..errors import UserError
-from ..report.foretell_figure import draw_foretelling, draw_standings
-from ..results.archive import publish_flights, unpacked
-from ..results.files import write_table
-from ..results.foreseeing import foreseen
-from ..results.foretelling import ALL, Perception, compared_with, foretelling
-from ..results.render import Cell, Table, print_table
-from ..results.windows import windows_of
-from ..terminal import say, tracked
-
-ARCHIVE = "flights.zip"
+from src.errors import UserError
+from src.results.files import write_table
+from src.results.render import Cell, Table, print_table
+from src.terminal import say, tracked
+from studies.foretelling.correlation import ALL, Perception, compared_with, foretelling
+from studies.foretelling.figure import draw_foretelling, draw_standings
+from studies.foretelling.foreseeing import foreseen
+from studies.foretelling.windows import windows_of
 
 
 def foretell(
@@ -28,15 +25,13 @@ def foretell(
     scores: Mapping[str, str],
     resamples: int,
     out: str,
-    publish: bool = False,
 ) -> None:
     """Writes ``correlations.csv``, ``perceptions.csv``, ``foreseen.csv`` and pictures of the first
     two to ``out``, and prints the correlations with collisions over all strata.
 
-    ``flights`` are folders as `Perception.all_below` reads them, or archives of such, as
-    ``publish`` leaves one: ``flights.zip``. Raises `UserError` for a score that is compared with
-    and is none of the ``scores``, for an end that is neither high nor low, and as `foretelling`
-    does.
+    ``flights`` are folders as `Perception.all_below` reads them. Raises `UserError` where
+    ``against`` is none of the ``scores``, for an end that is neither high nor low, and as
+    `foretelling` does.
     """
     if against not in scores:
         raise UserError(f"task.against: {against} is not in task.scores")
@@ -44,31 +39,24 @@ def foretell(
         if end not in ("high", "low"):
             raise UserError(f"task.scores.{name}: {end}; say which end is better, high or low")
     folder, generator = Path(out), torch.Generator().manual_seed(0)
-    with unpacked([Path(each) for each in flights]) as (places, _):
-        perceptions = Perception.all_below(places)
-        table, standings = foretelling(
-            perceptions, reference, scores, against, resamples, generator
-        )
-        if table.empty:
-            raise UserError(
-                "task.flights: fewer than three perceptions have scored frames; fly more"
-            )
-        write_table(table, folder / "correlations.csv")
-        write_table(standings, folder / "perceptions.csv")
+    perceptions = Perception.all_below([Path(each) for each in flights])
+    table, standings = foretelling(perceptions, reference, scores, against, resamples, generator)
+    if table.empty:
+        raise UserError("task.flights: fewer than three perceptions have scored frames; fly more")
+    write_table(table, folder / "correlations.csv")
+    write_table(standings, folder / "perceptions.csv")
 
-        compared = compared_with(reference, perceptions)
-        counted = [each for each in perceptions if each.windows]
-        windows = {
-            each.name: windows_of(each.windows, scores)
-            for each in tracked(counted, "scoring the seconds of flights")
-        }
-        flown = [each for each in compared if each.name in windows]
-        if flown:
-            of_reference = next(each.flights for each in perceptions if each.name == reference)
-            foresight = foreseen(flown, windows, of_reference, scores, resamples, generator)
-            write_table(foresight, folder / "foreseen.csv")
-        if publish:
-            publish_flights(perceptions, windows, folder / ARCHIVE)
+    compared = compared_with(reference, perceptions)
+    counted = [each for each in perceptions if each.windows]
+    windows = {
+        each.name: windows_of(each.windows, scores)
+        for each in tracked(counted, "scoring the seconds of flights")
+    }
+    flown = [each for each in compared if each.name in windows]
+    if flown:
+        of_reference = next(each.flights for each in perceptions if each.name == reference)
+        foresight = foreseen(flown, windows, of_reference, scores, resamples, generator)
+        write_table(foresight, folder / "foreseen.csv")
 
     draw_foretelling(table, folder / "correlations.png")
     for frames, of_set in standings.groupby("frames"):

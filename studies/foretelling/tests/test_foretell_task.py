@@ -5,9 +5,9 @@ import pytest
 from PIL import Image
 
 from src.errors import UserError
-from src.report import foretell_figure
-from src.report.foretell_figure import draw_standings
-from src.tasks.foretell import foretell
+from studies.foretelling import figure as foretell_figure
+from studies.foretelling.figure import draw_standings
+from studies.foretelling.task import foretell
 from tests.results.flown import write_flown
 from tests.synthetic import sound_config
 
@@ -48,18 +48,6 @@ def test_every_stratum_is_drawn_and_no_axes_are_empty(tmp_path, monkeypatch):
     assert [len(axes.collections) for axes in shown] == [6] * 6
     assert [axes.xaxis_inverted() for axes in shown] == [False, True] * 3
     assert shown[0].get_title() == "score0  +0.70"
-
-
-def test_published_flights_give_the_same_tables(tmp_path):
-    root, out = tmp_path / "flight", tmp_path / "again"
-    write_flown(root, "seen", 1.0, lambda m, n: False, "anchors")
-    for k in range(3):
-        few = lambda m, n, k=k: 2 * m + n < k  # noqa: E731
-        write_flown(root, f"n{k}", 0.9 - 0.2 * k, few, sets=("flown", "verge"), before=0.3)
-    run(tmp_path, "task.publish=true")
-    run(tmp_path, f"task.flights=[{root}/flights.zip]", f"task.out={out}", "task.publish=true")
-    for name in ("correlations.csv", "perceptions.csv", "foreseen.csv", "flights.zip"):
-        assert (out / name).read_bytes() == (root / name).read_bytes()
 
 
 @pytest.mark.parametrize(

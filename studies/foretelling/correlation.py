@@ -12,12 +12,12 @@ import torch
 from jaxtyping import Float, Int, Shaped
 from torch import Generator, Tensor
 
-from ..errors import UserError
-from ..terminal import tracked
-from .bootstrap import interval_of, resamplings, score_samples
-from .counts import Counts
-from .flights import FLIGHTS, holm, p_value, require_same_flights, samples_of
-from .windows import WINDOWS
+from src.errors import UserError
+from src.results.bootstrap import interval_of, resamplings, score_samples
+from src.results.counts import Counts
+from src.results.flights import FLIGHTS, holm, p_value, require_same_flights, samples_of
+from src.terminal import tracked
+from studies.foretelling.windows import WINDOWS
 
 # The first row is of all maps and perceptions, the others are resampled; a column a perception.
 Samples = Float[np.ndarray, "1+r k"]
@@ -25,7 +25,7 @@ Samples = Float[np.ndarray, "1+r k"]
 # What a good score should foretell; less of each is better.
 TARGETS = ("collisions", "stuck", "phantom_stops_per_min")
 ALL = "all"
-# The counts of a set of frames by map, in place of the folder with those of every flight.
+# Counts of a set of frames by map, as they were published in place of the counts of every flight.
 MAPS = "maps.npz"
 # The difference of two correlations whose power is told, and what 95 % of a normal lies within.
 DIFFERENCE, BOUND = 0.2, 1.96

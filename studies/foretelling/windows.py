@@ -2,19 +2,18 @@
 
 import math
 from collections.abc import Collection, Mapping
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float32
 
-from ..data.files import BROKEN
-from ..errors import UserError
-from .counts import Counts
+from src.data.files import BROKEN
+from src.errors import UserError
+from src.results.counts import Counts
 
 # A window is of two whole seconds.
 WINDOW_S = 2
-# The windows of all flights of a perception, in place of the folder with their counts by second.
+# All windows of a perception, as they were published in place of its counts by second.
 WINDOWS = "windows.npz"
 
 # By score what it was in the window that ends with each second; NaN where it counted nothing.
@@ -24,9 +23,8 @@ Windows = Mapping[str, Float32[np.ndarray, "seconds"]]
 def windows_of(place: Path, scores: Collection[str]) -> dict[str, Windows]:
     """Returns some scores of all windows, by flight. No window ends with the first second.
 
-    ``place`` is a folder with counts by second, ``<map>/<flight>.npz``, or a file of
-    `packed_windows`. Raises `UserError` for a score that there is not, and for a file that cannot
-    be read.
+    ``place`` is a folder with counts by second, ``<map>/<flight>.npz``, or a published file of
+    windows. Raises `UserError` for a score that there is not, and for a file that cannot be read.
     """
     if place.is_file():
         return _read(place, scores)
@@ -45,17 +43,6 @@ def windows_of(place: Path, scores: Collection[str]) -> dict[str, Windows]:
     return found
 
 
-def packed_windows(windows: Mapping[str, Windows]) -> bytes:
-    """Returns an ``.npz`` of plain arrays: the flights, their seconds, and all values of a score,
-    flight after flight."""
-    flights = list(windows.values())
-    arrays = {score: np.concatenate([each[score] for each in flights]) for score in flights[0]}
-    seconds = [len(next(iter(each.values()))) for each in flights]
-
-    np.savez(file := BytesIO(), flights=np.array(list(windows)), seconds=seconds, **arrays)
-    return file.getvalue()
-
-
 def _read(path: Path, scores: Collection[str]) -> dict[str, Windows]:
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -64,7 +51,7 @@ def _read(path: Path, scores: Collection[str]) -> dict[str, Windows]:
         _require(scores, arrays, path)
         parts = {score: np.split(arrays[score], ends) for score in scores}
     except BROKEN as error:
-        raise UserError(f"{path}: cannot be read ({error}); publish it again") from error
+        raise UserError(f"{path}: cannot be read ({error})") from error
     return {
         flight: {score: part[n] for score, part in parts.items()}
         for n, flight in enumerate(flights)

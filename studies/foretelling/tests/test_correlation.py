@@ -9,8 +9,7 @@ import pytest
 import torch
 
 from src.errors import UserError
-from src.results.foreseeing import foreseen
-from src.results.foretelling import (
+from studies.foretelling.correlation import (
     Perception,
     _drawn,
     counts_by_map,
@@ -18,7 +17,8 @@ from src.results.foretelling import (
     kendall,
     spearman,
 )
-from src.results.windows import windows_of
+from studies.foretelling.foreseeing import foreseen
+from studies.foretelling.windows import windows_of
 from tests.results.flown import write_flown
 
 SCORES = {"miou_occupied": "high", "kar_miou": "high", "geometric_iou": "high"}

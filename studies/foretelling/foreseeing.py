@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Float32
 from torch import Generator
 
-from .bootstrap import interval_of, resamplings
-from .foretelling import Perception
-from .windows import WINDOW_S, Windows
+from src.results.bootstrap import interval_of, resamplings
+from studies.foretelling.correlation import Perception
+from studies.foretelling.windows import WINDOW_S, Windows
 
 # The window before a collision ends one second or more before it; the earlier one of the same
 # flight ends three before that.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from src.errors import UserError
-from src.results.windows import WINDOWS, packed_windows, windows_of
+from studies.foretelling.windows import WINDOWS, windows_of
 from tests.results.flown import SECONDS, write_flown
 
 SCORES = ("kar_miou", "phantom_stop_rate")
@@ -29,10 +29,18 @@ def test_a_window_has_the_two_seconds_that_it_ends_with(root):
     assert (windows["town-101/000"]["kar_miou"][1:] == 1).all()
 
 
-def test_they_are_written_and_read_again(root, tmp_path):
+def published(path, windows):
+    """The file that was published: all values of a score, flight after flight."""
+    flights = [*windows.values()]
+    arrays = {score: np.concatenate([each[score] for each in flights]) for score in SCORES}
+    seconds = [len(each[SCORES[0]]) for each in flights]
+    np.savez(path, flights=np.array([*windows]), seconds=seconds, **arrays)
+    return path
+
+
+def test_published_windows_are_read_as_they_were(root, tmp_path):
     windows = windows_of(root, SCORES)
-    (path := tmp_path / WINDOWS).write_bytes(packed_windows(windows))
-    again = windows_of(path, SCORES)
+    again = windows_of(published(tmp_path / WINDOWS, windows), SCORES)
     assert list(again) == list(windows)
     for flight, of_flight in windows.items():
         for score in SCORES:
@@ -40,7 +48,7 @@ def test_they_are_written_and_read_again(root, tmp_path):
 
 
 def test_an_absent_score_and_a_broken_file_are_told(root, tmp_path):
-    (path := tmp_path / WINDOWS).write_bytes(packed_windows(windows_of(root, SCORES)))
+    path = published(tmp_path / WINDOWS, windows_of(root, SCORES))
     for place in (root, path):
         with pytest.raises(UserError, match=r"task.scores.mine: no score of .*; there are .*kar_"):
             windows_of(place, ["mine"])
