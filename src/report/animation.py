@@ -9,9 +9,9 @@ import pandas as pd
 from PIL import Image
 
 from ..atomic import replacing
+from ..data.actors import visible_actors
 from ..data.clip import Clip
 from ..data.predictions import Predictions, Sample
-from ..data.statistics import Statistics, visible_actors
 from .canvas import Canvas, resized, within_bytes
 from .picture import encoded
 from .scene import VoxelScene
@@ -23,26 +23,15 @@ IMAGE_PIX, VOXEL_PIX, GAP_PIX, TITLE_PIX = 264, (360, 288), 8, 28
 MAX_BYTES = 1_000_000
 
 
-def draw_flight(root: Path, statistics: Statistics, path: str | Path) -> None:
-    """Writes a GIF of at most 1 MB: the image, and the labels in 3-D, in real time.
-
-    Shows the `liveliest` clip of the first weather, 4 s around its middle. Raises `UserError` for a
-    clip that cannot be read and a path that cannot be written.
-    """
-    frames, first_weather = statistics.frames, statistics.clips["weather"].iloc[0]
-    clip = Clip(root / liveliest(frames[frames["weather"] == first_weather]))
-    _draw(clip, range(len(clip)), None, path)
-
-
 def draw_predicted_flight(
     clips: Mapping[str, Clip], samples: Sequence[Sample], predictions: Predictions, path: str | Path
 ) -> None:
-    """Writes the GIF of `draw_flight` with a third picture: the prediction, beside the labels.
+    """Writes the GIF of `draw_clip` with the predictions beside the labels.
 
     ``samples`` are the predicted frames of the clips. Shows the clip that has most of them, of
     several the `liveliest`, at most 4 s around the middle of its predicted frames. A prediction is
-    hidden where the labels are unknown. Raises `UserError` as `draw_flight` does, and for a
-    prediction that cannot be read.
+    hidden where the labels are unknown. Raises `UserError` for a clip or a prediction that cannot
+    be read, and a path that cannot be written.
     """
     frames = pd.DataFrame(samples, columns=["clip", "frame"]).groupby("clip", sort=False)["frame"]
     # Of a clip that is held out every frame is predicted, of another only one part: the end.
@@ -51,7 +40,7 @@ def draw_predicted_flight(
     actors = pd.concat([visible_actors(clips[name]).assign(clip=name) for name in longest])
 
     shown = liveliest(actors)
-    _draw(clips[shown], frames.get_group(shown).tolist(), predictions, path)
+    draw_clip(clips[shown], frames.get_group(shown).tolist(), predictions, path)
 
 
 def liveliest(frames: pd.DataFrame) -> str:
@@ -63,10 +52,11 @@ def liveliest(frames: pd.DataFrame) -> str:
     return visible.groupby(frames["clip"], sort=False).mean().idxmax()
 
 
-def _draw(
+def draw_clip(
     clip: Clip, frames: Sequence[int], predictions: Predictions | None, path: str | Path
 ) -> None:
-    """Draws the middle of some consecutive frames of a clip, with their predictions if given."""
+    """Writes a GIF of at most 1 MB, in real time: the image, the labels in 3-D, and predictions
+    beside them if given; of some consecutive frames 4 s around their middle."""
     stride = max(1, round(clip.meta.capture_hz / FRAME_HZ))
     length = stride * round(SECONDS * clip.meta.capture_hz / stride)
     first = max(0, (len(frames) - length) // 2)

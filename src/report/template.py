@@ -1,14 +1,14 @@
-"""Texts and pages that are filled in: the templates in ``markdown/`` and ``web/``."""
+"""Pages that are filled in: the templates in ``web/``."""
 
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
-MARKDOWN, WEB = (Path(__file__).parent / name for name in ("markdown", "web"))
+WEB = Path(__file__).with_name("web")
 
 # In HTML whatever comes from data is escaped, so that no name of a run can become markup.
 ENVIRONMENT = Environment(
-    loader=FileSystemLoader([MARKDOWN, WEB]),
+    loader=FileSystemLoader(WEB),
     autoescape=select_autoescape(("html",)),
     undefined=StrictUndefined,
     trim_blocks=True,

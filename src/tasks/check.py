@@ -14,12 +14,13 @@ from ..data.clip import AUX, SUMS, Clip, recorded_sums, sha256_of, unfinished
 from ..data.files import differing_files
 from ..data.manifest import MANIFEST, read_manifest
 from ..errors import UserError
-from ..report.card import CARD, CARD_SUMS, write_card
 from ..report.check_sheet import draw_check_sheet
 from ..terminal import say, tracked
 from ..worker_pool import default_workers, mapped
 from .dataset import make_dataset, root_of
 
+# Checksums of the card, which task=card writes.
+CARD_SUMS = f"card/{SUMS}"
 # Fewer are checked before another process would have started.
 CLIPS_A_WORKER = 8
 
@@ -131,7 +132,8 @@ def _card_problems(root: Path) -> list[str]:
     except UserError as error:
         return [str(error)]
     damaged = differing_files(root, sums)
-    return [f"{root / name}: its bytes are not the ones written" for name in damaged]
+    again = "its bytes are not the ones written; task=card writes them again"
+    return [f"{root / name}: {again}" for name in damaged]
 
 
 def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
@@ -144,8 +146,6 @@ def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
             folder.rename(unfinished(folder))
 
     make_dataset(cfg)
-    if findings.of_whole and (root / CARD).is_file():
-        write_card(root)
 
 
 def _draw_sheets(root: Path) -> None:

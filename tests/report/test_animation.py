@@ -8,7 +8,6 @@ from PIL import Image, ImageSequence
 
 from src.data.clip import Clip
 from src.data.predictions import Predictions, save_predictions
-from src.data.statistics import Statistics, statistics_of_clips
 from src.ontology import BUILDING, UNKNOWN
 from src.report import animation
 from src.report.animation import (
@@ -16,7 +15,7 @@ from src.report.animation import (
     IMAGE_PIX,
     TITLE_PIX,
     VOXEL_PIX,
-    draw_flight,
+    draw_clip,
     draw_predicted_flight,
 )
 from tests.synthetic import write_clip
@@ -74,12 +73,12 @@ def shows(picture, clip, frame):
 
 def test_it_loops_in_real_time_with_the_image_beside_the_labels(root, tmp_path, monkeypatch):
     monkeypatch.setattr(animation, "SECONDS", 1.2)
-    draw_flight(root, statistics_of_clips(root, [CLIPS[0]]), tmp_path / "flight.gif")
+    clip = Clip(root / CLIPS[0])
+    draw_clip(clip, range(len(clip)), None, tmp_path / "flight.gif")
     pictures, info = frames_of(tmp_path / "flight.gif")
     assert (len(pictures), info["duration"], info["loop"]) == (6, 200, 0)
     assert (tmp_path / "flight.gif").stat().st_size <= animation.MAX_BYTES
 
-    clip = Clip(root / CLIPS[0])
     assert all(shows(pictures[n], clip, frame) for n, frame in ((0, 27), (3, 30), (5, 32)))
     (_, first), (_, last) = panels_of(pictures[0]), panels_of(pictures[5])
     assert first.std() > 20
@@ -138,24 +137,10 @@ def test_the_end_of_a_flight_is_shown_as_far_as_it_was_predicted(root, predicted
 
 def test_a_heavy_one_is_made_smaller(root, tmp_path, monkeypatch):
     monkeypatch.setattr(animation, "SECONDS", 0.4)
-    statistics = statistics_of_clips(root, [CLIPS[0]])
-    draw_flight(root, statistics, tmp_path / "whole.gif")
+    clip = Clip(root / CLIPS[0])
+    draw_clip(clip, range(len(clip)), None, tmp_path / "whole.gif")
     limit = (tmp_path / "whole.gif").stat().st_size // 2
     monkeypatch.setattr(animation, "MAX_BYTES", limit)
-    draw_flight(root, statistics, tmp_path / "light.gif")
+    draw_clip(clip, range(len(clip)), None, tmp_path / "light.gif")
     assert (tmp_path / "light.gif").stat().st_size <= limit
     assert len(frames_of(tmp_path / "light.gif")[0]) == 2
-
-
-def test_a_card_shows_the_liveliest_flight_of_the_first_weather(root, tmp_path, monkeypatch):
-    monkeypatch.setattr(animation, "SECONDS", 0.2)
-    clips = pd.DataFrame({"clip": CLIPS, "weather": ["clear", "night", "clear"]})
-    frames = pd.DataFrame(
-        {"clip": [*CLIPS, CLIPS[0]], "weather": ["clear", "night", "clear", "clear"]}
-    )
-    # The first clip has more actors in all, as it has more frames, but fewer in a frame.
-    frames = frames.assign(**{"visible/car": [2, 9, 1, 2], "visible/bus": [0, 9, 2, 0]})
-
-    draw_flight(root, Statistics(frames, clips), tmp_path / "flight.gif")
-    (picture,), _ = frames_of(tmp_path / "flight.gif")
-    assert shows(picture, Clip(root / CLIPS[2]), 30)

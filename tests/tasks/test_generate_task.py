@@ -11,7 +11,6 @@ import pytest
 from src.data.manifest import MANIFEST, read_manifest
 from src.data.shards import record_of
 from src.errors import UserError
-from src.report.card import CARD
 from src.tasks.dataset import make_dataset, ready_dataset, root_of
 from src.tasks.generate import generate
 from tests.synthetic import compose_config, mini_overrides, write_clip
@@ -51,7 +50,7 @@ def test_the_last_shard_writes_one_manifest_of_all_clips(config, capsys):
     assert list(read_manifest(root)["clips"]) == [
         *("downtown/clip00", "downtown/clip01", "suburb/clip00", "suburb/clip01")
     ]
-    assert not (root / CARD).exists(), "which task=card draws"
+    assert not (root / "README.md").exists(), "which task=card draws"
     assert not record.exists()
     # Without shards the same bytes come out, and a shard of a finished dataset does nothing.
     sharded = (root / MANIFEST).read_bytes()

@@ -1,6 +1,6 @@
 """The paper's own numbers of its dataset, to be set beside those of a generated one.
 
-What only the card shows of them stands in its template, `markdown/card.md.j2`.
+What only the card shows of them stands in its template, `card.md.j2`.
 """
 
 from typing import Final

@@ -14,17 +14,15 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int64
 
-from ..errors import UserError
-from ..geometry import MIN_DEPTH_M, camera_from_occ
-from ..jit import njit
-from ..ontology import ACTOR_TYPES, CLASSES, UNKNOWN
-from ..terminal import tracked
-from .clip import Clip
-from .manifest import missing_clips, read_manifest
-from .split import part_of_time
-
-# An actor with this share of the image's pixels or more counts as visible.
-MIN_VISIBLE_SHARE = 5e-5
+from src.data.actors import visible_actors
+from src.data.clip import Clip
+from src.data.manifest import missing_clips, read_manifest
+from src.data.split import part_of_time
+from src.errors import UserError
+from src.geometry import MIN_DEPTH_M, camera_from_occ
+from src.jit import njit
+from src.ontology import ACTOR_TYPES, CLASSES, UNKNOWN
+from src.terminal import tracked
 
 # The paper gives the share of frames below this height.
 LOW_FLIGHT_M = 11.0
@@ -172,16 +170,6 @@ def _voxel_counts(clip: Clip) -> pd.DataFrame:
     table["voxels/in image"] = voxels_in_image(clip)
     table["voxels/all"] = every
     return table
-
-
-def visible_actors(clip: Clip) -> pd.DataFrame:
-    """Counts the visible actors of each type (``visible/<type>``), a row a frame."""
-    # A share of the image, so that the count means the same at every resolution.
-    pixels = clip.meta.width * clip.meta.height
-    visible = clip.actors[clip.actors["visible_pixels"] >= MIN_VISIBLE_SHARE * pixels]
-    counts = pd.crosstab(visible["frame"], visible["type"])
-    counts = counts.reindex(index=clip.frames["frame"], columns=list(ACTOR_TYPES), fill_value=0)
-    return counts.add_prefix("visible/").reset_index(drop=True)
 
 
 def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:

@@ -8,19 +8,21 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jinja2 import StrictUndefined, Template
 
-from ..atomic import replacing
-from ..data.clip import CLIP_SECONDS, SUMS, sha256_of
-from ..data.croissant import croissant_of
-from ..data.manifest import DatasetSpec, read_manifest
-from ..data.statistics import MIN_VISIBLE_SHARE, Statistics, statistics_of
-from . import paper
-from .animation import draw_flight
-from .canvas import readable
-from .contact_sheet import draw_contact_sheet
-from .statistics_figure import draw_statistics, percent, visible_totals
-from .template import filled
+from src.atomic import replacing
+from src.data.actors import MIN_VISIBLE_SHARE
+from src.data.clip import CLIP_SECONDS, SUMS, Clip, sha256_of
+from src.data.manifest import DatasetSpec, read_manifest
+from src.report.animation import draw_clip, liveliest
+from src.report.canvas import readable
+from studies.card import paper
+from studies.card.contact_sheet import draw_contact_sheet
+from studies.card.croissant import croissant_of
+from studies.card.figure import draw_statistics, percent, visible_totals
+from studies.card.statistics import Statistics, statistics_of
 
+TEMPLATE = Path(__file__).with_name("card.md.j2")
 CARD, FIGURES, CROISSANT = "README.md", "card", "croissant.json"
 CARD_SUMS = f"{FIGURES}/{SUMS}"
 
@@ -66,6 +68,16 @@ def write_card(root: Path) -> None:
     _write(root / CARD_SUMS, sums)
 
 
+def draw_flight(root: Path, statistics: Statistics, path: str | Path) -> None:
+    """Writes a GIF of the `liveliest` clip of the first weather, 4 s around its middle.
+
+    Raises `UserError` for a clip that cannot be read and a path that cannot be written.
+    """
+    frames, first_weather = statistics.frames, statistics.clips["weather"].iloc[0]
+    clip = Clip(root / liveliest(frames[frames["weather"] == first_weather]))
+    draw_clip(clip, range(len(clip)), None, path)
+
+
 def _write(path: Path, text: str) -> None:
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
@@ -79,8 +91,8 @@ def _card(
     ``name`` is its folder's, ``clips`` its `Statistics.clip_table`, ``pictures`` the files in
     ``card/``: those of `PICTURES` among them are shown.
     """
-    return filled(
-        "card.md.j2",
+    text = TEMPLATE.read_text(encoding="utf-8")
+    return Template(text, undefined=StrictUndefined, trim_blocks=True).render(
         name=name,
         what_it_is=WHAT_IT_IS,
         extra={file: text for file, text in PICTURES.items() if file in pictures},

@@ -10,10 +10,10 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from ..ontology import ACTOR_TYPES, CLASSES
-from .clip import ACTOR_COLUMNS, FRAME_COLUMNS, SUMS
-from .files import sha256_of
-from .manifest import MANIFEST
+from src.data.clip import ACTOR_COLUMNS, FRAME_COLUMNS, SUMS
+from src.data.files import sha256_of
+from src.data.manifest import MANIFEST
+from src.ontology import ACTOR_TYPES, CLASSES
 
 WORDS = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
 # The files of a clip: how each is written, and what is in it.

@@ -11,12 +11,13 @@ from PIL import Image
 
 from src.data.dataset import history_stride
 from src.data.manifest import MANIFEST, read_manifest
-from src.data.statistics import statistics_of
 from src.errors import UserError
-from src.report import animation, paper
-from src.report.card import overrides_of, write_card
+from src.report import animation
 from src.tasks.dataset import spec_of
-from tests.synthetic import compose_config, mini_overrides, write_dataset
+from studies.card import page, paper
+from studies.card.page import overrides_of, write_card
+from studies.card.statistics import Statistics, statistics_of
+from tests.synthetic import compose_config, mini_overrides, write_clip, write_dataset
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -158,3 +159,17 @@ def test_the_command_composes_to_the_same_digest(tmp_path, settings):
     assert any(setting in words for setting in settings if not setting.startswith("+"))
     # The capture rate, which the default step of the history does not divide, is not refused.
     assert history_stride(cfg.data.history_step_s, cfg.sim.capture_hz) == 1
+
+
+def test_it_shows_the_liveliest_flight_of_the_first_weather(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(page, "draw_clip", lambda clip, *_: drawn.append(clip.clip_id))
+    names = ["town/clip00", "town/clip01", "town/clip02"]
+    for name in names:
+        write_clip(tmp_path / name)
+    clips = pd.DataFrame({"clip": names, "weather": ["clear", "night", "clear"]})
+    frames = pd.concat([clips, clips[:1]])
+    # The first clip has more actors in all, as it has more frames, but fewer in a frame.
+    frames = frames.assign(**{"visible/car": [2, 9, 1, 2], "visible/bus": [0, 9, 2, 0]})
+    page.draw_flight(tmp_path, Statistics(frames, clips), tmp_path / "flight.gif")
+    assert drawn == ["town/clip02"]

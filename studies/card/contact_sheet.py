@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from ..data.clip import Clip
-from ..data.statistics import Statistics
-from .canvas import Canvas, Pixels, readable, resized, write_picture
+from src.data.clip import Clip
+from src.report.canvas import Canvas, Pixels, readable, resized, write_picture
+from studies.card.statistics import Statistics
 
 CELL_WIDTH_PIX, GAP_PIX, LABEL_PIX, HEADER_PIX = 288, 8, 34, 44
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from src.data.statistics import statistics_of
 from src.ontology import ACTOR_TYPES, CLASSES
-from src.report import paper
 from src.report.canvas import readable
-from src.report.statistics_figure import draw_statistics, percent, statistics_figure
+from studies.card import paper
+from studies.card.figure import draw_statistics, percent, statistics_figure
+from studies.card.statistics import statistics_of
 
 
 @pytest.fixture(scope="module")

@@ -10,16 +10,16 @@ import torch
 
 from src.data.clip import Clip
 from src.data.manifest import MANIFEST, digest_of, read_manifest
-from src.data.statistics import (
+from src.errors import UserError
+from src.geometry import VoxelGrid, camera_from_occ, in_image, project
+from src.ontology import ACTOR_TYPES, CLASSES, UNKNOWN
+from studies.card.statistics import (
     DENOMINATORS,
     Statistics,
     statistics_of,
     statistics_of_clips,
     voxels_in_image,
 )
-from src.errors import UserError
-from src.geometry import VoxelGrid, camera_from_occ, in_image, project
-from src.ontology import ACTOR_TYPES, CLASSES, UNKNOWN
 from tests.synthetic import write_clip
 
 

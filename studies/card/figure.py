@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from ..data.statistics import DENOMINATORS, LOW_FLIGHT_M, Statistics
-from ..ontology import ACTOR_TYPES, CLASSES, COLORS
-from . import paper
-from .canvas import INK, MUTED, readable
-from .figure_file import write_figure
+from src.ontology import ACTOR_TYPES, CLASSES, COLORS
+from src.report.canvas import INK, MUTED, readable
+from src.report.figure_file import write_figure
+from studies.card import paper
+from studies.card.statistics import DENOMINATORS, LOW_FLIGHT_M, Statistics
 
 SIZE_INCHES, DPI = (13.0, 8.6), 130
 RULE, BAR, ACCENT = "#e3e6ea", "#7d9cc0", "#d1495b"

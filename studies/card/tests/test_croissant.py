@@ -10,11 +10,11 @@ import pytest
 from absl import logging as absl_logging
 
 from src.data.clip import ACTOR_COLUMNS, FRAME_COLUMNS, Clip
-from src.data.croissant import FILE_SETS, croissant_of
 from src.data.files import sha256_of
 from src.data.manifest import MANIFEST, read_manifest
-from src.data.statistics import statistics_of
 from src.ontology import CLASSES
+from studies.card.croissant import FILE_SETS, croissant_of
+from studies.card.statistics import statistics_of
 
 # absl, which mlcroissant brings, closes its stream when logging is configured anew: not pytest's.
 absl_logging.get_absl_handler().python_handler.stream = sys.__stderr__

@@ -7,14 +7,14 @@ import pytest
 from PIL import Image
 
 from src.data.clip import Clip
-from src.data.statistics import statistics_of_clips
-from src.report.contact_sheet import (
+from studies.card.contact_sheet import (
     CELL_WIDTH_PIX,
     GAP_PIX,
     HEADER_PIX,
     LABEL_PIX,
     draw_contact_sheet,
 )
+from studies.card.statistics import statistics_of_clips
 from tests.synthetic import write_clip
 
 IDS = ["downtown/clip00", "suburb/clip00", "suburb/clip01"]

@@ -4,11 +4,11 @@ from importlib import import_module
 
 from omegaconf import DictConfig, OmegaConf
 
-from ..data.manifest import read_manifest
-from ..errors import UserError
-from ..report.card import CARD, FIGURES, write_card
-from ..terminal import say
-from .dataset import root_of
+from src.data.manifest import read_manifest
+from src.errors import UserError
+from src.tasks.dataset import root_of
+from src.terminal import say
+from studies.card.page import CARD, FIGURES, write_card
 
 
 def card(cfg: DictConfig, pipeline: str | None = None) -> None:
@@ -22,7 +22,7 @@ def card(cfg: DictConfig, pipeline: str | None = None) -> None:
     sim = OmegaConf.to_container(cfg.sim, resolve=True) | read_manifest(root)["sim"]
     try:
         if pipeline:
-            from ..sim.plan import plan_clips
+            from src.sim.plan import plan_clips
 
             module, _, name = pipeline.rpartition(".")
             draw = getattr(import_module(module), name)
