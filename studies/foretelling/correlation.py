@@ -36,7 +36,7 @@ MEMBER = re.compile(r"(-seed|_)[\d.]+$")
 
 
 @dataclass(frozen=True)
-class Perception:
+class FlownPerception:
     """One of those that are compared: its name, its ``stratum``, its flights, and where the counts
     of its frames are, as `counts_by_map` reads them, by the name of their set. Those of one
     ``family``, as the seeds of a model, are no independent evidence."""
@@ -60,13 +60,13 @@ class Perception:
         return beside if beside.is_file() else None
 
     @classmethod
-    def all_below(cls, folders: Sequence[Path]) -> list["Perception"]:
+    def all_below(cls, folders: Sequence[Path]) -> list["FlownPerception"]:
         """Returns those of ``<folder>/<stratum>/<name>/<set>/``, whose set ``flown`` has flights,
         by stratum and name.
 
         Raises `UserError` where there is none, and for a name that is there twice.
         """
-        found: dict[str, Perception] = {}
+        found: dict[str, FlownPerception] = {}
         for path in (path for folder in folders for path in folder.glob(f"*/*/flown/{FLIGHTS}")):
             own = path.parent.parent
             # Where a set has both, those by flight say more.
@@ -82,7 +82,7 @@ class Perception:
         return sorted(found.values(), key=lambda each: (each.stratum, each.name))
 
 
-def compared_with(reference: str, perceptions: Sequence[Perception]) -> list[Perception]:
+def compared_with(reference: str, perceptions: Sequence[FlownPerception]) -> list[FlownPerception]:
     """Returns the perceptions of all strata but the reference's, which has the anchors. Raises
     `UserError` without the reference."""
     strata = [each.stratum for each in perceptions if each.name == reference]
@@ -92,7 +92,7 @@ def compared_with(reference: str, perceptions: Sequence[Perception]) -> list[Per
 
 
 def foretelling(
-    perceptions: Sequence[Perception],
+    perceptions: Sequence[FlownPerception],
     reference: str,
     scores: Mapping[str, str],
     against: str,
@@ -221,7 +221,7 @@ def _targets(
 
 
 def _standings(
-    frames: str, members: Sequence[Perception], values: Mapping[str, Samples]
+    frames: str, members: Sequence[FlownPerception], values: Mapping[str, Samples]
 ) -> pd.DataFrame:
     """Returns a row a perception: the values over all maps."""
     own = [{"frames": frames, "stratum": e.stratum, "perception": e.name} for e in members]

@@ -11,7 +11,7 @@ from jaxtyping import Float32
 from torch import Generator
 
 from src.results.bootstrap import interval_of, resamplings
-from studies.foretelling.correlation import Perception
+from studies.foretelling.correlation import FlownPerception
 from studies.foretelling.windows import WINDOW_S, Windows
 
 # The window before a collision ends one second or more before it; the earlier one of the same
@@ -21,7 +21,7 @@ CONTROLS = ("others", "earlier")
 
 
 def foreseen(
-    perceptions: Sequence[Perception],
+    perceptions: Sequence[FlownPerception],
     windows: Mapping[str, Mapping[str, Windows]],
     reference: pd.DataFrame,
     scores: Mapping[str, str],
@@ -64,7 +64,7 @@ def foreseen(
 
 
 def _collisions(
-    perceptions: Sequence[Perception],
+    perceptions: Sequence[FlownPerception],
     windows: Mapping[str, Mapping[str, Windows]],
     scores: Mapping[str, str],
     completed: set[str],

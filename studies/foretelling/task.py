@@ -11,7 +11,7 @@ from src.errors import UserError
 from src.results.files import write_table
 from src.results.render import Cell, Table, print_table
 from src.terminal import say, tracked
-from studies.foretelling.correlation import ALL, Perception, compared_with, foretelling
+from studies.foretelling.correlation import ALL, FlownPerception, compared_with, foretelling
 from studies.foretelling.figure import draw_foretelling, draw_standings
 from studies.foretelling.foreseeing import foreseen
 from studies.foretelling.windows import windows_of
@@ -29,7 +29,7 @@ def foretell(
     """Writes ``correlations.csv``, ``perceptions.csv``, ``foreseen.csv`` and pictures of the first
     two to ``out``, and prints the correlations with collisions over all strata.
 
-    ``flights`` are folders as `Perception.all_below` reads them. Raises `UserError` where
+    ``flights`` are folders as `FlownPerception.all_below` reads them. Raises `UserError` where
     ``against`` is none of the ``scores``, for an end that is neither high nor low, and as
     `foretelling` does.
     """
@@ -39,7 +39,7 @@ def foretell(
         if end not in ("high", "low"):
             raise UserError(f"task.scores.{name}: {end}; say which end is better, high or low")
     folder, generator = Path(out), torch.Generator().manual_seed(0)
-    perceptions = Perception.all_below([Path(each) for each in flights])
+    perceptions = FlownPerception.all_below([Path(each) for each in flights])
     table, standings = foretelling(perceptions, reference, scores, against, resamples, generator)
     if table.empty:
         raise UserError("task.flights: fewer than three perceptions have scored frames; fly more")

@@ -10,7 +10,7 @@ import torch
 
 from src.errors import UserError
 from studies.foretelling.correlation import (
-    Perception,
+    FlownPerception,
     _drawn,
     counts_by_map,
     foretelling,
@@ -30,7 +30,7 @@ def generator():
 
 
 def table_of(root, scores=SCORES, resamples=50):
-    perceptions = Perception.all_below([root])
+    perceptions = FlownPerception.all_below([root])
     return foretelling(perceptions, "seen", scores, "kar_miou", resamples, generator())[0]
 
 
@@ -104,7 +104,7 @@ def test_scores_that_order_perceptions_as_their_flights_do_have_correlation_one(
 
 def test_the_perceptions_stand_with_their_scores_and_collisions(root):
     """Of six flights as many as one says, less the one of the reference."""
-    perceptions = Perception.all_below([root])
+    perceptions = FlownPerception.all_below([root])
     table = foretelling(perceptions, "seen", SCORES, "kar_miou", 5, generator())[1]
     assert list(table.columns[:4]) == ["frames", "stratum", "perception", "collisions"]
     verge = table[table["frames"] == "verge"].set_index("perception")
@@ -132,7 +132,7 @@ def test_collisions_of_the_reference_are_no_one_elses(root, tmp_path):
 
 
 def foreseen_by(root, *names, scores=SCORES):
-    perceptions = Perception.all_below([root])
+    perceptions = FlownPerception.all_below([root])
     seen = next(each.flights for each in perceptions if each.name == "seen")
     kept = [each for each in perceptions if each.name in names]
     windows = {each.name: windows_of(each.windows, scores) for each in kept}
@@ -176,7 +176,7 @@ def test_without_a_flight_that_arrived_there_is_nothing_to_compare_with(root):
 
 def test_nothing_flown_and_an_absent_reference_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"no <stratum>/<name>/flown/flights.csv there"):
-        Perception.all_below([tmp_path])
+        FlownPerception.all_below([tmp_path])
     write_flown(tmp_path, "mine", 0.9, lambda m, n: False)
     with pytest.raises(UserError, match=r"task.reference: no flights of seen"):
         table_of(tmp_path)
@@ -184,14 +184,14 @@ def test_nothing_flown_and_an_absent_reference_are_refused(tmp_path):
 
 def test_perceptions_of_several_places_are_put_together_and_none_is_there_twice(root, tmp_path):
     write_flown(tmp_path, "voxels_0.5", 0.9, lambda m, n: False)
-    names = [each.name for each in Perception.all_below([tmp_path, root])]
-    assert names == [each.name for each in Perception.all_below([root])] + ["voxels_0.5"]
+    names = [each.name for each in FlownPerception.all_below([tmp_path, root])]
+    assert names == [each.name for each in FlownPerception.all_below([root])] + ["voxels_0.5"]
     with pytest.raises(UserError, match=r"task.flights: seen is there twice"):
-        Perception.all_below([root, tmp_path, root])
+        FlownPerception.all_below([root, tmp_path, root])
     # Also not in another stratum: scores are known by the name.
     write_flown(tmp_path, "noisy1", 0.9, lambda m, n: False, "faulty")
     with pytest.raises(UserError, match=r"task.flights: noisy1 is there twice"):
-        Perception.all_below([tmp_path, root])
+        FlownPerception.all_below([tmp_path, root])
 
 
 def test_perceptions_that_flew_other_missions_are_refused(root, tmp_path):
