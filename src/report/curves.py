@@ -1,6 +1,6 @@
 """Learning curves from the ``metrics.csv`` of a run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -9,50 +9,37 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..errors import UserError
-from .curve_plot import Curve
 from .figure_file import write_figure
 
 TRAIN_LOSS = "train/total"
 VALIDATION = {"val/kar_miou": "KAR-mIoU", "val/miou_occupied": "mIoU occupied"}
-LOSS_COLORS, SCORE_COLORS = ("#d1495b",), ("#2962ff", "#00898a")
 SIZE_INCHES, DPI = (9.0, 3.4), 150
 
 
 def draw_curves(metrics_csv: str | Path, path: str | Path) -> None:
     """Writes a PNG of training loss and validation scores (%) against the epoch.
 
-    ``metrics_csv`` is what Lightning's CSV logger writes: a column ``epoch``, and one for each
-    quantity, empty in the rows where it was not logged. Several values in an epoch are averaged;
-    what was never logged is left out. Raises `UserError` for a file that is missing, unreadable or
-    without any of these columns, and for a path that cannot be written.
+    What was never logged is left out. Raises `UserError` as `read_curves` does, and for a path that
+    cannot be written.
     """
-    loss = read_curve(metrics_csv, TRAIN_LOSS, "training loss")
-    # Scores are logged as shares, and drawn in percent.
-    scores = [read_curve(metrics_csv, column, name, 100) for column, name in VALIDATION.items()]
-
+    curves = read_curves(metrics_csv)
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
     loss_axes, score_axes = figure.subplots(1, 2)
-    _draw(loss_axes, "Training loss", [loss], LOSS_COLORS)
-    _draw(score_axes, "Validation (%)", scores, SCORE_COLORS)
+    _draw(loss_axes, "Training loss", curves, {TRAIN_LOSS: ("training loss", "#d1495b", 1)})
+    # Scores are logged as shares, and drawn in percent.
+    scores = zip(VALIDATION.items(), ("#2962ff", "#00898a"))
+    styles = {column: (name, color, 100) for (column, name), color in scores}
+    _draw(score_axes, "Validation (%)", curves, styles)
     write_figure(figure, path)
 
 
-def read_curve(metrics_csv: str | Path, column: str, name: str, scale: float = 1.0) -> Curve:
-    """Reads one column of a ``metrics.csv`` as the curve of a run: its mean in each epoch.
+def read_curves(metrics_csv: str | Path) -> pd.DataFrame:
+    """Reads the mean of every quantity in each epoch; a mean stands at the end of its epoch.
 
-    It has no point in an epoch in which nothing was logged. Raises `UserError` as `draw_curves`
-    does.
+    ``metrics_csv`` is what Lightning's CSV logger writes: a column ``epoch``, and one for each
+    quantity, empty in the rows where it was not logged. Raises `UserError` for a file that is
+    missing, unreadable or without an epoch with a loss or a score of validation.
     """
-    table = _read(metrics_csv)
-    if column not in table:
-        return Curve(name, (), ())
-
-    values = table.dropna(subset=[column]).groupby("epoch")[column].mean() * scale
-    # A mean of an epoch stands at its end.
-    return Curve(name, tuple((values.index + 1.0).tolist()), tuple(values.tolist()))
-
-
-def _read(metrics_csv: str | Path) -> pd.DataFrame:
     wanted = (TRAIN_LOSS, *VALIDATION)
     try:
         table = pd.read_csv(metrics_csv)
@@ -64,15 +51,17 @@ def _read(metrics_csv: str | Path) -> pd.DataFrame:
 
     if "epoch" not in table or not any(name in table for name in wanted):
         raise UserError(f"{metrics_csv}: has no epoch with any of {', '.join(wanted)}; run again")
-    return table
+    means = table.groupby("epoch").mean(numeric_only=True)
+    return means.set_index(means.index + 1.0)
 
 
-def _draw(axes: Axes, title: str, curves: Sequence[Curve], colors: Sequence[str]) -> None:
-    """Draws the curves that have points."""
-    for curve, color in zip(curves, colors):
-        if curve.epochs:
-            style = {"color": color, "label": curve.name, "marker": "o", "markersize": 3.5}
-            axes.plot(curve.epochs, curve.values, **style)
+def _draw(
+    axes: Axes, title: str, curves: pd.DataFrame, styles: Mapping[str, tuple[str, str, float]]
+) -> None:
+    """Draws the quantities that were logged, each with its name, color and scale."""
+    for column, (name, color, scale) in styles.items():
+        if column in curves and len(values := scale * curves[column].dropna()):
+            axes.plot(values, color=color, label=name, marker="o", markersize=3.5)
 
     axes.set_title(title, loc="left", fontsize=11, fontweight="bold")
     axes.set_xlabel("epoch")

@@ -1,10 +1,11 @@
-"""``report.html``: a report of the ladder as a page to look at."""
+"""A report of the ladder as a page to read, ``report.md``, and one to look at, ``report.html``."""
 
 from collections.abc import Mapping, Sequence
 from mimetypes import guess_type
 from pathlib import Path
 from types import MappingProxyType
 
+import pandas as pd
 from plotly.graph_objects import Figure
 from plotly.offline import get_plotlyjs
 
@@ -12,14 +13,16 @@ from ..atomic import replacing
 from ..results.render import Table
 from ..results.runs import ScoredRun
 from ..run_folder import METRICS
-from .curve_plot import CurvePlot
-from .curves import TRAIN_LOSS, read_curve
+from .curve_plot import curve_plot
+from .curves import TRAIN_LOSS, read_curves
 from .ladder_report import LadderReport
 from .picture import address
-from .report_text import NUMBERS
 from .scene import VoxelScene
 from .scene_figure import scenes_figure
 from .template import filled
+
+# A plot of plotly, and its title.
+Plot = tuple[str, Figure]
 
 # Columns of ``metrics.csv``, and the titles and units of their plots.
 PLOTS = {
@@ -29,25 +32,25 @@ PLOTS = {
 }
 
 
+def report_text(report: LadderReport, heading: str, figures: Mapping[str, str]) -> str:
+    """Returns ``report.md``; ``figures`` maps the places of pictures beside it to captions."""
+    return filled("report.md.j2", report=report, heading=heading, figures=figures)
+
+
 def write_report_page(
     report: LadderReport,
     heading: str,
-    curves: Sequence[CurvePlot],
+    plots: Sequence[Plot],
     figures: Mapping[Path, str],
     scenes: Sequence[VoxelScene],
     path: Path,
 ) -> None:
-    """Writes the page, whole or not at all: one file that needs no network.
-
-    ``figures`` maps pictures on disk to their captions. What is empty is left out, and all text is
-    escaped. Raises `UserError` where the page cannot be written.
-    """
+    """Writes ``report.html`` as `write_page` does."""
     sections = {
         "Not a clean comparison": [report.unclean] if report.unclean.rows else [],
         "Facts": report.facts,
         "Tables": report.tables,
     }
-    plots = [(plot.title, plot.figure()) for plot in curves if len(plot.points())]
     write_page(path, heading, sections, scenes, plots, figures, report.missing)
 
 
@@ -56,19 +59,21 @@ def write_page(
     heading: str,
     sections: Mapping[str, Sequence[Table]],
     scenes: Sequence[VoxelScene],
-    plots: Sequence[tuple[str, Figure]] = (),
+    plots: Sequence[Plot] = (),
     figures: Mapping[Path, str] = MappingProxyType({}),
     missing: Sequence[str] = (),
 ) -> None:
-    """Writes a page of tables by section, titled plots, scenes and pictures, as
-    `write_report_page` does."""
+    """Writes a page, whole or not at all: one file that needs no network.
+
+    It has tables by section, titled plots, scenes, and pictures on disk with their captions. What
+    is empty is left out, and all text is escaped. Raises `UserError` where it cannot be written.
+    """
     plots = [*plots, *([("Scenes", scenes_figure(scenes))] if scenes else [])]
     page = filled(
         "page.html",
         heading=heading,
         missing=missing,
         sections=sections,
-        numbers=NUMBERS.replace("`", ""),
         plotlyjs=get_plotlyjs(),
         plots=[(title, _plot_html(plot, f"plot-{n}")) for n, (title, plot) in enumerate(plots)],
         pictures=[
@@ -86,17 +91,21 @@ def _plot_html(plot: Figure, name: str) -> str:
     return plot.to_html(div_id=name, **settings)
 
 
-def learning_curves(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[CurvePlot]:
-    """Returns the curves of the runs that have a log.
+def learning_curves(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[Plot]:
+    """Returns the plots of the runs that have a log.
 
     Raises `UserError` for a log that cannot be read.
     """
     logs = [(name, run.path / METRICS) for name, run in named_runs]
-    logs = [(name, log) for name, log in logs if log.is_file()]
+    curves = [(name, read_curves(log)) for name, log in logs if log.is_file()]
     plots = []
     for column, (title, unit) in PLOTS.items():
         scale = 100 if unit == "%" else 1
-        curves = tuple(read_curve(log, column, name, scale) for name, log in logs)
-        plots.append(CurvePlot(title, unit, curves))
-
-    return plots if logs else []
+        points = [
+            (name, seed, epoch, scale * value)
+            for seed, (name, means) in enumerate(curves)
+            for epoch, value in means.get(column, pd.Series(dtype=float)).items()
+        ]
+        plot = curve_plot(pd.DataFrame(points, columns=["run", "seed", "epoch", "value"]), unit)
+        plots += [(title, plot)] if plot else []
+    return plots

@@ -1,14 +1,12 @@
-"""Pages that are filled in: the templates in ``web/``."""
+"""Texts and pages that are filled in: the templates in ``markdown/`` and ``web/``."""
 
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
-WEB = Path(__file__).with_name("web")
-
 # In HTML whatever comes from data is escaped, so that no name of a run can become markup.
 ENVIRONMENT = Environment(
-    loader=FileSystemLoader(WEB),
+    loader=FileSystemLoader([Path(__file__).parent / name for name in ("markdown", "web")]),
     autoescape=select_autoescape(("html",)),
     undefined=StrictUndefined,
     trim_blocks=True,
@@ -18,3 +16,11 @@ ENVIRONMENT = Environment(
 def filled(template: str, **values: object) -> str:
     """Returns a template with its names filled in; a name without a value raises an error."""
     return ENVIRONMENT.get_template(template).render(**values)
+
+
+def markdown(text: str) -> str:
+    """Returns text that Markdown shows as it is written, also in a cell."""
+    return "".join(f"\\{letter}" if letter in "\\|_*`<[" else letter for letter in text)
+
+
+ENVIRONMENT.filters["markdown"] = markdown

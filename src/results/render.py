@@ -1,4 +1,4 @@
-"""A table to be shown, in every form: CSV, Markdown, LaTeX, and on the terminal."""
+"""A table to be shown, and its forms: CSV, LaTeX, and on the terminal."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -33,6 +33,7 @@ LATEX = {
 # A plain LaTeX has no letters beyond this one, and stops at them.
 LAST_LATIN = "\u017f"
 # The table is made no wider than the page where the package graphicx can see to it.
+BOXED = r"\centering\setlength{\tabcolsep}{3pt}\sbox0{"
 FITTED = (
     r"\ifdim\wd0>\linewidth\ifcsname resizebox\endcsname\resizebox{\linewidth}{!}{\usebox0}"
     r"\else\usebox0\fi\else\usebox0\fi"
@@ -101,24 +102,20 @@ class Table:
         place = self.columns.index(column)
         return [entries[place] for _, entries in self.rows]
 
-    def is_signed(self, column: str) -> bool:
-        """Whether all numbers of a column are differences."""
-        return all(cell.signed for cell in self.entries(column) if isinstance(cell, Cell))
-
     def best_rows(self, column: str) -> set[int]:
         """Returns the rows whose number is to be marked; none where there is no choice."""
+        entries = self.entries(column)
+        # A difference below scores is no rival of theirs.
+        are_signed = all(cell.signed for cell in entries if isinstance(cell, Cell))
         values = {
             n: cell.value
-            for n, cell in enumerate(self.entries(column)[: self.ranked])
-            if isinstance(cell, Cell)
-            and not math.isnan(cell.value)
-            # A difference below scores is no rival of theirs.
-            and cell.signed == self.is_signed(column)
+            for n, cell in enumerate(entries[: self.ranked])
+            if isinstance(cell, Cell) and cell.signed == are_signed and not math.isnan(cell.value)
         }
         if column not in self.best or len(set(values.values())) < 2:
             return set()
 
-        best = max(values.values()) if self.best[column] == "high" else min(values.values())
+        best = (max if self.best[column] == "high" else min)(values.values())
         return {n for n, value in values.items() if value == best}
 
     def shown(self, decimals: int = 2) -> Iterator[tuple[str, list[Shown]]]:
@@ -127,9 +124,9 @@ class Table:
         for n, (name, entries) in enumerate(self.rows):
             row = []
             for column, entry in zip(self.columns, entries):
-                text, bounds = entry or "", []
-                if isinstance(entry, Cell):
-                    text, bounds = entry.text(decimals), entry.bounds(decimals)
+                is_number = isinstance(entry, Cell)
+                text = entry.text(decimals) if is_number else entry or ""
+                bounds = entry.bounds(decimals) if is_number else []
                 row.append(Shown(entry, text, bounds, n in best[column]))
             yield name, row
 
@@ -157,29 +154,6 @@ def csv_of(tables: Iterable[Table]) -> str:
     return pd.DataFrame(lines, columns=columns).to_csv(index=False, lineterminator="\n")
 
 
-# -------------------------------------------------------------------------------------- Markdown
-
-
-def markdown_of(table: Table) -> str:
-    """Returns a table with its title and caption; the best of a column is bold."""
-    lines = [
-        list(map(markdown, (table.head, *table.columns))),
-        [":--", *["--:"] * len(table.columns)],
-    ]
-    for name, row in table.shown():
-        cells = [f"**{x.text}**" if x.is_best else markdown(x.text) for x in row]
-        bounds = [f" [{', '.join(x.bounds)}]" if x.bounds else "" for x in row]
-        lines.append([markdown(name), *map("".join, zip(cells, bounds))])
-
-    rows = "".join(f"| {' | '.join(line)} |\n" for line in lines)
-    return f"**{markdown(table.title)}.** {markdown(table.caption)}".rstrip() + f"\n\n{rows}"
-
-
-def markdown(text: str) -> str:
-    """Returns text that Markdown shows as it is written, also in a cell."""
-    return "".join(f"\\{letter}" if letter in "\\|_*`<[" else letter for letter in text)
-
-
 # ----------------------------------------------------------------------------------------- LaTeX
 
 
@@ -190,31 +164,25 @@ def latex_of(table: Table) -> str:
     with ``graphicx`` a table that is too wide is made smaller.
     """
     is_wide = len(table.columns) > WIDE
-    kind, size = ("table*", r"\scriptsize") if is_wide else ("table", r"\small")
     rows = []
     for n, (name, row) in enumerate(table.shown()):
         rule = r"\midrule" if n in table.lines else r"\addlinespace[2pt]" if n else ""
         rows.append([f"{rule} {latex(name)}".strip(), *map(_latex_value, row)])
         if any(cell.bounds for cell in row):
             rows.append(["", *map(_latex_bounds, row)])
-    heads = list(map(latex, (table.head, *table.columns)))
-    columns = f"l{'c' * len(table.columns)}"
-    tabular = pd.DataFrame(rows, columns=heads).to_latex(
-        index=False, escape=False, column_format=columns
-    )
 
-    lines = (
-        rf"\begin{{{kind}}}[t]",
-        r"\centering",
-        size,
-        r"\setlength{\tabcolsep}{3pt}",
-        rf"\caption{{\textbf{{{latex(table.title)}.}} {latex(table.caption)}}}",
-        rf"\label{{tab:{table.key}}}",
-        rf"\sbox0{{{tabular.strip()}}}",
-        FITTED,
-        rf"\end{{{kind}}}",
+    text = pd.DataFrame(rows, columns=list(map(latex, (table.head, *table.columns)))).to_latex(
+        index=False,
+        escape=False,
+        column_format=f"l{'c' * len(table.columns)}",
+        caption=rf"\textbf{{{latex(table.title)}.}} {latex(table.caption)}",
+        label=f"tab:{table.key}",
+        position="t",
     )
-    return "\n".join(lines) + "\n"
+    size = r"\scriptsize" if is_wide else r"\small"
+    text = text.replace(r"\begin{tabular}", rf"{size}{BOXED}\begin{{tabular}}")
+    text = text.replace(r"\end{tabular}", rf"\end{{tabular}}}}{FITTED}")
+    return text.replace("{table}", "{table*}") if is_wide else text
 
 
 def latex(text: str) -> str:

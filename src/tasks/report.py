@@ -13,8 +13,7 @@ from ..errors import UserError, closest
 from ..metrics.suite import import_metrics
 from ..report.ladder import ladder_named
 from ..report.ladder_report import LadderReport, ladder_report
-from ..report.report_page import learning_curves, write_report_page
-from ..report.report_text import report_text
+from ..report.report_page import learning_curves, report_text, write_report_page
 from ..report.run_group import group_of
 from ..report.section import Section, ShownFrame, with_settings
 from ..results.files import write_table

@@ -1,14 +1,12 @@
-"""Learning curves: what is plotted, and broken files."""
+"""Learning curves: what is plotted of a log, the plots of several runs, and broken logs."""
 
-import math
-
+import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 from PIL import Image
 
 from src.errors import UserError
-from src.report.curve_plot import Curve
-from src.report.curves import _draw, draw_curves, read_curve
+from src.report.curve_plot import COLORS, curve_plot
+from src.report.curves import draw_curves, read_curves
 
 METRICS = """epoch,step,train/total,val/kar_miou,val/miou_occupied
 0,0,3.0,,
@@ -17,53 +15,80 @@ METRICS = """epoch,step,train/total,val/kar_miou,val/miou_occupied
 1,2,1.0,,
 1,3,,0.15,0.25
 """
+NAN, INF = float("nan"), float("inf")
+SEEDS = [
+    *(("skyocc", 0, 1, 2.0), ("skyocc", 0, 2, 4.0), ("skyocc", 0, 3, 6.0)),
+    *(("skyocc", 1, 1, 4.0), ("skyocc", 1, 2, 5.0), ("skyocc", 1, 3, INF), ("x", 3, 1, NAN)),
+    *(("</script><b>", 2, 2, 1.0), ("</script><b>", 2, 1, 3.0)),
+]
 
 
-@pytest.fixture(name="metrics_csv")
-def _metrics_csv(tmp_path):
+def plot_of(points, unit=""):
+    return curve_plot(pd.DataFrame(points, columns=["run", "seed", "epoch", "value"]), unit)
+
+
+def lines(figure, thick):
+    """Name and points of the lines of one kind: means are thick, seeds are thin."""
+    chosen = [line for line in figure.data if (line.line.width > 2) == thick]
+    return [(line.name, list(zip(line.x, line.y))) for line in chosen]
+
+
+def test_a_curve_is_the_mean_of_each_epoch_at_its_end_and_drawn_even_before_a_validation(tmp_path):
     path = tmp_path / "metrics.csv"
-    path.write_text(METRICS)
-    return path
+    for text in ("epoch,step,train/total\n0,0,1.5\n", METRICS):
+        path.write_text(text)
+        draw_curves(path, tmp_path / "figures/curves.png")
+        with Image.open(tmp_path / "figures/curves.png") as image:
+            assert image.size == (1350, 510)
+    curves = read_curves(path)
+    assert curves["train/total"].to_dict() == {1.0: 2.5, 2.0: 1.0}
+    assert curves["val/kar_miou"].to_dict() == {1.0: 0.1, 2.0: 0.15}
 
 
-def test_the_figure_is_written_even_before_the_first_validation(tmp_path, metrics_csv):
-    for text in (METRICS, "epoch,step,train/total\n0,0,1.5\n"):
-        metrics_csv.write_text(text)
-        draw_curves(metrics_csv, tmp_path / "figures" / "curves.png")
-        with Image.open(tmp_path / "figures" / "curves.png") as image:
-            assert image.format == "PNG"
-            assert math.isclose(image.width / image.height, 9.0 / 3.4, rel_tol=0.01)
-
-
-def test_two_runs_draw_the_same_bytes(tmp_path, metrics_csv):
-    paths = [tmp_path / name for name in ("a.png", "b.png")]
-    for path in paths:
-        draw_curves(metrics_csv, path)
-    assert paths[0].read_bytes() == paths[1].read_bytes()
-
-
-@pytest.mark.parametrize(
-    "text", [None, "", "hello\n", "epoch,step\n0,1\n", "a,b\n1,2,3\n4,5,6,7\n"]
-)
-def test_a_missing_or_broken_file_is_named(tmp_path, metrics_csv, text):
-    metrics_csv.unlink()
+@pytest.mark.parametrize("text", [None, "", "epoch,step\n0,1\n", "a,b\n1,2,3\n4,5,6,7\n"])
+def test_a_missing_or_broken_log_is_named(tmp_path, text):
+    path = tmp_path / "metrics.csv"
     if text is not None:
-        metrics_csv.write_text(text)
-    with pytest.raises(UserError, match=r"metrics\.csv: ") as caught:
-        draw_curves(metrics_csv, tmp_path / "curves.png")
-    assert "\n" not in str(caught.value)
+        path.write_text(text)
+    with pytest.raises(UserError, match=r"metrics\.csv: .*; [^\n]*$"):
+        draw_curves(path, tmp_path / "curves.png")
 
 
-def test_a_curve_is_the_mean_of_each_epoch_at_its_end(metrics_csv):
-    assert read_curve(metrics_csv, "train/total", "loss") == Curve("loss", (1.0, 2.0), (2.5, 1.0))
-    score = read_curve(metrics_csv, "val/kar_miou", "skyocc", scale=100)
-    assert score == Curve("skyocc", (1.0, 2.0), (10.0, 15.0))
-    assert read_curve(metrics_csv, "val/miou", "skyocc") == Curve("skyocc", (), ())
+def test_a_thin_line_a_seed_and_a_thick_one_for_their_mean_which_ends_with_the_first_seed():
+    figure = plot_of(SEEDS, "%")
+    other = "&lt;/script&gt;&lt;b&gt;"
+    assert lines(figure, thick=True) == [
+        ("skyocc", [(1, 3.0), (2, 4.5)]),
+        (other, [(1, 3.0), (2, 1.0)]),
+    ]
+    assert lines(figure, thick=False) == [
+        ("skyocc", [(1, 2.0), (2, 4.0), (3, 6.0)]),
+        ("skyocc", [(1, 4.0), (2, 5.0)]),
+        (other, [(1, 3.0), (2, 1.0)]),
+    ]
+    colors = {(line.name, line.line.color) for line in figure.data}
+    assert colors == {("skyocc", COLORS[0]), (other, COLORS[1])}
+    assert [line.name for line in figure.data if line.showlegend] == ["skyocc", other]
+    texts = [text for line in figure.data if line.line.width > 2 for (text,) in line.customdata]
+    of_skyocc = ["3.0 % (2.0 to 4.0, seeds: 2)", "4.5 % (4.0 to 5.0, seeds: 2)"]
+    assert texts == [*of_skyocc, "3.0 %", "1.0 %"]
+    assert "<" not in figure.to_json(), "names are no markup"
 
 
-def test_a_curve_is_drawn_as_it_is_and_one_without_points_is_not():
-    axes = Figure().subplots()
-    loss, empty = Curve("loss", (1.0, 2.0), (2.5, 1.0)), Curve("mIoU", (), ())
-    _draw(axes, "Training loss", [loss, empty], ("black", "red"))
-    (line,) = axes.lines
-    assert line.get_xydata().tolist() == [[1, 2.5], [2, 1.0]]
+def test_many_runs_look_unlike_each_other_and_a_loss_has_three_digits():
+    count = 2 * len(COLORS) + 3
+    points = [(f"run{n:02d}", n, epoch, 0.0345) for n in range(count) for epoch in (1, 2)]
+    means = [line for line in plot_of(points).data if line.showlegend]
+    assert len({(line.line.color, line.line.dash) for line in means}) == count
+    assert means[0].customdata[0] == ["0.0345"]
+
+
+@pytest.mark.parametrize(("epochs", "step"), [(1, 1), (3, 1), (24, 3), (100, 13)])
+def test_ticks_are_whole_epochs(epochs, step):
+    points = [("a", 0, epoch, 1.0) for epoch in range(1, epochs + 1)]
+    assert plot_of(points).layout.xaxis.dtick == step
+
+
+@pytest.mark.parametrize("points", [[], [("a", 0, 1, NAN)]])
+def test_without_a_point_there_is_no_plot(points):
+    assert plot_of(points) is None

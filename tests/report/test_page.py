@@ -1,22 +1,22 @@
-"""The page as a file: whole, by itself, and safe against whatever a run is called."""
+"""The pages as files: whole, by themselves, and safe against whatever a run is called."""
 
 import dataclasses
 import re
 
 import pytest
 from PIL import Image
+from plotly.graph_objects import Figure, Scatter
 from plotly.offline import get_plotlyjs
 
 from src.errors import UserError
-from src.report.curve_plot import Curve, CurvePlot
 from src.report.ladder_report import ladder_report
-from src.report.report_page import write_report_page
+from src.report.report_page import learning_curves, report_text, write_report_page
 from src.report.run_group import group_of
 from src.tasks.scoring import parts_of
 from tests.report.test_scene_figure import SMALL, scene_of
 from tests.results.scored import ladder_of, write_ladder
+from tests.results.test_render import TABLE
 
-PLOT = CurvePlot("Loss", "", (Curve("a", (1, 2), (2.0, 1.0)),))
 WICKED = "</script><script>alert('x')</script><img src=x onerror=alert(1)>{{ plotly }}"
 
 
@@ -35,25 +35,31 @@ def written(folder, report, heading="Report", plots=(), figures=None, scenes=())
     return path.read_text(encoding="utf-8").replace(get_plotlyjs(), "ITS SCRIPT")
 
 
-@pytest.fixture(name="whole", scope="module")
-def _whole(report, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("page")
-    figures = {}
+@pytest.fixture(name="content", scope="module")
+def _content(report, tmp_path_factory):
+    """All that a page can have."""
+    folder, figures = tmp_path_factory.mktemp("page"), {}
     for kind in ("png", "jpg"):
         Image.new("RGB", (60, 40)).save(folder / f"sheet.{kind}")
         figures[folder / f"sheet.{kind}"] = f"a sheet as {kind}"
     missing = dataclasses.replace(report, missing=("attitude seed 1: no run",))
-    return written(folder, missing, "Heading", [PLOT], figures, [scene_of(SMALL)])
+    plots = [("Loss", Figure(Scatter(y=[2.0, 1.0])))]
+    return folder, missing, "Heading", plots, figures, [scene_of(SMALL)]
 
 
-def test_the_page_needs_nothing_but_itself(whole):
+@pytest.fixture(name="whole", scope="module")
+def _whole(content):
+    return written(*content)
+
+
+def test_the_page_needs_nothing_but_itself(whole, content):
     addresses = re.findall(r'(?:src|href)\s*=\s*"([^"]*)"', whole)
     kinds = [re.match(r"data:image/(\w+);base64,", each).group(1) for each in addresses]
     assert kinds == ["png", "jpeg"]
-    assert not re.search(r"https?:|//[a-z]+\.|@import|url\(", whole)
+    assert not re.search(r"https?:|//[a-z]+\.|@import|url\(|\{[{%]", whole)
     assert "default-src 'none'" in whole, "what is forgotten here, the browser refuses"
     assert whole.count("ITS SCRIPT") == 1
-    assert not re.search(r"\{[{%]", whole)
+    assert written(*content) == whole, "the same content, the same bytes"
 
 
 def test_it_has_the_tables_the_curves_the_scenes_and_the_pictures(whole, report):
@@ -65,7 +71,7 @@ def test_it_has_the_tables_the_curves_the_scenes_and_the_pictures(whole, report)
 
 
 def test_a_table_shows_its_intervals_its_best_and_its_lines(whole, report):
-    main = report.table("main")
+    main = next(table for table in report.tables if table.key == "main")
     section = whole.split(f"<h3>{main.title}</h3>")[1].split("</section>")[0]
     assert re.findall(r"<tr[^>]*><th>(.*?)</th><td", section) == [name for name, _ in main.rows]
     assert section.count('class="line"') == len(main.lines)
@@ -76,37 +82,37 @@ def test_a_table_shows_its_intervals_its_best_and_its_lines(whole, report):
 
 
 def test_what_is_empty_is_left_out(report, tmp_path):
-    report = dataclasses.replace(report, missing=())
-    page = written(tmp_path, report, plots=[CurvePlot("Loss", "", (Curve("a", (), ()),))])
+    page = written(tmp_path, dataclasses.replace(report, missing=()))
     assert re.findall(r"<h2>(.*?)</h2>", page) == ["Facts", "Tables"]
     assert "ITS SCRIPT" not in page, "4.8 MB for nothing"
+    assert learning_curves([("no log", run) for run in report.group.runs]) == []
 
 
-def test_no_name_becomes_markup(report, tmp_path):
-    scene = scene_of(SMALL)
-    wicked_scene = scene_of(SMALL, title=WICKED, predictions={WICKED: scene.truth})
-    plots = [CurvePlot(name, name, (Curve(name, (1,), (1.0,)),)) for name in ("a", WICKED)]
-    Image.new("RGB", (60, 40)).save(sheet := tmp_path / "sheet.png")
-    table = dataclasses.replace(
-        report.tables[0],
-        title=WICKED,
-        caption=WICKED,
-        head=WICKED,
-        columns=[WICKED],
-        rows=[(WICKED, [WICKED])],
-    )
+def test_no_name_becomes_markup(whole, content):
+    folder, report, _, plots, figures, scenes = content
+    scene = scene_of(SMALL, title=WICKED, predictions={WICKED: scenes[0].truth})
+    texts = {"title": WICKED, "caption": WICKED, "head": WICKED, "columns": [WICKED]}
+    table = dataclasses.replace(report.tables[0], **texts, rows=[(WICKED, [WICKED])])
     wicked = dataclasses.replace(report, tables=(table,), missing=(WICKED,))
-    harmless = written(tmp_path, report, "a", plots[:1], {}, [scene])
-    page = written(tmp_path, wicked, WICKED, plots[1:], {sheet: WICKED}, [wicked_scene])
-    assert page.count("<script") == harmless.count("<script")
-    assert page.count("</script") == harmless.count("</script")
+    plots, figures = [(WICKED, plots[0][1])], dict.fromkeys(figures, WICKED)
+    page = written(folder, wicked, WICKED, plots, figures, [scene])
+    for tag in ("<script", "</script"):
+        assert page.count(tag) == whole.count(tag)
     assert "<img src=x" not in page
     assert page.count("&lt;/script&gt;") > 8
 
 
-def test_the_same_content_gives_the_same_bytes(report, tmp_path):
-    content = {"plots": [PLOT], "scenes": [scene_of(SMALL)]}
-    assert written(tmp_path, report, **content) == written(tmp_path, report, **content)
+def test_the_text_shows_every_column_and_interval_and_marks_the_best(report):
+    text = report_text(dataclasses.replace(report, facts=(), tables=(TABLE,)), "Report", {})
+    rows = [line for line in text.split("## Files")[0].splitlines() if line.startswith("|")]
+    # Bars that are escaped end no cell.
+    cells = [[c.strip() for c in re.split(r"(?<!\\)\|", row)[1:-1]] for row in rows]
+    assert {len(row) for row in cells} == {1 + len(TABLE.columns)}
+    baseline, nasty, other, gain = cells[-len(TABLE.rows) :]
+    assert baseline == ["Baseline", "✗", "0.33 [0.10, 0.70]", "**0.00**", "80.00 [70.00, 95.50]"]
+    assert nasty[2:] == ["**25.09** [20.00, 30.00]", "-1.50 [-3.00, 0.00]", "**7.00** [1.00, 9.00]"]
+    assert other[2:] == ["–", "", "10.00"]
+    assert gain[2] == "+99.00 [+98.00, +99.50]"
 
 
 def test_a_page_that_cannot_be_written_is_refused(report, tmp_path):

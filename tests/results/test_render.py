@@ -9,15 +9,7 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from src.results.render import (
-    Cell,
-    Table,
-    csv_of,
-    latex,
-    latex_of,
-    markdown_of,
-    print_table,
-)
+from src.results.render import Cell, Table, csv_of, latex, latex_of, print_table
 from tests.report.typesetting import typeset
 
 NASTY = 'a|b_c & 100 % of #1 {x} ~^ \\n $2 <"é"> *[z], Δ'
@@ -99,25 +91,6 @@ def test_a_csv_has_every_cell_and_reads_back_equal():
                 assert read == pytest.approx(list(entry[:3]), abs=0, nan_ok=True)
             else:
                 assert (line.value if isinstance(line.value, str) else "") == (entry or "")
-
-
-# -------------------------------------------------------------------------------------- Markdown
-
-
-def cells(line):
-    """Of a row of Markdown: bars that are escaped end none."""
-    return [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
-
-
-def test_markdown_has_every_column_shows_the_interval_and_marks_the_best():
-    lines = [line for line in markdown_of(TABLE).splitlines() if line.startswith("|")]
-    assert len(lines) == 2 + len(TABLE.rows)
-    assert {len(cells(line)) for line in lines} == {1 + len(TABLE.columns)}
-    baseline, nasty, other, gain = map(cells, lines[-4:])
-    assert baseline == ["Baseline", "✗", "0.33 [0.10, 0.70]", "**0.00**", "80.00 [70.00, 95.50]"]
-    assert nasty[2:] == ["**25.09** [20.00, 30.00]", "-1.50 [-3.00, 0.00]", "**7.00** [1.00, 9.00]"]
-    assert other[2:] == ["–", "", "10.00"]
-    assert gain[2] == "+99.00 [+98.00, +99.50]"
 
 
 # ----------------------------------------------------------------------------------------- LaTeX
