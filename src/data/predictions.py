@@ -27,10 +27,10 @@ LABELS, LOGITS = "occupancy.npz", "logits.npz"
 MOST_NAMED = 3
 Sample = tuple[str, int]
 # A clip, the number of a frame, its labels [X, Y, Z], and class scores [C, X, Y, Z] if any.
-Frame = tuple[str, int, Tensor, Tensor | None]
+PredictedFrame = tuple[str, int, Tensor, Tensor | None]
 
 
-def save_predictions(folder: Path, facts: dict, frames: Iterable[Frame]) -> None:
+def save_predictions(folder: Path, facts: dict, frames: Iterable[PredictedFrame]) -> None:
     """Writes predictions, clip by clip, under a temporary name, renamed when all are there.
 
     After a failure nothing is left of them. Raises `UserError`, before the first frame is asked
@@ -52,7 +52,7 @@ def save_predictions(folder: Path, facts: dict, frames: Iterable[Frame]) -> None
         shutil.rmtree(part, ignore_errors=True)
 
 
-def _save_clip(folder: Path, frames: Iterable[Frame]) -> None:
+def _save_clip(folder: Path, frames: Iterable[PredictedFrame]) -> None:
     """Writes a clip's archives, each of them at once; logits with half precision."""
     labels, logits = {}, {}
     for _, frame, labels_of_frame, logits_of_frame in frames:
@@ -127,11 +127,8 @@ class Predictions:
 
         # Of a file that cannot be opened nobody knows which frames it holds.
         missing = [each for each in sorted(wanted.keys() - present) if each[0] not in unreadable]
-        unsound = [
-            (clip, array)
-            for (clip, array), frame in wanted.items()
-            if (clip, array) in present and not self._is_sound(clip, frame, shape)
-        ]
+        there = [(each, frame) for each, frame in wanted.items() if each in present]
+        unsound = [each for each, frame in there if not self.has(each[0], frame, shape)]
         return Inventory(
             missing=[" ".join(each) for each in missing],
             extra=[" ".join(each) for each in sorted(present - wanted.keys())],
@@ -140,9 +137,6 @@ class Predictions:
 
     def has(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
         """Tells whether a frame is on the disk and can be scored."""
-        return (self.folder / clip / LABELS).is_file() and self._is_sound(clip, frame, shape)
-
-    def _is_sound(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
         try:
             labels = self._read(clip, LABELS, f"semantics_{frame:06d}")
         except UserError:

@@ -12,16 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int64
+from jaxtyping import Int64
 
 from ..errors import UserError
 from ..geometry import MIN_DEPTH_M, camera_from_occ
-from ..jit import njit
 from ..ontology import ACTOR_TYPES, CLASSES, UNKNOWN
 from ..terminal import tracked
 from .clip import Clip
 from .manifest import missing_clips, read_manifest
-from .split import part_of_time
+from .split import PARTS, part_of_time
 
 # An actor with this share of the image's pixels or more counts as visible.
 MIN_VISIBLE_SHARE = 5e-5
@@ -30,7 +29,6 @@ MIN_VISIBLE_SHARE = 5e-5
 LOW_FLIGHT_M = 11.0
 
 DENOMINATORS = ("labelled", "in image", "all")
-PARTS = ("train", "val", "test")
 
 
 @dataclass(frozen=True)
@@ -187,35 +185,19 @@ def visible_actors(clip: Clip) -> pd.DataFrame:
 def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:
     """Counts the voxels of each frame whose center projects into the front image."""
     meta = clip.meta
-    # Intrinsics and chain as one 3x4 matrix: a voxel then costs a few products.
     chain = camera_from_occ(clip.world_from_body, meta.body_from_camera)
     pix_from_occ = (meta.pix_from_camera @ chain[:, :3]).numpy()
+    x, y, z = (
+        lower + (np.arange(size) + 0.5) * meta.grid.voxel_m
+        for lower, size in zip(meta.grid.lower_m, meta.grid.shape)
+    )
 
-    space = np.array(meta.grid.lower_m), meta.grid.voxel_m, meta.grid.shape
-    counts = [_count_in_image(each, *space, meta.width, meta.height) for each in pix_from_occ]
-    return np.array(counts, dtype=np.int64)
-
-
-@njit(nogil=True)
-def _count_in_image(
-    pix_from_occ: Float[np.ndarray, "3 4"],
-    lower_m: Float[np.ndarray, "3"],
-    voxel_m: float,
-    shape: tuple[int, int, int],
-    width: int,
-    height: int,
-) -> int:
-    """Counts voxels in the image as `project` and `in_image`, without an array of points."""
-    count = 0
-    for i in range(shape[0]):
-        x = lower_m[0] + (i + 0.5) * voxel_m
-        for j in range(shape[1]):
-            y = lower_m[1] + (j + 0.5) * voxel_m
-            column = pix_from_occ[:, 0] * x + pix_from_occ[:, 1] * y + pix_from_occ[:, 3]
-            for k in range(shape[2]):
-                z = lower_m[2] + (k + 0.5) * voxel_m
-                depth = column[2] + pix_from_occ[2, 2] * z
-                u, v = column[0] + pix_from_occ[0, 2] * z, column[1] + pix_from_occ[1, 2] * z
-                inside = 0 <= u < width * depth and 0 <= v < height * depth
-                count += depth > MIN_DEPTH_M and inside
-    return count
+    counts = np.zeros(len(clip), dtype=np.int64)
+    for frame, rows in enumerate(pix_from_occ):
+        # As `project` and `in_image`, from one term an axis instead of a point a voxel.
+        u, v, depth = (
+            (a * x[:, None, None] + b * y[:, None] + offset) + c * z for a, b, c, offset in rows
+        )
+        inside = (u >= 0) & (u < meta.width * depth) & (v >= 0) & (v < meta.height * depth)
+        counts[frame] = np.count_nonzero(inside & (depth > MIN_DEPTH_M))
+    return counts
