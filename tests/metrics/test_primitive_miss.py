@@ -1,7 +1,6 @@
-"""Primitive miss against plain loops over points of the paths and voxels; its curve by pairs."""
+"""Primitive miss against the points of the paths, one by one; its curve by pairs."""
 
 import math
-from itertools import product
 
 import numpy as np
 import pytest
@@ -40,31 +39,27 @@ def test_a_path_is_flown_in_small_steps(velocity, turn, climb):
     assert np.linalg.norm(np.diff(path, axis=0), axis=-1).max() <= 0.5 + 1e-9
 
 
-# ------------------------------------------------------------------------- against the loops
+# ------------------------------------------------------------------------ against the points
 
 
-def swept_by_loops(grid, target, preds, logits, path, radius_m):
+def swept_by_points(grid, target, logits, path, radius_m):
     """Class met first, whether known, whether said, highest log-odds, of one path."""
-    met, known, said, odds = None, False, False, -math.inf
-    for point in path:
-        near = []
-        for cell in product(*map(range, grid.shape)):
-            center = [low + (i + 0.5) * grid.voxel_m for low, i in zip(grid.lower_m, cell)]
-            distance = math.dist(center, point)
-            if distance > radius_m or target[cell] == 255:
-                continue
-            known, said = True, said or preds[cell] != FREE
-            p = logits[(slice(None), *cell)].double().softmax(0)
-            odds = max(odds, float((1 - p[FREE]).log() - p[FREE].log()))
-            if target[cell] != FREE:
-                near.append((distance, cell))
-        if near and met is None:
-            met = int(target[min(near)[1]])
-    return met, known, said, odds
+    centers_m = grid.centers(torch.float64).flatten(0, -2)
+    target, p = target.flatten(), logits.double().softmax(0).flatten(1)
+    apart_m = torch.cdist(torch.from_numpy(path), centers_m)
+    near = (apart_m <= radius_m) & (target != 255)
+    swept = near.any(dim=0)
+    met = 255
+    for point, of_point in zip(apart_m, near & (target != FREE)):
+        if met == 255 and of_point.any():
+            met = int(target[point.where(of_point, torch.tensor(math.inf)).argmin()])
+    odds = (1 - p[FREE]).log() - p[FREE].log()
+    said = (p.argmax(0) != FREE)[swept].any()
+    return met, swept.any(), said, max(odds[swept].tolist(), default=-math.inf)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_what_a_path_sweeps_matches_the_loops(grid, random_batch, seed):
+def test_what_a_path_sweeps_is_what_its_points_are_near(grid, random_batch, seed):
     _, target, velocity = random_batch(seed, frames=2)
     target = torch.where((target != 255) & (target != CAR), FREE, target)
     logits = random_logits(seed, target)
@@ -73,10 +68,8 @@ def test_what_a_path_sweeps_matches_the_loops(grid, random_batch, seed):
         codes = F.encode(logits.argmax(1), target, None, 9, 255)[n]
         swept = F.swept(codes, logits[n], paths, 3.0, grid, FREE)
         for k, path in enumerate(paths):
-            args = (target[n], logits[n].argmax(0), logits[n], path, 3.0)
-            met, known, said, odds = swept_by_loops(grid, *args)
-            assert swept.met[k] == (255 if met is None else met)
-            assert (swept.known[k], swept.said[k]) == (known, said)
+            *expected, odds = swept_by_points(grid, target[n], logits[n], path, 3.0)
+            assert [swept.met[k], swept.known[k], swept.said[k]] == expected
             assert float(swept.log_odds[k]) == pytest.approx(odds, abs=1e-4)
 
 

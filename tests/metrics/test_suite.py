@@ -107,11 +107,6 @@ def test_settings_that_would_fail_after_the_counting_are_refused_before(grid, me
         ScoreSuite(grid, CLIPS, settings)
 
 
-def test_a_module_that_there_is_not_is_refused_by_its_key():
-    with pytest.raises(UserError, match=r"^suite.metrics.mine._target_: .*nowhere"):
-        import_metrics(with_entry("mine", _target_="nowhere.Mine"))
-
-
 def test_shared_settings_reach_every_metric_that_has_them(grid):
     cfg = compose_config("metric.horizon_s=3.5", "suite.calibration_bins=7", "suite.rays=[5,3]")
     suite = ScoreSuite(grid, CLIPS, OmegaConf.to_container(cfg.suite, resolve=True))
@@ -180,10 +175,12 @@ def test_ones_own_metric_is_counted_saved_resampled_and_scored(own, grid, batch,
     assert table.loc["free_share", "value"].tolist() == pytest.approx([free, free])
 
 
-def test_a_file_of_counts_imports_nothing(own, grid):
+def test_a_file_of_counts_imports_nothing_and_a_module_that_there_is_not_is_refused(own, grid):
     protocol = Protocol.of("mini-0", "test", 4, grid, SUPERVISED, METRIC, own)
     with pytest.raises(UserError, match=r"^suite.metrics.mine._target_: my_metrics.FreeShare"):
         ScoreSuite.of(Protocol.from_json(protocol.to_json()), CLIPS)
     assert "my_metrics" not in sys.modules
     import_metrics(own)
     assert ScoreSuite.of(protocol, CLIPS).metric("mine").free == 8
+    with pytest.raises(UserError, match=r"^suite.metrics.mine._target_: .*nowhere"):
+        import_metrics(with_entry("mine", _target_="nowhere.Mine"))
