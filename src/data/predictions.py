@@ -5,8 +5,6 @@ as ``logits_<frame>``, floats [C, X, Y, Z]. ``predictions.json`` says whose they
 """
 
 import json
-import os
-import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -18,6 +16,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
+from ..atomic import replacing_folder
 from ..errors import UserError
 from ..ontology import NUM_CLASSES
 from .files import BROKEN
@@ -31,25 +30,19 @@ PredictedFrame = tuple[str, int, Tensor, Tensor | None]
 
 
 def save_predictions(folder: Path, facts: dict, frames: Iterable[PredictedFrame]) -> None:
-    """Writes predictions, clip by clip, under a temporary name, renamed when all are there.
+    """Writes predictions, clip by clip; the folder is there when all of them are.
 
     After a failure nothing is left of them. Raises `UserError`, before the first frame is asked
     for, where the folder exists already.
     """
-    part = folder.with_name(f".{folder.name}.part")
     if folder.exists():
         raise UserError(f"{folder}: exists already; delete it, or choose another folder")
 
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
-    try:
+    with replacing_folder(folder) as new:
         for clip, of_clip in groupby(frames, key=itemgetter(0)):
-            (part / clip).mkdir(parents=True, exist_ok=True)
-            _save_clip(part / clip, of_clip)
-        (part / FACTS).write_text(json.dumps(facts, indent=1) + "\n")
-        os.rename(part, folder)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+            (new / clip).mkdir(parents=True, exist_ok=True)
+            _save_clip(new / clip, of_clip)
+        (new / FACTS).write_text(json.dumps(facts, indent=1) + "\n")
 
 
 def _save_clip(folder: Path, frames: Iterable[PredictedFrame]) -> None:

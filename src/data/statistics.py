@@ -128,7 +128,12 @@ def statistics_of_clips(
 
     def read(clip_id: str) -> tuple[pd.DataFrame, dict]:
         clip, role = Clip(root / clip_id), roles.get(clip_id, "split")
-        return _frames_of(clip, role), _summary_of(clip, role)
+        meta, files = clip.meta, clip.folder.iterdir()
+        summary = {
+            **{"clip": clip.clip_id, "town": meta.town, "weather": meta.weather, "role": role},
+            **{"capture_hz": meta.capture_hz, "bytes": sum(file.stat().st_size for file in files)},
+        }
+        return _frames_of(clip, role), summary
 
     # Threads suffice: inflating and counting, which take the time, let go of the interpreter.
     with ThreadPoolExecutor() as pool:
@@ -137,39 +142,26 @@ def statistics_of_clips(
     return Statistics(pd.concat(frames, ignore_index=True), pd.DataFrame(clips))
 
 
-def _summary_of(clip: Clip, role: str) -> dict:
-    return {
-        "clip": clip.clip_id,
-        "town": clip.meta.town,
-        "weather": clip.meta.weather,
-        "role": role,
-        "capture_hz": clip.meta.capture_hz,
-        "bytes": sum(file.stat().st_size for file in clip.folder.iterdir()),
-    }
-
-
 def _frames_of(clip: Clip, role: str) -> pd.DataFrame:
     """Returns a row a frame, as in `Statistics.frames`."""
     rows, meta = clip.frames, clip.meta
     parts = [part_of_time(n / meta.capture_hz) if role == "split" else role for n in rows["frame"]]
     names = {"clip": clip.clip_id, "town": meta.town, "weather": meta.weather, "part": parts}
-
     motion = rows[["altitude_m", "roll_rad", "pitch_rad"]]
     speed_mps = np.linalg.norm(rows[["vx_mps", "vy_mps", "vz_mps"]].to_numpy(), axis=1)
-    table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
-    return pd.concat([table, _voxel_counts(clip), visible_actors(clip)], axis=1)
 
-
-def _voxel_counts(clip: Clip) -> pd.DataFrame:
-    """Counts the voxels of each class and of each denominator, a row a frame."""
     labels = (clip.semantics(n).reshape(-1) for n in range(len(clip)))
     counts = np.stack([np.bincount(ids, minlength=UNKNOWN + 1) for ids in labels])
-    table = pd.DataFrame(counts[:, : len(CLASSES)], columns=[f"voxels/{name}" for name in CLASSES])
     every = counts.sum(axis=1)
-    table["voxels/labelled"] = every - counts[:, UNKNOWN]
-    table["voxels/in image"] = voxels_in_image(clip)
-    table["voxels/all"] = every
-    return table
+    voxels = {
+        **dict(zip(CLASSES, counts.T)),
+        "labelled": every - counts[:, UNKNOWN],
+        "in image": voxels_in_image(clip),
+        "all": every,
+    }
+    table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
+    voxels = pd.DataFrame(voxels).add_prefix("voxels/")
+    return pd.concat([table, voxels, visible_actors(clip)], axis=1)
 
 
 def visible_actors(clip: Clip) -> pd.DataFrame:

@@ -3,7 +3,6 @@
 from typing import Any
 
 import torch
-from jaxtyping import Float64
 from torch import Tensor
 
 from ..errors import UserError
@@ -49,9 +48,11 @@ class PlanRegret(PrimitiveMetric):
             raise UserError(f"collision: {collision} must be above 1, which a stop costs")
         super().__init__(grid, *arguments, **kwargs)
         self.collision = collision
-        self.costs = self._costs()
-        count = len(self.costs)
-        self.add_counts(chosen=(count, count, 2))
+        # Of every primitive, and of a stop, with a path of unit length.
+        ahead = torch.tensor([1.0, 0.0, 0.0])
+        off = torch.from_numpy(self.paths(ahead, 1 / self.seconds, step_m=1.0)[:, -1]) - ahead
+        self.costs = torch.cat([off.norm(dim=-1), torch.ones(1)])
+        self.add_counts(chosen=(len(self.costs), len(self.costs), 2))
 
     def frame_counts(
         self, preds: F.Preds, target: F.Labels, velocity: F.Velocity, mask: F.Mask | None = None
@@ -76,12 +77,6 @@ class PlanRegret(PrimitiveMetric):
             "unsafe_plan_rate": chosen[..., 1].sum((-2, -1)) / frames,
             "needless_stop_rate": with_a_way[..., -1, :].sum(-1) / with_a_way.sum((-2, -1)),
         }
-
-    def _costs(self) -> Float64[Tensor, "choices"]:
-        """Returns the price of every primitive, and of a stop; that of a path of unit length."""
-        ahead = torch.tensor([1.0, 0.0, 0.0])
-        off = torch.from_numpy(self.paths(ahead, 1 / self.seconds, step_m=1.0)[:, -1]) - ahead
-        return torch.cat([off.norm(dim=-1), torch.ones(1, dtype=torch.float64)])
 
     def _frame(self, swept: F.Swept) -> Tensor:
         chosen = torch.zeros(self.chosen.shape, dtype=torch.int64)

@@ -31,10 +31,7 @@ class GroundTruth(TypedDict, total=False):
 
 
 # What a metric may ask for, by the names of the arguments of its `frame_counts`.
-INPUTS = (
-    *("preds", "logits", "target", "velocity", "mask", "visible"),
-    *("camera_from_occ", "pix_from_camera", "size_pix"),
-)
+INPUTS = ("preds", "logits", "target", "velocity", *list(GroundTruth.__annotations__)[3:])
 
 
 class ScoreSuite(nn.Module):
