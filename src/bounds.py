@@ -20,11 +20,12 @@ def require_at_least(least: float, group: str, settings: Mapping, *names: str) -
             raise UserError(f"{group}.{name}: {value} is too small; give {least} or more")
 
 
-def require_positive(settings: Mapping[str, float]) -> None:
-    """Raises `UserError` for an argument that is not a finite number above 0."""
-    for name, value in settings.items():
-        if not (math.isfinite(value) and value > 0):
-            raise UserError(f"{name}: {value} must be a finite number above 0")
+def require_finite(name: str, value: float, zero: bool = False) -> None:
+    """Raises `UserError` for an argument that is not a finite number above 0, or ``zero`` itself
+    where that may be."""
+    if not (math.isfinite(value) and (value > 0 or (zero and value == 0))):
+        least = ", 0 or more" if zero else " above 0"
+        raise UserError(f"{name}: {value} must be a finite number{least}")
 
 
 def require_count(key: str, value: object) -> None:

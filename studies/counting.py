@@ -12,8 +12,8 @@ from torch import Tensor
 from src.atomic import replacing_folder
 from src.data.batch import Batch
 from src.metrics.by_clip import ByClip
+from src.metrics.count_metric import CountMetric
 from src.metrics.protocol import Protocol
-from src.metrics.tables import TableMetric
 from src.results.counts import Counts
 from src.results.files import write_table
 from src.results.render import Cell, Table, print_table
@@ -27,7 +27,7 @@ Draw = Callable[[pd.DataFrame, Path], object]
 class ClipCounts:
     """Counts, clip by clip, what one prediction says of frames of the test split."""
 
-    def __init__(self, name: str, metric: TableMetric, clips: Sequence[str]) -> None:
+    def __init__(self, name: str, metric: CountMetric, clips: Sequence[str]) -> None:
         self.name, self.metric = name, ByClip(metric, clips)
         self.frames: Counter[str] = Counter()
 
@@ -44,8 +44,8 @@ class ClipCounts:
 
     def counts(self, protocol: Protocol) -> Counts:
         """Returns what was counted, under a protocol."""
-        clips, tables = self.metric.clips, {"occupancy": self.metric.tables()}
-        return Counts(self.name, protocol, clips, [self.frames[clip] for clip in clips], tables)
+        clips, counted = self.metric.clips, {"occupancy": self.metric.of_clips()}
+        return Counts(self.name, protocol, clips, [self.frames[clip] for clip in clips], counted)
 
 
 def scores_of(counts: Sequence[Counts], column: str) -> pd.DataFrame:

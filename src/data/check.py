@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from ..geometry import (
     camera_from_occ,
@@ -43,34 +41,23 @@ def problems_of(clip_folder: Path) -> Iterator[str]:
         return
 
     clip = Clip(clip_folder)
-    yield from _angle_problems(clip)
-    centers = clip.meta.grid.centers(torch.float64)
-    for frame in range(len(clip)):
-        yield from _frustum_problems(clip, frame, centers)
-
-
-def _angle_problems(clip: Clip) -> Iterator[str]:
-    """Compares the table's angles with the quaternion, from which every transform is made."""
-    angles = torch.stack(euler_from_rotation(clip.world_from_body[:, :3, :3]), dim=-1)
+    meta, poses = clip.meta, clip.world_from_body
+    angles = torch.stack(euler_from_rotation(poses[:, :3, :3]), dim=-1)
     table = torch.tensor(clip.frames[["roll_rad", "pitch_rad", "yaw_rad"]].to_numpy())
-
     # Angles that differ by a whole turn are equal.
     turn = torch.remainder(angles - table + torch.pi, 2 * torch.pi) - torch.pi
     for frame in (turn.abs().amax(dim=-1) > 1e-6).nonzero().flatten().tolist():
         yield f"{clip.folder}: frame {frame}: roll, pitch, yaw are not those of the quaternion"
 
-
-def _frustum_problems(clip: Clip, frame: int, centers: Float[Tensor, "X Y Z 3"]) -> Iterator[str]:
-    """Finds labels outside the image of the projection chain: a wrong attitude makes some."""
-    meta = clip.meta
-    chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
-
-    # App. A.3 supervises only voxels whose center projects into the image.
-    labelled = torch.from_numpy(clip.semantics(frame) != UNKNOWN)
-    pix, depth_m = project(centers[labelled], chain, meta.pix_from_camera)
-    outside = int((~in_image(pix, depth_m, meta.width, meta.height)).sum())
-    if outside:
-        yield f"{clip.folder}: frame {frame}: {outside} voxels outside the image carry labels"
+    centers = meta.grid.centers(torch.float64)
+    for frame, world_from_body in enumerate(poses):
+        chain = camera_from_occ(world_from_body, meta.body_from_camera)
+        # App. A.3 supervises only voxels whose center projects into the image. A wrong attitude
+        # in the projection chain leaves some outside.
+        labelled = torch.from_numpy(clip.semantics(frame) != UNKNOWN)
+        pix, depth_m = project(centers[labelled], chain, meta.pix_from_camera)
+        if outside := int((~in_image(pix, depth_m, meta.width, meta.height)).sum()):
+            yield f"{clip.folder}: frame {frame}: {outside} voxels outside the image carry labels"
 
 
 def agreement_of(clip: Clip, frame: int) -> Counter:

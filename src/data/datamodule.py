@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from multiprocessing import get_all_start_methods
 from pathlib import Path
-from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, UInt8
@@ -15,20 +14,14 @@ from ..bounds import require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..terminal import tracked
-from .batch import Batch
 from .batches import ALONE, ORDERS, BatchesInOrder, Rank, StreamBatches, TrainingBatches
 from .clip import AUX, Clip
 from .dataset import OccupancyDataset, velocity_world_mps
 from .manifest import missing_clips, read_manifest
 from .split import make_split
 
-
-class Labels(NamedTuple):
-    """What a frame is labelled with, the UAV's world velocity, and its height in voxels."""
-
-    semantics: UInt8[Tensor, "X Y Z"]
-    velocity_mps: Float[Tensor, "3"]
-    layer: int
+# A frame's labels, the UAV's velocity in the world, and its height in voxels.
+LabelledFrame = tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"], int]
 
 
 class SkyShieldData(LightningDataModule):
@@ -98,26 +91,16 @@ class SkyShieldData(LightningDataModule):
 
     def dataset(self, part: str, images: bool = True, pixels: bool = False) -> OccupancyDataset:
         """Returns the samples of a part of the split, as `OccupancyDataset` has them."""
-        return OccupancyDataset(
-            self.clips,
-            self.split[part],
-            self.frames,
-            self.history_step_s,
-            self.history,
-            held_out=self.held_out,
-            images=images,
-            pixels=pixels,
-        )
+        window = self.frames, self.history_step_s, self.history, self.held_out
+        return OccupancyDataset(self.clips, self.split[part], *window, images, pixels)
 
     def train_dataloader(self) -> DataLoader:
         dataset = self.dataset("train", self.order == "shuffled", self.pixels)
-        drawing = {"batch_size": self.batch_size, "seed": self.seed, "mirror": self.mirror}
-        drawing["rank"] = self._rank()
+        drawing = self.batch_size, self.seed, self.mirror, self._rank()
         if self.order == "shuffled":
-            return self.loader(dataset, TrainingBatches(len(dataset), **drawing))
-
-        batches = StreamBatches(dataset.samples, dataset.step, self.run_frames, **drawing)
-        return self.loader(dataset, batches)
+            return self._loader(dataset, TrainingBatches(len(dataset), *drawing))
+        batches = StreamBatches(dataset.samples, dataset.step, self.run_frames, *drawing)
+        return self._loader(dataset, batches)
 
     def val_dataloader(self) -> DataLoader:
         return self.in_order("val", self.pixels)
@@ -128,7 +111,7 @@ class SkyShieldData(LightningDataModule):
     def in_order(self, part: str, pixels: bool = False) -> DataLoader:
         """Loads every frame of a part once, clip by clip; several processes share the frames."""
         dataset = self.dataset(part, pixels=pixels)
-        return self.loader(dataset, BatchesInOrder(len(dataset), self.batch_size, self._rank()))
+        return self._loader(dataset, BatchesInOrder(len(dataset), self.batch_size, self._rank()))
 
     def require_pixels(self) -> None:
         """Raises `UserError` where the pixels of a frame to train on are to be labelled, and its
@@ -139,27 +122,23 @@ class SkyShieldData(LightningDataModule):
                 "sim.save_aux=true, or give data.pixels=false model/sight=off"
             )
 
-    def labels(self, part: str) -> Iterator[Labels]:
+    def labels(self, part: str) -> Iterator[LabelledFrame]:
         """Yields the labels of every frame of a part, without its images."""
         for clip_id, frame in tracked(self.split[part], f"reading {part} labels"):
             clip = self.clips[clip_id]
             semantics = torch.from_numpy(clip.semantics(frame))
-            yield Labels(semantics, velocity_world_mps(clip, frame), self.layer(clip_id, frame))
+            yield semantics, velocity_world_mps(clip, frame), self.layer(clip_id, frame)
 
     def layer(self, clip_id: str, frame: int) -> int:
         """Returns the UAV's height above the world's ground plane in voxels, rounded."""
         height_m = self.clips[clip_id].world_from_body[frame, 2, 3]
         return round(float(height_m) / self.grid.voxel_m)
 
-    def layers(self, batch: Batch) -> list[int]:
-        """Returns `layer` of the current frames of a batch."""
-        return [self.layer(clip, int(frame)) for clip, frame in zip(batch["clip"], batch["frame"])]
-
     def _rank(self) -> Rank:
         trainer = self.trainer
         return ALONE if trainer is None else Rank(trainer.global_rank, trainer.world_size)
 
-    def loader(self, dataset: Dataset, batches: TrainingBatches | BatchesInOrder) -> DataLoader:
+    def _loader(self, dataset: Dataset, batches: TrainingBatches | BatchesInOrder) -> DataLoader:
         """Loads a dataset's batches with the configured workers."""
         return DataLoader(
             dataset,

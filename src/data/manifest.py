@@ -59,15 +59,6 @@ class DatasetSpec:
         return data_folder / f"{self.scale}-{self.digest}"
 
 
-def package_versions() -> dict[str, str]:
-    """Returns the versions of the packages that shape a dataset; absent ones are left out."""
-    versions = {}
-    for name in PACKAGES:
-        with suppress(PackageNotFoundError):
-            versions[name] = version(name)
-    return versions
-
-
 def missing_clips(root: Path, clip_ids: Sequence[str]) -> list[str]:
     """Returns the clips that are not on disk yet. A clip folder that exists is complete."""
     return [clip for clip in clip_ids if not (root / clip).is_dir()]
@@ -75,11 +66,17 @@ def missing_clips(root: Path, clip_ids: Sequence[str]) -> list[str]:
 
 def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split: Split) -> Path:
     """Writes ``manifest.json`` under a temporary name and renames it. Its ``digest`` is its own."""
+    # Those that shape a dataset, and are there.
+    versions = {}
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):
+            versions[name] = version(name)
+
     manifest = {
         "scale": spec.scale,
         "sim": spec.sim,
         "generator": spec.generator,
-        "packages": package_versions(),
+        "packages": versions,
         "split": {part: len(frames) for part, frames in split.items()},
         "held_out": held_out_clips(split),
         "clips": {

@@ -5,8 +5,6 @@ as ``logits_<frame>``, floats [C, X, Y, Z]. ``predictions.json`` says whose they
 """
 
 import json
-import os
-import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -18,6 +16,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
+from ..atomic import replacing_folder
 from ..errors import UserError
 from ..ontology import NUM_CLASSES
 from .files import BROKEN
@@ -27,32 +26,26 @@ LABELS, LOGITS = "occupancy.npz", "logits.npz"
 MOST_NAMED = 3
 Sample = tuple[str, int]
 # A clip, the number of a frame, its labels [X, Y, Z], and class scores [C, X, Y, Z] if any.
-Frame = tuple[str, int, Tensor, Tensor | None]
+PredictedFrame = tuple[str, int, Tensor, Tensor | None]
 
 
-def save_predictions(folder: Path, facts: dict, frames: Iterable[Frame]) -> None:
-    """Writes predictions, clip by clip, under a temporary name, renamed when all are there.
+def save_predictions(folder: Path, facts: dict, frames: Iterable[PredictedFrame]) -> None:
+    """Writes predictions, clip by clip; the folder is there when all of them are.
 
     After a failure nothing is left of them. Raises `UserError`, before the first frame is asked
     for, where the folder exists already.
     """
-    part = folder.with_name(f".{folder.name}.part")
     if folder.exists():
         raise UserError(f"{folder}: exists already; delete it, or choose another folder")
 
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
-    try:
+    with replacing_folder(folder) as new:
         for clip, of_clip in groupby(frames, key=itemgetter(0)):
-            (part / clip).mkdir(parents=True, exist_ok=True)
-            _save_clip(part / clip, of_clip)
-        (part / FACTS).write_text(json.dumps(facts, indent=1) + "\n")
-        os.rename(part, folder)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+            (new / clip).mkdir(parents=True, exist_ok=True)
+            _save_clip(new / clip, of_clip)
+        (new / FACTS).write_text(json.dumps(facts, indent=1) + "\n")
 
 
-def _save_clip(folder: Path, frames: Iterable[Frame]) -> None:
+def _save_clip(folder: Path, frames: Iterable[PredictedFrame]) -> None:
     """Writes a clip's archives, each of them at once; logits with half precision."""
     labels, logits = {}, {}
     for _, frame, labels_of_frame, logits_of_frame in frames:
@@ -127,11 +120,8 @@ class Predictions:
 
         # Of a file that cannot be opened nobody knows which frames it holds.
         missing = [each for each in sorted(wanted.keys() - present) if each[0] not in unreadable]
-        unsound = [
-            (clip, array)
-            for (clip, array), frame in wanted.items()
-            if (clip, array) in present and not self._is_sound(clip, frame, shape)
-        ]
+        there = [(each, frame) for each, frame in wanted.items() if each in present]
+        unsound = [each for each, frame in there if not self.has(each[0], frame, shape)]
         return Inventory(
             missing=[" ".join(each) for each in missing],
             extra=[" ".join(each) for each in sorted(present - wanted.keys())],
@@ -140,9 +130,6 @@ class Predictions:
 
     def has(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
         """Tells whether a frame is on the disk and can be scored."""
-        return (self.folder / clip / LABELS).is_file() and self._is_sound(clip, frame, shape)
-
-    def _is_sound(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
         try:
             labels = self._read(clip, LABELS, f"semantics_{frame:06d}")
         except UserError:

@@ -8,6 +8,7 @@ against which all others are held until the dataset is whole.
 import json
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -40,32 +41,35 @@ def record_of(data_folder: Path, scale: str) -> Path:
 def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
     """Leaves the record, or refuses to join shards of other settings, code or number."""
     path = record_of(data_folder, spec.scale)
-    joining = {"sim": spec.sim, "generator": spec.generator, "shards": shards}
+    joining = _record(spec) | {"sim.shards": shards}
     _write_first(path, joining)
 
     try:
-        changed = _difference(json.loads(path.read_text()), joining)
+        changed = different_setting(dict(json.loads(path.read_text())), joining)
     except FileNotFoundError:
         return  # The others have just finished.
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+    except (OSError, ValueError, TypeError) as error:
         raise UserError(f"{path}: cannot be read ({error}); delete it") from error
 
     if changed:
+        key, old, new = changed
         raise UserError(
-            f"{changed}; give all shards of a dataset the same, or delete {path} if no other is "
-            "to be finished"
+            f"{key}: this shard has {new}, and the shards under way have {old}; give all shards "
+            f"of a dataset the same, or delete {path} if no other is to be finished"
         )
 
 
 def forget_shards(data_folder: Path, spec: DatasetSpec) -> None:
     """Removes the record of a dataset that is whole now; that of another one stays."""
     path = record_of(data_folder, spec.scale)
-    try:
-        record = json.loads(path.read_text())
-        if (record["sim"], record["generator"]) == (spec.sim, spec.generator):
+    with suppress(FileNotFoundError, ValueError, AttributeError):
+        if json.loads(path.read_text()).items() >= _record(spec).items():
             path.unlink(missing_ok=True)
-    except (FileNotFoundError, ValueError, TypeError, KeyError):
-        return
+
+
+def _record(spec: DatasetSpec) -> dict:
+    """Returns what all shards of a dataset have in common, by the names of its messages."""
+    return {"sim": spec.sim, "code of sim": spec.generator}
 
 
 def _write_first(path: Path, record: dict) -> None:
@@ -76,17 +80,7 @@ def _write_first(path: Path, record: dict) -> None:
 
     try:
         # A link fails where the file exists, and so only one shard is the first.
-        os.link(candidate, path)
-    except FileExistsError:
-        pass
+        with suppress(FileExistsError):
+            os.link(candidate, path)
     finally:
         candidate.unlink()
-
-
-def _difference(under_way: dict, joining: dict) -> str | None:
-    """Says in which setting two records differ, in the number of shards, or in the code."""
-    for key, name in (("sim", "sim"), ("shards", "sim.shards"), ("generator", "code of sim")):
-        if changed := different_setting({name: under_way[key]}, {name: joining[key]}):
-            setting, old, new = changed
-            return f"{setting}: this shard has {new}, and the shards under way have {old}"
-    return None

@@ -7,7 +7,8 @@ from ..errors import UserError
 TRAIN_UNTIL_S = 10.0
 VAL_UNTIL_S = 11.0
 
-# ``train``, ``val`` and ``test``: lists of (clip id, frame).
+PARTS = ("train", "val", "test")
+# Of each part a list of (clip id, frame).
 Split = dict[str, list[tuple[str, int]]]
 
 
@@ -33,7 +34,7 @@ def make_split(
     if len(set(held_out)) < len(held_out):
         raise UserError("data.val_clips/data.test_clips: a clip is held out twice; name it once")
 
-    split: Split = {"train": [], "val": [], "test": []}
+    split: Split = {part: [] for part in PARTS}
     whole = dict.fromkeys(val_clips, "val") | dict.fromkeys(test_clips, "test")
     # Clips and frames keep their order: a score of the test split depends on no shuffle.
     for clip in clip_ids:

@@ -11,9 +11,7 @@ from .batch import Batch
 from .clip import Clip
 from .dataset import velocity_world_mps
 from .manifest import read_manifest
-from .split import make_split
-
-PARTS = ("test", "val", "train")
+from .split import PARTS, make_split
 
 
 class SkyShieldTruth:

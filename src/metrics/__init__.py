@@ -4,10 +4,10 @@
 from .breakdown import KARBreakdown
 from .by_clip import ByClip
 from .calibration import Calibration
+from .count_metric import CountMetric
 from .object_miss import ObjectMiss
 from .occupancy import KARMeanIoU, OccupancyScores
 from .plan_regret import PlanRegret
 from .primitive_miss import PrimitiveMiss
 from .ray_iou import CameraRayIoU, RayIoU
 from .safety import SafetyScores
-from .tables import TableMetric

@@ -13,16 +13,16 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
+from .count_metric import NamedCounts, Scores
 from .occupancy import ConfusionMetric
-from .tables import Scores, Sums
 
 TTC_EDGES_S = (1.0, 2.0, 3.0, 4.0, 5.0)
 DISTANCE_EDGES_M = (5.0, 10.0, 25.0)
 # The part of space that leaves none out.
 WHOLE = "whole"
 
-# The tables ``count`` and ``excess`` of a part of space.
-Pair = tuple[F.Table, F.Table]
+# ``count`` and ``excess`` of a part of space.
+Pair = tuple[F.Confusion, F.Confusion]
 
 
 class KARBreakdown(ConfusionMetric):
@@ -73,10 +73,10 @@ class KARBreakdown(ConfusionMetric):
         self.n_bins = math.prod(self.sides)
         super().__init__(grid, *arguments, parts=(2, self.n_bins), **kwargs)
 
-    def scores(self, tables: Sums) -> Scores:
-        """Returns the scores of tables ``count`` and ``excess`` [*n, 2, ttc * distance, c, c]."""
+    def scores(self, counts: NamedCounts) -> Scores:
+        """Returns the scores of ``count`` and ``excess`` [*n, 2, ttc * distance, c, c]."""
         scores = {}
-        for (scope, part), (count, excess) in self._parts(tables).items():
+        for (scope, part), (count, excess) in self._parts(counts).items():
             prefix = scope if part == WHOLE else f"{scope}/{part}"
             occupied = self._mean(F.iou_compute(count))
             kar = self._mean(F.iou_compute(count, excess))
@@ -95,13 +95,13 @@ class KARBreakdown(ConfusionMetric):
             }
         return scores
 
-    def table(self, tables: Sums | None = None) -> pd.DataFrame:
+    def table(self, counts: NamedCounts | None = None) -> pd.DataFrame:
         """Returns a row for each scope, part of space and class: voxels, IoU and KAR-IoU.
 
-        They are those of everything counted so far, or of other ``tables``.
+        They are those of everything counted so far, or of other ``counts``.
         """
         rows = []
-        for names, (count, excess) in self._parts(tables or self.tables).items():
+        for names, (count, excess) in self._parts(counts or self.counts).items():
             columns = (count.sum(-1), F.iou_compute(count), F.iou_compute(count, excess))
             of_classes = zip(self.class_names, *(column.tolist() for column in columns))
             rows += [(*names, *row) for row in of_classes]
@@ -115,14 +115,14 @@ class KARBreakdown(ConfusionMetric):
         bins = bins.to(visible.device, torch.int32)
         return bins.index_select(0, self.shell) + self.n_bins * visible.int()
 
-    def _parts(self, tables: Sums) -> dict[tuple[str, str], Pair]:
+    def _parts(self, counts: NamedCounts) -> dict[tuple[str, str], Pair]:
         """Returns ``count`` and ``excess`` of every scope and part of space."""
         parts = {}
         for scope, seen in {"all": [0, 1], "visible": [1]}.items():
-            # Visible voxels are the second half of the tables.
-            of_scope = [tables[name][..., seen, :, :, :].sum(-4) for name in ("count", "excess")]
+            # Visible voxels are the second half of the counts.
+            of_scope = [counts[name][..., seen, :, :, :].sum(-4) for name in ("count", "excess")]
             for part, bins in self._bins_of_parts().items():
-                parts[scope, part] = tuple(table[..., bins, :, :].sum(-3) for table in of_scope)
+                parts[scope, part] = tuple(each[..., bins, :, :].sum(-3) for each in of_scope)
         return parts
 
     def _bins_of_parts(self) -> dict[str, Bool[Tensor, "k"]]:

@@ -9,10 +9,10 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
+from .count_metric import NamedCounts, Scores, VoxelMetric
 from .functional.codes import UNCOUNTED
-from .tables import Scores, Sums, Tables, VoxelMetric
 
-# The columns of the table ``reliability``.
+# The columns of ``reliability``.
 VOXELS, HITS, CONFIDENCE = range(3)
 
 # Confidences and log-likelihoods are summed as multiples of its inverse: exact in any order.
@@ -62,13 +62,13 @@ class Calibration(VoxelMetric):
         if bins < 1:
             raise UserError(f"bins: {bins} must be 1 or more")
         super().__init__(grid, num_classes, None, ignore_index, **kwargs)
-        self.add_tables(reliability=(num_classes, bins, 3), likelihood=(num_classes, 2))
+        self.add_counts(reliability=(num_classes, bins, 3), likelihood=(num_classes, 2))
         self.bubble = F.Penalty(horizon_s=horizon_s, min_speed_mps=min_speed_mps)
         self.bins = bins
 
-    def frame_tables(
+    def frame_counts(
         self, logits: F.Logits, target: F.Labels, velocity: F.Velocity, mask: F.Mask | None = None
-    ) -> Tables:
+    ) -> NamedCounts:
         """Returns ``reliability`` [predicted class, bin, (voxels, right, sum of probabilities)] and
         ``likelihood`` [true class, (voxels, sum of NLL)] of every frame."""
         if not logits.is_floating_point():
@@ -78,19 +78,20 @@ class Calibration(VoxelMetric):
         speeds_mps = F.speeds(velocity, batch=len(target))
         return self.stacked([self._frame(*frame) for frame in zip(logits, codes, speeds_mps)])
 
-    def scores(self, tables: Sums) -> Scores:
-        """Returns the scores of tables as `frame_tables` gives them, summed."""
-        reliability, likelihood = tables["reliability"].double(), tables["likelihood"].double()
+    def scores(self, counts: NamedCounts) -> Scores:
+        """Returns the scores of counts as `frame_counts` gives them, summed."""
+        reliability, likelihood = counts["reliability"].double(), counts["likelihood"].double()
         voxels, nll = likelihood[..., 0], likelihood[..., 1] / FIXED_POINT
-        scores = {"ece": _ece(reliability.sum(-3)), "nll": nll.sum(-1) / voxels.sum(-1)}
-        for kind, of_classes in (("ece", _ece(reliability)), ("nll", nll / voxels)):
-            by_class = zip(self.class_names, of_classes.unbind(-1))
-            scores |= {f"{kind}/{name}": score for name, score in by_class}
-        return scores
+        return {
+            "ece": _ece(reliability.sum(-3)),
+            "nll": nll.sum(-1) / voxels.sum(-1),
+            **self.of_classes("ece", _ece(reliability)),
+            **self.of_classes("nll", nll / voxels),
+        }
 
     def _frame(
         self, logits: Float[Tensor, "c X Y Z"], codes: UInt8[Tensor, "v"], speed_mps: float
-    ) -> Tables:
+    ) -> NamedCounts:
         # Distances ascend, so the bubble is the first so many of them.
         near = (self.bubble.ttc_s(self.shell_m, speed_mps) <= self.bubble.horizon_s).sum()
         voxels = torch.nonzero((codes != UNCOUNTED) & (self.shell < near.item())).squeeze(1)
@@ -105,18 +106,16 @@ class Calibration(VoxelMetric):
 
         bin_ = (confidence * self.bins).long().clamp(max=self.bins - 1)
         cells = predicted * self.bins + bin_
-        tables = {name: torch.zeros_like(table) for name, table in self.tables.items()}
-        _add(
-            tables["reliability"].flatten(0, 1), cells, predicted == true, confidence * FIXED_POINT
-        )
-        _add(tables["likelihood"], true, nll * FIXED_POINT)
-        return tables
+        reliability, likelihood = map(torch.zeros_like, self.counts.values())
+        _add(reliability.flatten(0, 1), cells, predicted == true, confidence * FIXED_POINT)
+        _add(likelihood, true, nll * FIXED_POINT)
+        return {"reliability": reliability, "likelihood": likelihood}
 
 
-def _add(table: Int64[Tensor, "t k"], rows: Int64[Tensor, "n"], *columns: Tensor) -> None:
-    """Adds one to the first column of these rows of a table, and the columns to the others."""
+def _add(count: Int64[Tensor, "t k"], rows: Int64[Tensor, "n"], *columns: Tensor) -> None:
+    """Adds one to the first column of these rows of a count, and the columns to the others."""
     whole = [column.double().round().long() for column in columns]
-    table.index_add_(0, rows, torch.stack([torch.ones_like(rows), *whole], dim=1))
+    count.index_add_(0, rows, torch.stack([torch.ones_like(rows), *whole], dim=1))
 
 
 def _ece(reliability: Float[Tensor, "*n bins 3"]) -> Float[Tensor, "*n"]:

@@ -1,6 +1,5 @@
 """Whole objects on the UAV's way of which the prediction shows nothing."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -8,13 +7,12 @@ import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
-from ..bounds import require_positive
-from ..errors import UserError
+from ..bounds import require_finite
 from ..geometry import VoxelGrid
 from ..ontology import GROUND
 from . import functional as F
+from .count_metric import NamedCounts, Scores, VoxelMetric
 from .safety import swept_tube
-from .tables import Scores, Sums, Tables, VoxelMetric
 
 
 class ObjectMiss(VoxelMetric):
@@ -53,34 +51,30 @@ class ObjectMiss(VoxelMetric):
         ground_index: int = GROUND,
         **kwargs: Any,
     ) -> None:
-        require_positive({"near_m": near_m, "seconds": seconds})
-        if not (math.isfinite(tolerance_m) and tolerance_m >= 0):
-            raise UserError(f"tolerance_m: {tolerance_m} must be a finite number, 0 or more")
+        require_finite("near_m", near_m)
+        require_finite("seconds", seconds)
+        require_finite("tolerance_m", tolerance_m, zero=True)
         super().__init__(grid, *arguments, **kwargs)
         self.near_m, self.seconds = near_m, seconds
         self.tolerance_m, self.ground_index = tolerance_m, ground_index
-        self.add_tables(objects=(self.num_classes, 2))
+        self.add_counts(objects=(self.num_classes, 2))
 
-    def frame_tables(
+    def frame_counts(
         self, preds: F.Preds, target: F.Labels, velocity: F.Velocity, mask: F.Mask | None = None
-    ) -> Tables:
+    ) -> NamedCounts:
         """Returns of every frame the ``objects`` near the way [class, whether missed]. Raises
         `UserError` also for speeds: the way needs the direction."""
         codes = self.codes(preds, target, mask)
-        F.require_directions(velocity, len(target), "the way")
-        F.speeds(velocity, batch=len(target))
+        F.speeds(velocity, len(target), directed="the way")
         return self.stacked([{"objects": self._frame(*each)} for each in zip(codes, velocity)])
 
-    def scores(self, tables: Sums) -> Scores:
-        """Returns the scores of tables as `frame_tables` gives them, summed."""
-        objects = tables["objects"].double()
-        of_class = objects[..., 1] / objects.sum(-1)
-        rates = {
-            f"object_miss_rate/{name}": of_class[..., n]
-            for n, name in enumerate(self.class_names)
-            if n not in (self.free_index, self.ground_index)
-        }
-        return {"object_miss_rate": objects[..., 1].sum(-1) / objects.sum((-2, -1)), **rates}
+    def scores(self, counts: NamedCounts) -> Scores:
+        """Returns the scores of counts as `frame_counts` gives them, summed."""
+        objects = counts["objects"].double()
+        missed, every = objects[..., 1], objects.sum(-1)
+        none = self.free_index, self.ground_index
+        of_classes = self.of_classes("object_miss_rate", missed / every, without=none)
+        return {"object_miss_rate": missed.sum(-1) / every.sum(-1), **of_classes}
 
     def _frame(
         self, codes: UInt8[Tensor, "X Y Z"], velocity_mps: Float[Tensor, "3"]
@@ -94,6 +88,5 @@ class ObjectMiss(VoxelMetric):
         around = F.within(self.tolerance_m / self.grid.voxel_m)
         objects = np.zeros((self.num_classes, 2), np.int64)
         seen = codes.cpu().contiguous().numpy()
-        skipped = self.free_index, self.ground_index
-        count_objects(seen, near, around, *skipped, objects)
+        count_objects(seen, near, around, self.free_index, self.ground_index, objects)
         return torch.from_numpy(objects)

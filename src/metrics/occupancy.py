@@ -10,14 +10,14 @@ from torch import Tensor
 
 from ..geometry import VoxelGrid
 from . import functional as F
-from .tables import Scores, Sums, Tables, VoxelMetric
+from .count_metric import NamedCounts, Scores, VoxelMetric
 
 
 class ConfusionMetric(VoxelMetric):
-    """Two [target, prediction] tables over a dataset: voxels, and their excess penalties.
+    """Two counts [target, prediction] over a dataset: voxels, and their excess penalties.
 
     The arguments are those of `KARMeanIoU`; a subclass adds `scores`. One that keeps parts of space
-    apart gives the shape of their numbers as ``parts`` and overrides `part_of`: then the tables are
+    apart gives the shape of their numbers as ``parts`` and overrides `part_of`: then the counts are
     [*parts, c, c].
     """
 
@@ -45,16 +45,16 @@ class ConfusionMetric(VoxelMetric):
         self.backend = backend
         self.penalty = F.Penalty(horizon_s, decay_per_s, penalty_scale, min_speed_mps)
         self.parts = parts
-        self.add_tables(**dict.fromkeys(("count", "excess"), (*parts, num_classes, num_classes)))
+        self.add_counts(**dict.fromkeys(("count", "excess"), (*parts, num_classes, num_classes)))
 
-    def frame_tables(
+    def frame_counts(
         self,
         preds: F.Preds,
         target: F.Labels,
         velocity: F.Velocity,
         mask: F.Mask | None = None,
         visible: F.Mask | None = None,
-    ) -> Tables:
+    ) -> NamedCounts:
         """Returns ``count`` and ``excess`` of every frame.
 
         ``preds`` are class ids of any integer dtype or float logits, ``velocity`` the UAV's
@@ -74,9 +74,9 @@ class ConfusionMetric(VoxelMetric):
         codes: UInt8[Tensor, "b X Y Z"],
         speeds_mps: Sequence[float],
         visible: Bool[Tensor, "b X Y Z"],
-    ) -> Tables:
+    ) -> NamedCounts:
         """Returns ``count`` and ``excess`` of every frame, from its codes (`functional.encode`)."""
-        tables = F.confusion_tables(
+        counts = F.confusion_counts(
             codes,
             self.shell,
             [self.penalty.excess_table(self.shell_m, v).to(codes.device) for v in speeds_mps],
@@ -87,7 +87,7 @@ class ConfusionMetric(VoxelMetric):
         )
 
         shape = (len(codes), *self.count.shape)
-        return {name: table.reshape(shape) for name, table in zip(("count", "excess"), tables)}
+        return {name: each.reshape(shape) for name, each in zip(("count", "excess"), counts)}
 
     def part_of(self, speed_mps: float, visible: Bool[Tensor, "v"]) -> Int[Tensor, "v"] | None:
         """Returns the part of space of every voxel, numbered row by row.
@@ -132,9 +132,9 @@ class KARMeanIoU(ConfusionMetric):
     tensor(0.5000)
     """
 
-    def scores(self, tables: Sums) -> Scores:
-        """Returns ``kar_miou`` of tables ``count`` and ``excess`` [*n, c, c]."""
-        kar_iou = F.iou_compute(tables["count"], tables["excess"])
+    def scores(self, counts: NamedCounts) -> Scores:
+        """Returns ``kar_miou`` of ``count`` and ``excess`` [*n, c, c]."""
+        kar_iou = F.iou_compute(counts["count"], counts["excess"])
         return {"kar_miou": F.mean_iou(kar_iou, without=self.free_index)}
 
     def compute(self) -> Float[Tensor, ""]:
@@ -174,16 +174,14 @@ class OccupancyScores(ConfusionMetric):
     kar_iou/free     0.269
     """
 
-    def scores(self, tables: Sums) -> Scores:
-        """Returns the scores of tables ``count`` and ``excess`` [*n, c, c]."""
-        iou = F.iou_compute(tables["count"])
-        kar_iou = F.iou_compute(tables["count"], tables["excess"])
-
-        scores = {
+    def scores(self, counts: NamedCounts) -> Scores:
+        """Returns the scores of ``count`` and ``excess`` [*n, c, c]."""
+        iou = F.iou_compute(counts["count"])
+        kar_iou = F.iou_compute(counts["count"], counts["excess"])
+        return {
             "miou": F.mean_iou(iou),
             "miou_occupied": F.mean_iou(iou, without=self.free_index),
             "kar_miou": F.mean_iou(kar_iou, without=self.free_index),
+            **self.of_classes("iou", iou),
+            **self.of_classes("kar_iou", kar_iou),
         }
-        scores |= {f"iou/{name}": iou[..., n] for n, name in enumerate(self.class_names)}
-        scores |= {f"kar_iou/{name}": kar_iou[..., n] for n, name in enumerate(self.class_names)}
-        return scores

@@ -3,15 +3,14 @@
 from typing import Any
 
 import torch
-from jaxtyping import Float64
 from torch import Tensor
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
+from .count_metric import NamedCounts, Scores
 from .functional.codes import NOTHING
 from .primitives import PrimitiveMetric
-from .tables import Scores, Sums, Tables
 
 
 class PlanRegret(PrimitiveMetric):
@@ -49,22 +48,24 @@ class PlanRegret(PrimitiveMetric):
             raise UserError(f"collision: {collision} must be above 1, which a stop costs")
         super().__init__(grid, *arguments, **kwargs)
         self.collision = collision
-        self.costs = self._costs()
-        count = len(self.costs)
-        self.add_tables(chosen=(count, count, 2))
+        # Of every primitive, and of a stop, with a path of unit length.
+        ahead = torch.tensor([1.0, 0.0, 0.0])
+        off = torch.from_numpy(self.paths(ahead, 1 / self.seconds, step_m=1.0)[:, -1]) - ahead
+        self.costs = torch.cat([off.norm(dim=-1), torch.ones(1)])
+        self.add_counts(chosen=(len(self.costs), len(self.costs), 2))
 
-    def frame_tables(
+    def frame_counts(
         self, preds: F.Preds, target: F.Labels, velocity: F.Velocity, mask: F.Mask | None = None
-    ) -> Tables:
+    ) -> NamedCounts:
         """Returns of every frame what was ``chosen`` [by the prediction, by the truth, whether the
         first is truly blocked]; the last choice is to stop. Frames of which no primitive has a
         label have zeros."""
         swept = self.swept(preds, target, velocity, mask)
         return self.stacked([{"chosen": self._frame(each)} for each in swept])
 
-    def scores(self, tables: Sums) -> Scores:
-        """Returns the scores of tables as `frame_tables` gives them, summed."""
-        chosen = tables["chosen"].double()
+    def scores(self, counts: NamedCounts) -> Scores:
+        """Returns the scores of counts as `frame_counts` gives them, summed."""
+        chosen = counts["chosen"].double()
         costs = self.costs.to(chosen.device)
         frames = chosen.sum((-3, -2, -1))
         by_prediction = (chosen[..., 0].sum(-1) * costs).sum(-1)
@@ -76,19 +77,6 @@ class PlanRegret(PrimitiveMetric):
             "unsafe_plan_rate": chosen[..., 1].sum((-2, -1)) / frames,
             "needless_stop_rate": with_a_way[..., -1, :].sum(-1) / with_a_way.sum((-2, -1)),
         }
-
-    def _costs(self) -> Float64[Tensor, "choices"]:
-        """Returns the price of every primitive, and of a stop; that of a path of unit length."""
-        paths = F.primitive_paths(
-            torch.tensor([1.0, 0.0, 0.0]),
-            1 / self.seconds,
-            self.turns_deg_per_s,
-            self.climbs_deg,
-            self.seconds,
-            1.0,
-        )
-        off = torch.from_numpy(paths[:, -1]) - torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64)
-        return torch.cat([off.norm(dim=-1), torch.ones(1, dtype=torch.float64)])
 
     def _frame(self, swept: F.Swept) -> Tensor:
         chosen = torch.zeros(self.chosen.shape, dtype=torch.int64)

@@ -9,9 +9,9 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
+from .count_metric import NamedCounts, Scores
 from .functional.codes import NOTHING
 from .primitives import PrimitiveMetric
-from .tables import Scores, Sums, Tables
 
 # The log-odds that a path is blocked are sorted into bins of an eighth, from -16 to 16.
 BINS, BINS_A_UNIT = 256, 8
@@ -56,17 +56,17 @@ class PrimitiveMiss(PrimitiveMetric):
 
         super().__init__(grid, *arguments, **kwargs)
         self.phantoms = phantoms
-        self.add_tables(blocked=(self.num_classes, BINS), clear=(BINS,), said=(2, 2))
+        self.add_counts(blocked=(self.num_classes, BINS), clear=(BINS,), said=(2, 2))
 
-    def frame_tables(
+    def frame_counts(
         self,
         preds: F.Preds,
         target: F.Labels,
         velocity: F.Velocity,
         mask: F.Mask | None = None,
         logits: F.Logits | None = None,
-    ) -> Tables:
-        """Returns the tables of every frame: primitives that are ``blocked`` [class met first, bin
+    ) -> NamedCounts:
+        """Returns the counts of every frame: primitives that are ``blocked`` [class met first, bin
         of the log-odds], and ``clear`` [bin], where there are logits; and all of them as ``said``
         [truly blocked, called blocked]."""
         if preds.is_floating_point():
@@ -74,35 +74,33 @@ class PrimitiveMiss(PrimitiveMetric):
         swept = self.swept(preds, target, velocity, mask, logits)
         return self.stacked([self._frame(each, logits is not None) for each in swept])
 
-    def scores(self, tables: Sums) -> Scores:
-        """Returns the scores of tables as `frame_tables` gives them, summed."""
-        blocked, clear, said = (tables[name].double() for name in ("blocked", "clear", "said"))
+    def scores(self, counts: NamedCounts) -> Scores:
+        """Returns the scores of counts as `frame_counts` gives them, summed."""
+        blocked, clear, said = (counts[name].double() for name in ("blocked", "clear", "said"))
         called = _called(clear)  # [*n, thresholds]
         found = _called(blocked)  # [*n, class, thresholds]
         found_any = _called(blocked.sum(-2))
 
-        scores = {"primitive_miss": 1 - _at(self.phantoms, called, found_any)}
-        for n, name in enumerate(self.class_names):
-            if n != self.free_index:
-                at = _at(self.phantoms, called, found[..., n, :])
-                scores[f"primitive_miss/{name}"] = 1 - at
-        scores["primitive_auc"] = torch.trapezoid(found_any, called)
-        scores["primitive_miss_argmax"] = said[..., 1, 0] / said[..., 1, :].sum(-1)
-        scores["primitive_phantoms_argmax"] = said[..., 0, 1] / said[..., 0, :].sum(-1)
-        return scores
+        missed = 1 - _at(self.phantoms, called[..., None, :].expand_as(found), found)
+        return {
+            "primitive_miss": 1 - _at(self.phantoms, called, found_any),
+            **self.of_classes("primitive_miss", missed, without=[self.free_index]),
+            "primitive_auc": torch.trapezoid(found_any, called),
+            "primitive_miss_argmax": said[..., 1, 0] / said[..., 1, :].sum(-1),
+            "primitive_phantoms_argmax": said[..., 0, 1] / said[..., 0, :].sum(-1),
+        }
 
-    def _frame(self, swept: F.Swept, has_logits: bool) -> Tables:
+    def _frame(self, swept: F.Swept, has_logits: bool) -> NamedCounts:
         truly = swept.met != NOTHING
         outcome = (2 * truly.long() + swept.said)[swept.known]
-        tables = {name: torch.zeros(table.shape).long() for name, table in self.tables.items()}
-        tables["said"] = torch.bincount(outcome, minlength=4).view(2, 2)
-        if has_logits:
-            bins = ((swept.log_odds * BINS_A_UNIT).floor() + BINS // 2).clamp(0, BINS - 1).long()
-            cells = (swept.met * BINS + bins)[truly]
-            tables["blocked"] = torch.bincount(cells, minlength=self.num_classes * BINS)
-            tables["blocked"] = tables["blocked"].view(self.num_classes, BINS)
-            tables["clear"] = torch.bincount(bins[swept.known & ~truly], minlength=BINS)
-        return tables
+        said = torch.bincount(outcome, minlength=4).view(2, 2)
+
+        # Without logits no path has odds.
+        bins = ((swept.log_odds * BINS_A_UNIT).floor() + BINS // 2).clamp(0, BINS - 1).long()
+        cells = (swept.met * BINS + bins)[truly & has_logits]
+        blocked = torch.bincount(cells, minlength=self.num_classes * BINS).view(-1, BINS)
+        clear = torch.bincount(bins[swept.known & ~truly & has_logits], minlength=BINS)
+        return {"blocked": blocked, "clear": clear, "said": said}
 
 
 def _called(counts: Float[Tensor, "*n bins"]) -> Float[Tensor, "*n thresholds"]:

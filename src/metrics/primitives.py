@@ -4,11 +4,15 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ..bounds import require_positive
+import numpy as np
+from jaxtyping import Float, Float64
+from torch import Tensor
+
+from ..bounds import require_finite
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .tables import VoxelMetric
+from .count_metric import VoxelMetric
 
 
 class PrimitiveMetric(VoxelMetric):
@@ -33,9 +37,9 @@ class PrimitiveMetric(VoxelMetric):
         min_speed_mps: float = 5.0,
         **kwargs: Any,
     ) -> None:
-        require_positive({"seconds": seconds, "radius_m": radius_m})
-        if not (math.isfinite(min_speed_mps) and min_speed_mps >= 0):
-            raise UserError(f"min_speed_mps: {min_speed_mps} must be a finite number, 0 or more")
+        require_finite("seconds", seconds)
+        require_finite("radius_m", radius_m)
+        require_finite("min_speed_mps", min_speed_mps, zero=True)
         for name, angles in (("turns_deg_per_s", turns_deg_per_s), ("climbs_deg", climbs_deg)):
             if not angles or not all(math.isfinite(angle) for angle in angles):
                 raise UserError(f"{name}: {list(angles)} must be one finite number or more")
@@ -57,19 +61,19 @@ class PrimitiveMetric(VoxelMetric):
         Raises `UserError` for a bad batch, and for speeds: a primitive needs the direction.
         """
         codes = self.codes(preds, target, mask)
-        F.require_directions(velocity, len(target), "a primitive")
-        speeds_mps = F.speeds(velocity, batch=len(target))
+        speeds_mps = F.speeds(velocity, len(target), directed="a primitive")
 
         swept = []
         for n, frame in enumerate(codes):
-            paths_m = F.primitive_paths(
-                velocity[n],
-                max(speeds_mps[n], self.min_speed_mps),
-                self.turns_deg_per_s,
-                self.climbs_deg,
-                self.seconds,
-                self.grid.voxel_m / 2,
-            )
+            speed_mps = max(speeds_mps[n], self.min_speed_mps)
+            paths_m = self.paths(velocity[n], speed_mps, self.grid.voxel_m / 2)
             scores = None if logits is None else logits[n]
             swept.append(F.swept(frame, scores, paths_m, self.radius_m, self.grid, self.free_index))
         return swept
+
+    def paths(
+        self, velocity_mps: Float[Tensor, "3"], speed_mps: float, step_m: float
+    ) -> Float64[np.ndarray, "k n 3"]:
+        """Returns points on every primitive, as `functional.primitive_paths` does."""
+        angles = self.turns_deg_per_s, self.climbs_deg
+        return F.primitive_paths(velocity_mps, speed_mps, *angles, self.seconds, step_m)

@@ -11,9 +11,9 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
-from .tables import Scores, Sums, Tables, VoxelMetric
+from .count_metric import NamedCounts, Scores, VoxelMetric
 
-# The columns of the table ``clear``: rays that truly meet nothing, and those predicted to.
+# The columns of ``clear``: rays that truly meet nothing, and those predicted to.
 CLEAR, PHANTOM = range(2)
 
 
@@ -57,16 +57,16 @@ class RayIoU(VoxelMetric):
             raise UserError(f"thresholds_m: {list(self.thresholds_m)} must be numbers above 0")
         super().__init__(grid, *arguments, **kwargs)
         hits = (len(self.thresholds_m), self.num_classes)
-        self.add_tables(hits=hits, met=(2, self.num_classes), clear=(2,))
+        self.add_counts(hits=hits, met=(2, self.num_classes), clear=(2,))
 
-    def frame_tables(
+    def frame_counts(
         self,
         preds: F.Preds,
         target: F.Labels,
         origin_m: Float[Tensor, "b 3"],
         directions: Float[Tensor, "b n 3"],
         mask: F.Mask | None = None,
-    ) -> Tables:
+    ) -> NamedCounts:
         """Returns ``hits`` [threshold, class], rays that ``met`` a class [(predicted, truly),
         class], and rays that are ``clear`` [(all, met a phantom)], of every frame.
 
@@ -78,18 +78,16 @@ class RayIoU(VoxelMetric):
         _check_rays(origin_m, directions, len(target))
         return self.stacked([self._frame(*frame) for frame in zip(codes, origin_m, directions)])
 
-    def scores(self, tables: Sums) -> Scores:
-        """Returns the scores of tables as `frame_tables` gives them, summed."""
-        hits, met, clear = (tables[name].double() for name in ("hits", "met", "clear"))
+    def scores(self, counts: NamedCounts) -> Scores:
+        """Returns the scores of counts as `frame_counts` gives them, summed."""
+        hits, met, clear = (counts[name].double() for name in ("hits", "met", "clear"))
         iou = hits / (met.sum(-2, keepdim=True) - hits)
         by_threshold = F.mean_iou(iou, without=self.free_index)
 
         scores = {"ray_iou": by_threshold.mean(-1)}
         for n, threshold_m in enumerate(self.thresholds_m):
             scores[f"ray_iou_{threshold_m:g}m"] = by_threshold[..., n]
-        for n, name in enumerate(self.class_names):
-            if n != self.free_index:
-                scores[f"ray_iou/{name}"] = iou[..., n].mean(-1)
+        scores |= self.of_classes("ray_iou", iou.mean(-2), without=[self.free_index])
         scores["ray_phantom_rate"] = clear[..., PHANTOM] / clear[..., CLEAR]
         return scores
 
@@ -98,7 +96,7 @@ class RayIoU(VoxelMetric):
         codes: UInt8[Tensor, "X Y Z"],
         origin_m: Float[Tensor, "3"],
         directions: Float[Tensor, "n 3"],
-    ) -> Tables:
+    ) -> NamedCounts:
         first_met = F.first_met(codes, origin_m, directions, self.grid, self.free_index)
         classes, distances_m = map(torch.from_numpy, first_met)
         solid = distances_m[1] < torch.inf
@@ -134,7 +132,7 @@ class CameraRayIoU(RayIoU):
         super().__init__(grid, *arguments, **kwargs)
         self.rays = tuple(rays)
 
-    def frame_tables(
+    def frame_counts(
         self,
         preds: F.Preds,
         target: F.Labels,
@@ -142,10 +140,10 @@ class CameraRayIoU(RayIoU):
         pix_from_camera: Float[Tensor, "b 3 3"],
         size_pix: tuple[int, int],
         mask: F.Mask | None = None,
-    ) -> Tables:
-        """Returns the tables of `RayIoU`; ``size_pix`` is the image's width and height."""
+    ) -> NamedCounts:
+        """Returns the counts of `RayIoU`; ``size_pix`` is the image's width and height."""
         rays = F.camera_rays(camera_from_occ, pix_from_camera, size_pix, self.rays)
-        return super().frame_tables(preds, target, *rays, mask)
+        return super().frame_counts(preds, target, *rays, mask)
 
 
 def _check_rays(origin_m: Tensor, directions: Tensor, batch: int) -> None:

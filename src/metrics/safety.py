@@ -7,16 +7,16 @@ from jaxtyping import Bool, Float, Int, Int64, UInt8
 from torch import Tensor
 from torch.nn.functional import max_pool3d
 
-from ..bounds import require_positive
+from ..bounds import require_finite
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import THIN_STRUCTURE
 from . import functional as F
+from .count_metric import NamedCounts, Scores
 from .functional.codes import UNCOUNTED
 from .occupancy import ConfusionMetric
-from .tables import Scores, Sums, Tables
 
-# The columns of the table ``frames``: what the tube of a frame truly was, and what was predicted.
+# The columns of ``frames``: what the tube of a frame truly was, and what was predicted.
 BLOCKED, MISSED, CLEAR, STOPPED = range(4)
 
 
@@ -71,39 +71,39 @@ class SafetyScores(ConfusionMetric):
         thin_tolerance: int = 1,
         **kwargs: Any,
     ) -> None:
-        require_positive({"tube_radius_m": tube_radius_m, "tube_s": tube_s})
+        require_finite("tube_radius_m", tube_radius_m)
+        require_finite("tube_s", tube_s)
         if thin_tolerance < 0:
             raise UserError(f"thin_tolerance: {thin_tolerance} must be 0 or more voxels")
 
         super().__init__(grid, *arguments, parts=(2,), **kwargs)
-        self.add_tables(tube=(2, 2), frames=(4,), thin=(3,))
+        self.add_counts(tube=(2, 2), frames=(4,), thin=(3,))
         if not 0 <= thin_index < self.num_classes:
             raise UserError(f"thin_index: {thin_index} must be 0 to {self.num_classes - 1}")
         self.tube_radius_m, self.tube_s = tube_radius_m, tube_s
         self.thin_index, self.thin_tolerance = thin_index, thin_tolerance
 
-    def frame_tables(
+    def frame_counts(
         self, preds: F.Preds, target: F.Labels, velocity: F.Velocity, mask: F.Mask | None = None
-    ) -> Tables:
-        """Returns the tables of every frame.
+    ) -> NamedCounts:
+        """Returns the counts of every frame.
 
         ``count`` and ``excess`` are sorted by whether in the bubble (first) or not; ``tube`` [truly
         occupied, predicted occupied]; ``frames`` by what their tube came to; ``thin`` voxels: all,
         hit, hit nearby. Raises `UserError` also for speeds: the tube needs the direction.
         """
-        F.require_directions(velocity, len(target), "the tube")
         codes = self.codes(preds, target, mask)
-        speeds_mps = F.speeds(velocity, batch=len(target))
-        tables = self.stacked([{"tube": self._tube(*frame)} for frame in zip(codes, velocity)])
-        tables |= self.confusion(codes, speeds_mps, torch.zeros_like(codes, dtype=torch.bool))
-        return tables | {"frames": _outcomes(tables["tube"]), "thin": self._thin(codes)}
+        speeds_mps = F.speeds(velocity, len(target), directed="the tube")
+        counts = self.stacked([{"tube": self._tube(*frame)} for frame in zip(codes, velocity)])
+        counts |= self.confusion(codes, speeds_mps, torch.zeros_like(codes, dtype=torch.bool))
+        return counts | {"frames": _outcomes(counts["tube"]), "thin": self._thin(codes)}
 
-    def scores(self, tables: Sums) -> Scores:
-        """Returns the scores of tables as `frame_tables` gives them, summed."""
-        bubble = tables["count"][..., 0, :, :].double()
+    def scores(self, counts: NamedCounts) -> Scores:
+        """Returns the scores of counts as `frame_counts` gives them, summed."""
+        bubble = counts["count"][..., 0, :, :].double()
         occupied = [c for c in range(self.num_classes) if c != self.free_index]
         said_free = bubble[..., occupied, self.free_index].sum(-1)
-        tube, frames, thin = (tables[name].double() for name in ("tube", "frames", "thin"))
+        tube, frames, thin = (counts[name].double() for name in ("tube", "frames", "thin"))
 
         return {
             "false_free_rate": said_free / bubble[..., occupied, :].sum((-2, -1)),
@@ -113,7 +113,7 @@ class SafetyScores(ConfusionMetric):
             "phantom_voxel_rate": tube[..., 0, 1] / tube[..., 0, :].sum(-1),
             "thin_recall": thin[..., 1] / thin[..., 0],
             "thin_recall_tolerant": thin[..., 2] / thin[..., 0],
-            "geometric_iou": F.geometric_iou(tables["count"].sum(-3), self.free_index),
+            "geometric_iou": F.geometric_iou(counts["count"].sum(-3), self.free_index),
         }
 
     def part_of(self, speed_mps: float, visible: Bool[Tensor, "v"]) -> Int[Tensor, "v"]:

@@ -13,8 +13,8 @@ from ..errors import UserError
 from ..geometry import VoxelGrid
 from . import functional as F
 from .by_clip import ByClip
+from .count_metric import CountMetric, NamedCounts
 from .protocol import Protocol
-from .tables import TableMetric, Tables
 
 
 class GroundTruth(TypedDict, total=False):
@@ -30,11 +30,8 @@ class GroundTruth(TypedDict, total=False):
     size_pix: tuple[int, int]
 
 
-# What a metric may ask for, by the names of the arguments of its `frame_tables`.
-INPUTS = (
-    *("preds", "logits", "target", "velocity", "mask", "visible"),
-    *("camera_from_occ", "pix_from_camera", "size_pix"),
-)
+# What a metric may ask for, by the names of the arguments of its `frame_counts`.
+INPUTS = ("preds", "logits", "target", "velocity", *list(GroundTruth.__annotations__)[3:])
 
 
 class ScoreSuite(nn.Module):
@@ -43,7 +40,7 @@ class ScoreSuite(nn.Module):
     Args:
         grid: the voxels of the labels.
         clips: ids of all clips that may come.
-        suite: ``metrics`` (for each name the path of a `TableMetric` as ``_target_``, and its
+        suite: ``metrics`` (for each name the path of a `CountMetric` as ``_target_``, and its
             arguments after the grid); and, of the intervals, ``resamples``, ``level`` and ``seed``.
 
     Raises `UserError` for settings that a score could not be computed with.
@@ -74,13 +71,13 @@ class ScoreSuite(nn.Module):
         return cls(protocol.voxel_grid, clips, protocol.suite)
 
     def metric(self, name: str) -> Any:
-        """Returns one of the metrics: what its tables mean. Its own state is empty."""
+        """Returns one of the metrics: what its counts mean. Its own state is empty."""
         return self.by_clip[name].metric
 
     def update(self, preds: F.Preds, truth: GroundTruth, logits: F.Logits | None = None) -> None:
         """Counts a batch of labels or logits; ``logits`` may be given beside labels.
 
-        Each metric gets what its `frame_tables` names: ``preds`` (labels), ``logits``, ``target``,
+        Each metric gets what its `frame_counts` names: ``preds`` (labels), ``logits``, ``target``,
         ``velocity`` and what else `GroundTruth` has. One that needs what the batch does not have,
         as logits or a camera, is not fed. Raises `UserError` as the metrics do.
         """
@@ -104,24 +101,25 @@ class ScoreSuite(nn.Module):
             self.by_clip[name].reset()
         return partly
 
-    def tables(self) -> dict[str, Tables]:
-        """Returns the tables [clips, ...] of every metric that was fed."""
+    def counts(self) -> dict[str, NamedCounts]:
+        """Returns the counts [clips, ...] of every metric that was fed."""
         fed = {name: metric for name, metric in self.by_clip.items() if metric.update_called}
-        return {name: metric.tables() for name, metric in fed.items()}
+        return {name: metric.of_clips() for name, metric in fed.items()}
 
     def scores(self, chosen: Callable[[str], bool] = lambda clip: True) -> dict[str, float]:
         """Returns all scores of the chosen clips together, by name, for the table of scores."""
         scores: dict[str, float] = {}
         for metric in self.by_clip.values():
             if metric.update_called and metric.metric.in_score_table:
-                scores |= {name: float(value) for name, value in metric.scores(chosen).items()}
+                of_chosen = metric.scores(metric.of_clips(chosen))
+                scores |= {name: float(value.float()) for name, value in of_chosen.items()}
         return scores
 
     def _require_own_names(self) -> None:
         """Two metrics may not name a score alike: one would hide the other."""
         owners: dict[str, str] = {}
         for name, by_clip in self.by_clip.items():
-            for score in by_clip.metric.scores(by_clip.metric.tables):
+            for score in by_clip.metric.scores(by_clip.metric.counts):
                 if owners.setdefault(score, name) != name:
                     raise UserError(f"suite.metrics.{name}: {score} is a score of {owners[score]}")
 
@@ -138,13 +136,13 @@ def import_metrics(suite: Mapping[str, Any]) -> None:
             raise UserError(f"suite.metrics.{name}._target_: {error}") from error
 
 
-def _metric(name: str, entry: Mapping[str, Any], grid: VoxelGrid) -> TableMetric:
+def _metric(name: str, entry: Mapping[str, Any], grid: VoxelGrid) -> CountMetric:
     """Builds a metric of a class that was imported before."""
     module, _, attribute = entry["_target_"].rpartition(".")
     make = getattr(sys.modules.get(module), attribute, None)
-    if not (isinstance(make, type) and issubclass(make, TableMetric)):
+    if not (isinstance(make, type) and issubclass(make, CountMetric)):
         raise UserError(
-            f"suite.metrics.{name}._target_: {entry['_target_']} is no TableMetric of this "
+            f"suite.metrics.{name}._target_: {entry['_target_']} is no CountMetric of this "
             "package, nor of a module that the configuration names"
         )
 
@@ -159,8 +157,8 @@ def _metric(name: str, entry: Mapping[str, Any], grid: VoxelGrid) -> TableMetric
     return metric
 
 
-def _inputs(metric: TableMetric) -> tuple[set[str], set[str]]:
+def _inputs(metric: CountMetric) -> tuple[set[str], set[str]]:
     """Returns the names of the inputs that a metric requires, and of all that it takes."""
-    parameters = inspect.signature(metric.frame_tables).parameters
+    parameters = inspect.signature(metric.frame_counts).parameters
     required = {key for key, each in parameters.items() if each.default is each.empty}
     return required, set(parameters)

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from torch import Generator, Tensor
 
 from ..errors import UserError
-from ..metrics.tables import TableMetric, Tables
+from ..metrics.count_metric import CountMetric, NamedCounts
 
 LEVEL = 0.95
 
@@ -69,14 +69,14 @@ def seed_resamplings(seeds: int, resamples: int, generator: Generator) -> Float[
 
 
 def score_samples(
-    metric: TableMetric, tables: Tables, weights: Float[Tensor, "r n"]
+    metric: CountMetric, counts: NamedCounts, weights: Float[Tensor, "r n"]
 ) -> dict[str, Float[Tensor, "1+r"]]:
-    """Returns every score of the tables [n clips, ...]: of all clips, and then of each resample."""
-    whole = metric.scores({name: table.sum(0) for name, table in tables.items()})
+    """Returns every score of the counts [n clips, ...]: of all clips, and then of each resample."""
+    whole = metric.scores({name: each.sum(0) for name, each in counts.items()})
     drawn = metric.scores(
         {
-            name: (weights @ table.flatten(1).double()).unflatten(1, table.shape[1:])
-            for name, table in tables.items()
+            name: (weights @ each.flatten(1).double()).unflatten(1, each.shape[1:])
+            for name, each in counts.items()
         }
     )
 

@@ -11,9 +11,9 @@ import torch
 from ..atomic import replacing
 from ..data.files import BROKEN
 from ..errors import UserError
+from ..metrics.count_metric import NamedCounts, Scores
 from ..metrics.protocol import Protocol, require_same_protocol
 from ..metrics.suite import ScoreSuite
-from ..metrics.tables import Scores, Tables
 
 FORMAT = 1
 OTHER_LABELS = "other labels"
@@ -22,7 +22,7 @@ AGAIN = "give the command of its run again, which scores it, or task=score for p
 
 @dataclass(frozen=True)
 class Counts:
-    """Tables [clips, ...] of every metric, the clips in their order, and the protocol.
+    """NamedCounts [clips, ...] of every metric, the clips in their order, and the protocol.
 
     ``frames`` holds the number of scored frames of each clip. ``name`` says whose predictions were
     counted.
@@ -32,7 +32,7 @@ class Counts:
     protocol: Protocol
     clips: list[str]
     frames: list[int]
-    tables: dict[str, Tables]
+    tables: dict[str, NamedCounts]
 
     def suite(self) -> ScoreSuite:
         """Returns the metrics that say what the tables mean."""
@@ -99,7 +99,7 @@ class Counts:
     @classmethod
     def read(cls, path: Path) -> "Counts":
         """Reads a file of `write`. Raises `UserError` for one that is missing or anything else."""
-        tables: dict[str, Tables] = {}
+        tables: dict[str, NamedCounts] = {}
         try:
             with np.load(path, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}

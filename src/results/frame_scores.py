@@ -83,4 +83,4 @@ class FrameScores:
             batch = {name: tensor[None] for name, tensor in frame.items()}
             truth = {**batch, "clip": [clips[second]], "size_pix": self._size_pix}
             suite.update(truth.pop("preds"), truth)
-        return Counts(flight, protocol, clips, frames, suite.tables())
+        return Counts(flight, protocol, clips, frames, suite.counts())

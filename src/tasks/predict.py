@@ -7,9 +7,8 @@ import torch
 from omegaconf import DictConfig
 
 from ..bounds import require_choice
-from ..data.predictions import Frame, Predictions, save_predictions
-from ..data.split import held_out_clips
-from ..data.truth import PARTS
+from ..data.predictions import PredictedFrame, Predictions, save_predictions
+from ..data.split import PARTS, held_out_clips
 from ..errors import UserError
 from ..terminal import say, tracked
 from .session import Session
@@ -38,7 +37,7 @@ def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = No
     scores_of = predictor(network, trainer)
     facts = {"name": cfg.name, "part": part, "held_out": held_out_clips(data.split)}
 
-    def frames() -> Iterator[Frame]:
+    def frames() -> Iterator[PredictedFrame]:
         for batch in tracked(data.in_order(part), f"predicting {part}"):
             scores = scores_of(batch)
             for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):

@@ -44,7 +44,7 @@ def counts_of(
     """Returns what a suite has counted over all samples."""
     frames = Counter(clip for clip, _ in samples)
     of_clips = [frames[clip] for clip in suite.clips]
-    return Counts(name, protocol, suite.clips, of_clips, suite.tables())
+    return Counts(name, protocol, suite.clips, of_clips, suite.counts())
 
 
 def protocol_of(cfg: DictConfig, data: SkyShieldData, frames: int) -> Protocol:

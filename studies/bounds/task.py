@@ -145,7 +145,11 @@ def _predictions(session: Session, sights: Sequence[Sight], seed: int) -> dict[s
         return lambda batch: true(told(batch))
 
     def blind(anchor: Anchor) -> Predict:
-        return lambda batch: torch.stack([anchor(layer) for layer in data.layers(batch)])
+        def predict(batch: Batch) -> Tensor:
+            frames = zip(batch["clip"], batch["frame"])
+            return torch.stack([anchor(data.layer(clip, int(frame))) for clip, frame in frames])
+
+        return predict
 
     # What is wrong with the settings is refused before the labels are read.
     ceilings = {sight.name: seen(sight) for sight in sights}

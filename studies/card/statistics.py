@@ -12,15 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int64
+from jaxtyping import Int64
 
 from src.data.actors import visible_actors
 from src.data.clip import Clip
 from src.data.manifest import missing_clips, read_manifest
-from src.data.split import part_of_time
+from src.data.split import PARTS, part_of_time
 from src.errors import UserError
 from src.geometry import MIN_DEPTH_M, camera_from_occ
-from src.jit import njit
 from src.ontology import ACTOR_TYPES, CLASSES, UNKNOWN
 from src.terminal import tracked
 
@@ -28,7 +27,6 @@ from src.terminal import tracked
 LOW_FLIGHT_M = 11.0
 
 DENOMINATORS = ("labelled", "in image", "all")
-PARTS = ("train", "val", "test")
 
 
 @dataclass(frozen=True)
@@ -128,7 +126,12 @@ def statistics_of_clips(
 
     def read(clip_id: str) -> tuple[pd.DataFrame, dict]:
         clip, role = Clip(root / clip_id), roles.get(clip_id, "split")
-        return _frames_of(clip, role), _summary_of(clip, role)
+        meta, files = clip.meta, clip.folder.iterdir()
+        summary = {
+            **{"clip": clip.clip_id, "town": meta.town, "weather": meta.weather, "role": role},
+            **{"capture_hz": meta.capture_hz, "bytes": sum(file.stat().st_size for file in files)},
+        }
+        return _frames_of(clip, role), summary
 
     # Threads suffice: inflating and counting, which take the time, let go of the interpreter.
     with ThreadPoolExecutor() as pool:
@@ -137,73 +140,44 @@ def statistics_of_clips(
     return Statistics(pd.concat(frames, ignore_index=True), pd.DataFrame(clips))
 
 
-def _summary_of(clip: Clip, role: str) -> dict:
-    return {
-        "clip": clip.clip_id,
-        "town": clip.meta.town,
-        "weather": clip.meta.weather,
-        "role": role,
-        "capture_hz": clip.meta.capture_hz,
-        "bytes": sum(file.stat().st_size for file in clip.folder.iterdir()),
-    }
-
-
 def _frames_of(clip: Clip, role: str) -> pd.DataFrame:
     """Returns a row a frame, as in `Statistics.frames`."""
     rows, meta = clip.frames, clip.meta
     parts = [part_of_time(n / meta.capture_hz) if role == "split" else role for n in rows["frame"]]
     names = {"clip": clip.clip_id, "town": meta.town, "weather": meta.weather, "part": parts}
-
     motion = rows[["altitude_m", "roll_rad", "pitch_rad"]]
     speed_mps = np.linalg.norm(rows[["vx_mps", "vy_mps", "vz_mps"]].to_numpy(), axis=1)
-    table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
-    return pd.concat([table, _voxel_counts(clip), visible_actors(clip)], axis=1)
 
-
-def _voxel_counts(clip: Clip) -> pd.DataFrame:
-    """Counts the voxels of each class and of each denominator, a row a frame."""
     labels = (clip.semantics(n).reshape(-1) for n in range(len(clip)))
     counts = np.stack([np.bincount(ids, minlength=UNKNOWN + 1) for ids in labels])
-    table = pd.DataFrame(counts[:, : len(CLASSES)], columns=[f"voxels/{name}" for name in CLASSES])
     every = counts.sum(axis=1)
-    table["voxels/labelled"] = every - counts[:, UNKNOWN]
-    table["voxels/in image"] = voxels_in_image(clip)
-    table["voxels/all"] = every
-    return table
+    voxels = {
+        **dict(zip(CLASSES, counts.T)),
+        "labelled": every - counts[:, UNKNOWN],
+        "in image": voxels_in_image(clip),
+        "all": every,
+    }
+    table = pd.DataFrame({**names, **motion, "speed_mps": speed_mps})
+    voxels = pd.DataFrame(voxels).add_prefix("voxels/")
+    return pd.concat([table, voxels, visible_actors(clip)], axis=1)
 
 
 def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:
     """Counts the voxels of each frame whose center projects into the front image."""
     meta = clip.meta
-    # Intrinsics and chain as one 3x4 matrix: a voxel then costs a few products.
     chain = camera_from_occ(clip.world_from_body, meta.body_from_camera)
     pix_from_occ = (meta.pix_from_camera @ chain[:, :3]).numpy()
+    x, y, z = (
+        lower + (np.arange(size) + 0.5) * meta.grid.voxel_m
+        for lower, size in zip(meta.grid.lower_m, meta.grid.shape)
+    )
 
-    space = np.array(meta.grid.lower_m), meta.grid.voxel_m, meta.grid.shape
-    counts = [_count_in_image(each, *space, meta.width, meta.height) for each in pix_from_occ]
-    return np.array(counts, dtype=np.int64)
-
-
-@njit(nogil=True)
-def _count_in_image(
-    pix_from_occ: Float[np.ndarray, "3 4"],
-    lower_m: Float[np.ndarray, "3"],
-    voxel_m: float,
-    shape: tuple[int, int, int],
-    width: int,
-    height: int,
-) -> int:
-    """Counts voxels in the image as `project` and `in_image`, without an array of points."""
-    count = 0
-    for i in range(shape[0]):
-        x = lower_m[0] + (i + 0.5) * voxel_m
-        for j in range(shape[1]):
-            y = lower_m[1] + (j + 0.5) * voxel_m
-            column = pix_from_occ[:, 0] * x + pix_from_occ[:, 1] * y + pix_from_occ[:, 3]
-            for k in range(shape[2]):
-                z = lower_m[2] + (k + 0.5) * voxel_m
-                depth = column[2] + pix_from_occ[2, 2] * z
-                u, v = column[0] + pix_from_occ[0, 2] * z, column[1] + pix_from_occ[1, 2] * z
-                inside = 0 <= u < width * depth and 0 <= v < height * depth
-                count += depth > MIN_DEPTH_M and inside
-    return count
+    counts = np.zeros(len(clip), dtype=np.int64)
+    for frame, rows in enumerate(pix_from_occ):
+        # As `project` and `in_image`, from one term an axis instead of a point a voxel.
+        u, v, depth = (
+            (a * x[:, None, None] + b * y[:, None] + offset) + c * z for a, b, c, offset in rows
+        )
+        inside = (u >= 0) & (u < meta.width * depth) & (v >= 0) & (v < meta.height * depth)
+        counts[frame] = np.count_nonzero(inside & (depth > MIN_DEPTH_M))
+    return counts

@@ -12,7 +12,7 @@ from torch import Tensor
 from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.metrics import functional as F
-from src.metrics.tables import Scores, Sums, Tables, VoxelMetric
+from src.metrics.count_metric import NamedCounts, Scores, VoxelMetric
 
 PARAMETERS = ("min_speed_mps", "horizon_s", "decay_per_s", "penalty_scale")
 
@@ -66,7 +66,7 @@ class KARSensitivity(VoxelMetric):
         self.penalties = [F.Penalty(**dict(zip(PARAMETERS, row))) for row in product(*every)]
         super().__init__(grid, *arguments, **kwargs)
         of_classes = (self.num_classes,)
-        self.add_tables(
+        self.add_counts(
             hits=of_classes, errors=of_classes, excess=(len(self.penalties), *of_classes)
         )
 
@@ -75,26 +75,26 @@ class KARSensitivity(VoxelMetric):
         """The parameters of every combination."""
         return pd.DataFrame([vars(penalty) for penalty in self.penalties])[list(PARAMETERS)]
 
-    def frame_tables(
+    def frame_counts(
         self, preds: F.Preds, target: F.Labels, velocity: F.Velocity, mask: F.Mask | None = None
-    ) -> Tables:
+    ) -> NamedCounts:
         """Returns ``hits`` and ``errors`` (false positives and negatives) of every class, and the
         ``excess`` penalty of these errors [setting, class], of every frame."""
         codes = self.codes(preds, target, mask).flatten(1)
         speeds_mps = F.speeds(velocity, batch=len(target))
         return self.stacked([self._frame(*frame) for frame in zip(codes, speeds_mps)])
 
-    def scores(self, tables: Sums) -> Scores:
-        """Returns the scores of tables as `frame_tables` gives them, summed."""
-        hits, errors = (tables[name].double()[..., None, :] for name in ("hits", "errors"))
-        penalized = errors + tables["excess"].double() / F.FIXED_POINT
+    def scores(self, counts: NamedCounts) -> Scores:
+        """Returns the scores of counts as `frame_counts` gives them, summed."""
+        hits, errors = (counts[name].double()[..., None, :] for name in ("hits", "errors"))
+        penalized = errors + counts["excess"].double() / F.FIXED_POINT
         kar = F.mean_iou(hits / (hits + penalized), without=self.free_index)
         return {
             f"kar_miou {[*map(float, row)]}": kar[..., n]
             for n, row in enumerate(self.settings.itertuples(index=False))
         }
 
-    def _frame(self, codes: UInt8[Tensor, "v"], speed_mps: float) -> Tables:
+    def _frame(self, codes: UInt8[Tensor, "v"], speed_mps: float) -> NamedCounts:
         count = torch.bincount(codes, minlength=256).view(16, 16)
         hits = count.diagonal()[: self.num_classes]
 

@@ -1,4 +1,5 @@
 import pytest
+import torch
 
 from src.data.clip import Clip
 from tests.synthetic import write_clip
@@ -12,3 +13,11 @@ def clips(tmp_path_factory):
     for seed, clip_id in enumerate(ids):
         write_clip(root / clip_id, capture_hz=5, seed=seed)
     return {clip_id: Clip(root / clip_id) for clip_id in ids}
+
+
+def assert_same(sample, other):
+    """Of samples or batches: every entry is the same to the last bit."""
+    assert sample.keys() == other.keys()
+    for key, value in sample.items():
+        same = torch.equal(value, other[key]) if torch.is_tensor(value) else value == other[key]
+        assert same, key

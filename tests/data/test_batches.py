@@ -50,12 +50,12 @@ def test_an_epoch_visits_every_sample_once_but_for_the_last_short_batch_unless_i
     assert sorted(indices(batches)) == list(range(5))
 
 
-def test_the_order_depends_on_seed_and_epoch_alone_and_zero_is_a_seed_like_any_other():
+def test_an_order_depends_on_seed_and_epoch_alone_and_zero_is_a_seed_like_any_other():
     undisturbed = shuffled(0, range(4))
     torch.manual_seed(1)
     torch.rand(7)
     assert shuffled(0, [2, 3]) == undisturbed[2:]
-    others = shuffled(1, range(4)) + shuffled(3, range(4))
+    others = [*shuffled(1, range(4)), *(streams(epoch, seed=s) for epoch in (0, 1) for s in (0, 1))]
     assert len({str(order) for order in undisturbed + others}) == 12
 
 
@@ -86,7 +86,7 @@ def test_more_processes_than_frames_are_refused():
 
 
 @pytest.mark.parametrize("processes", [1, 2, 3])
-@pytest.mark.parametrize("length", [3, 8, 9, 25, 64])
+@pytest.mark.parametrize("length", [3, 9, 64])
 def test_in_order_no_frame_is_lost_or_repeated(length, processes):
     ranks = [list(BatchesInOrder(length, 4, Rank(n, processes))) for n in range(processes)]
     assert len({len(batches) for batches in ranks}) == 1, "else one waits for the others forever"
@@ -135,11 +135,6 @@ def test_streams_visit_every_frame_once_but_for_what_fills_no_batch_and_ranks_sh
     ranks = [indices(streams(rank=Rank(n, 2))) for n in range(2)]
     assert len(ranks[0]) == len(ranks[1]) == 36
     assert len(set(ranks[0] + ranks[1])) == 72
-
-
-def test_streams_depend_on_seed_and_epoch_alone():
-    assert streams(epoch=2) == streams(epoch=2)
-    assert len({str(streams(epoch=e, seed=s)) for e in range(2) for s in range(2)}) == 4
 
 
 def test_fewer_samples_than_places_stand_alone():

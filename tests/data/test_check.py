@@ -85,26 +85,22 @@ def test_sound_labels_agree_wholly_and_counts_add_up_over_frames(tmp_path):
     assert counts["occupied"] == counts["own class"] == counts["pixels"]
     assert counts["free with point"] == 0
     assert counts["free voxels"] == (wall_labels(table()) == FREE).sum()
-
-    two = counts + agreement_of(clip, 1)
-    assert two["pixels"] == 2 * counts["pixels"]
-    assert shares_of(two) == shares_of(counts)
-    assert shares_of(Counter()) == dict.fromkeys(shares_of(two), 0.0)
+    assert shares_of(counts + agreement_of(clip, 1)) == shares_of(counts)
+    assert not any(shares_of(Counter()).values())
 
 
 def test_the_wrong_class_the_wrong_place_and_free_on_a_surface_are_counted(tmp_path):
     rows = table()
     other = agreement_of(Clip(write(tmp_path / "class", rows, wall_labels(rows), CAR)), 4)
     assert other["occupied"] == other["pixels"] > other["own class"] == 0
-    moved = wall_labels(rows)
-    moved[9], moved[10] = moved[10], FREE
+    moved = np.roll(wall_labels(rows), -1, axis=0)
+    moved[10] = FREE
     moved[~frustum(rows)] = UNKNOWN
     wrong = agreement_of(Clip(write(tmp_path / "moved", rows, moved)), 4)
     assert wrong["occupied"] == 0
     held = np.zeros(GRID.shape[1:], dtype=bool)
     held[wall_voxels()] = True
-    assert wrong["free with point"] == (frustum(rows)[10] & held).sum()
-    assert shares_of(wrong)["free voxels that hold a pixel's point"] > 0.05
+    assert wrong["free with point"] == (frustum(rows)[10] & held).sum() > 0
 
 
 def wall_voxels():
@@ -119,35 +115,28 @@ def wall_voxels():
 
 
 @pytest.mark.parametrize("attitude", [(0.0, 0.0, 0.5), (0.3, -0.2, 3.1), (-0.2, 0.25, -3.1)])
-def test_a_sound_clip_has_no_problem(tmp_path, attitude):
+def test_a_sound_clip_has_no_problem_and_an_angle_that_is_not_the_quaternion_s_is_one(
+    tmp_path, attitude
+):
     rows = table(*attitude)
-    assert list(problems_of(write(tmp_path / "c", rows, free_labels(rows)))) == []
-
-
-@pytest.mark.parametrize(
-    "truth",
-    [(-0.3, 0.1, 0.5), (0.6, 0.1, 0.5), (0.0, 0.1, 0.5), (0.3, -0.1, 0.5), (0.3, 0.2, 0.5)],
-)
-def test_labels_made_under_another_attitude_are_found(tmp_path, truth):
-    labels = free_labels(table(*truth))
-    problems = list(problems_of(write(tmp_path / "c", table(0.3, 0.1, 0.5), labels)))
-    assert len(problems) == FRAMES
-    assert all(f"frame {n}:" in line for n, line in enumerate(problems))
-
-
-def test_angles_that_are_not_the_quaternion_s_are_found(tmp_path):
-    rows = table(0.3, 0.1, 0.5)
     labels = free_labels(rows)
-    rows.loc[4, "roll_rad"] *= -1
+    assert list(problems_of(write(tmp_path / "sound", rows, labels))) == []
+    rows.loc[4, "yaw_rad"] += 0.01
     (problem,) = problems_of(write(tmp_path / "c", rows, labels))
     assert "frame 4" in problem
 
 
+@pytest.mark.parametrize("truth", [(-0.3, 0.1), (0.6, 0.1), (0.3, -0.1), (0.3, 0.2)])
+def test_labels_made_under_another_attitude_are_found(tmp_path, truth):
+    labels = free_labels(table(*truth))
+    problems = list(problems_of(write(tmp_path / "c", table(0.3, 0.1), labels)))
+    assert len(problems) == FRAMES
+    assert all(f"frame {n}:" in line for n, line in enumerate(problems))
+
+
 def test_changed_bytes_are_found_before_anything_is_read(tmp_path):
     folder = write(tmp_path / "c", table(), wall_labels(table()))
-    data = bytearray((folder / "rgb.zip").read_bytes())
-    data[400] ^= 1
-    (folder / "rgb.zip").write_bytes(bytes(data))
+    (folder / "rgb.zip").write_bytes((folder / "rgb.zip").read_bytes()[:-1] + b"x")
     (folder / "frames.csv").unlink()
     first, second = problems_of(folder)
     assert str(folder / "frames.csv") in first

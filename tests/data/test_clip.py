@@ -2,9 +2,9 @@
 
 import errno
 import json
-import multiprocessing
 import pickle
 import zipfile
+from contextlib import suppress
 
 import numpy as np
 import pandas as pd
@@ -87,29 +87,20 @@ def folder(tmp_path):
 def test_what_is_written_is_read(folder):
     what, clip = content(), Clip(folder)
     assert clip.clip_id == "suburb/clip00"
-    assert len(clip) == FRAMES
+    assert clip.meta.to_json() == META.to_json()
+    assert torch.equal(clip.meta.body_from_camera, META.body_from_camera)
+    assert clip.meta.grid == META.grid
     pd.testing.assert_frame_equal(clip.frames, what["frames"], check_exact=True)
     pd.testing.assert_frame_equal(clip.actors, what["actors"], check_exact=True)
     assert torch.equal(clip.world_from_body, poses_of(what["frames"]))
 
+    assert len(clip) == FRAMES
     for frame in (7, 0, 29):
-        np.testing.assert_array_equal(clip.semantics(frame), what["semantics"][frame])
-        np.testing.assert_array_equal(clip.visible(frame), what["visible"][frame])
+        np.testing.assert_array_equal(clip.semantics(frame), what["semantics"][frame], strict=True)
+        np.testing.assert_array_equal(clip.visible(frame), what["visible"][frame], strict=True)
         np.testing.assert_array_equal(clip.aux("depth", frame), what["depth"][frame])
         error = np.abs(clip.image(frame).astype(int) - what["images"][frame])
         assert error.mean() < 6
-    assert clip.semantics(0).dtype == np.uint8
-    assert clip.visible(0).dtype == bool
-
-
-def test_the_meta_data_round_trip(folder):
-    meta = Clip(folder).meta
-    assert meta.to_json() == META.to_json()
-    assert torch.equal(meta.pix_from_camera, META.pix_from_camera)
-    assert torch.equal(meta.body_from_camera, META.body_from_camera)
-    assert meta.grid == META.grid
-    keys = "town, weather, seed, capture_hz, image, pix_from_camera, body_from_camera, grid"
-    assert ", ".join(json.loads((folder / "clip.json").read_text())) == keys
 
 
 def test_plain_tools_read_it(folder, tmp_path):
@@ -119,32 +110,32 @@ def test_plain_tools_read_it(folder, tmp_path):
     assert kinds == {(zipfile.ZIP_STORED, (1980, 1, 1, 0, 0, 0))}
     with np.load(folder / "occupancy.npz", allow_pickle=False) as arrays:
         assert {"semantics_000000", "visible_000029"} <= set(arrays.files)
-        assert len(arrays.files) == 2 * FRAMES
+    keys = "town weather seed capture_hz image pix_from_camera body_from_camera grid"
+    assert " ".join(json.loads((folder / "clip.json").read_text())) == keys
     assert {path.name for path in folder.iterdir()} == {*READ, "aux.npz", SUMS}
     without = write(tmp_path / "t/c", aux=False)
     assert {path.name for path in without.iterdir()} == {*READ, SUMS}
 
 
-def test_identical_input_gives_identical_bytes(folder, tmp_path):
+def test_identical_input_gives_identical_bytes_whatever_a_killed_writer_left(folder, tmp_path):
+    part = tmp_path / "b/.clip00.part"
+    part.mkdir(parents=True)
+    (part / "old.bin").write_bytes(b"rubbish")
     again, other = write(tmp_path / "b/clip00"), write(tmp_path / "c/clip00", content(1))
-    for name, digest in recorded_sums(folder).items():
-        assert (again / name).read_bytes() == (folder / name).read_bytes()
-        assert digest == sha256_of(folder / name)
-        if name != "clip.json":
-            assert (other / name).read_bytes() != (folder / name).read_bytes()
+    assert [path.name for path in again.parent.iterdir()] == ["clip00"]
+    assert recorded_sums(again) == recorded_sums(folder)
+    for name, digest in recorded_sums(other).items():
+        assert digest == sha256_of(other / name)
+        assert (digest != recorded_sums(folder)[name]) == (name != "clip.json")
 
 
 # ------------------------------------------------------------------------ whole or not at all
 
 
 def test_an_interrupted_clip_leaves_nothing(tmp_path):
-    def interrupted():
-        with ClipWriter(tmp_path / "t/c", META) as writer:
-            writer.add_image(0, content()["images"][0])
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
+    with suppress(KeyboardInterrupt), ClipWriter(tmp_path / "t/c", META) as writer:
+        writer.add_image(0, content()["images"][0])
+        raise KeyboardInterrupt
     assert not list((tmp_path / "t").iterdir())
 
 
@@ -166,16 +157,6 @@ def test_the_folder_appears_when_all_is_in_it_and_on_the_disk(tmp_path, monkeypa
     assert damaged_files(folder) == []
 
 
-def test_leftovers_of_a_killed_writer_do_no_harm(folder, tmp_path):
-    part = tmp_path / "b/.clip00.part"
-    part.mkdir(parents=True)
-    (part / "old.bin").write_bytes(b"rubbish")
-    (part / "rgb.zip").write_bytes(b"half")
-    again = write(tmp_path / "b/clip00")
-    assert recorded_sums(again) == recorded_sums(folder)
-    assert [path.name for path in again.parent.iterdir()] == ["clip00"]
-
-
 class FullDisk:
     """A file on a disk that is full after some bytes."""
 
@@ -192,7 +173,7 @@ class FullDisk:
         return getattr(self.file, name)
 
 
-@pytest.mark.parametrize("room", [0, 200, 20_000])
+@pytest.mark.parametrize("room", [0, 20_000])
 @pytest.mark.parametrize("name", ["rgb.zip", "occupancy.npz", "aux.npz"])
 def test_a_full_disk_is_named_and_leaves_nothing(tmp_path, monkeypatch, name, room):
     real = zipfile.io.open
@@ -247,7 +228,6 @@ def test_a_truncated_or_missing_file_is_named(folder, name, keep):
         read_all(folder)
     message = str(error.value)
     assert str(path) in message
-    assert f"the folder {folder}" in message
     assert "\n" not in message
     assert damaged_files(folder) == [name]
 
@@ -258,7 +238,6 @@ def test_whatever_bytes_are_wrong_no_other_error_escapes(folder, name):
     whole = path.read_bytes()
     rng = np.random.default_rng(0)
     messages = []
-
     for _ in range(40):
         broken = np.frombuffer(whole, np.uint8).copy()
         start = int(rng.integers(len(broken)))
@@ -273,68 +252,36 @@ def test_whatever_bytes_are_wrong_no_other_error_escapes(folder, name):
     assert len(messages) > (20 if name.endswith(("zip", "npz")) else 5)
 
 
-def test_an_archive_that_claims_to_be_encrypted_is_refused(folder):
+def test_an_archive_that_claims_to_be_encrypted_and_a_missing_frame_are_refused(folder):
     path = folder / "rgb.zip"
+    with pytest.raises(UserError, match=r"rgb\.zip"):
+        Clip(folder).image(FRAMES)
     data = bytearray(path.read_bytes())
     data[data.index(b"PK\x01\x02") + 8] |= 1
     path.write_bytes(bytes(data))
-    with pytest.raises(UserError, match=r"rgb\.zip.*encrypted"):
+    with pytest.raises(UserError, match=r"rgb\.zip"):
         Clip(folder).image(0)
 
 
-@pytest.mark.parametrize("text", ["[]", "{}", "null", '{"town": 3}'])
-def test_other_json_is_refused(folder, text):
-    (folder / "clip.json").write_text(text)
-    with pytest.raises(UserError, match=r"clip\.json"):
+def test_other_json_and_a_table_without_its_last_row_are_refused(folder):
+    table, meta = folder / "frames.csv", folder / "clip.json"
+    table.write_text("".join(table.read_text().splitlines(keepends=True)[:-1]))
+    with pytest.raises(UserError, match=r"frames\.csv"):
         Clip(folder)
-
-
-def test_a_frame_that_is_not_there_and_a_table_without_its_last_row_are_refused(folder):
-    with pytest.raises(UserError, match=r"rgb\.zip"):
-        Clip(folder).image(FRAMES)
-    path = folder / "frames.csv"
-    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
-    with pytest.raises(UserError, match=r"frames\.csv.*frames 0 to 29"):
-        Clip(folder)
+    for text in ("[]", "null", '{"town": 3}'):
+        meta.write_text(text)
+        with pytest.raises(UserError, match=r"clip\.json"):
+            Clip(folder)
 
 
 # ---------------------------------------------------------------------------- many processes
 
 
-def sums_of(clip, queue=None):
-    sums = [int(clip.semantics(frame).sum()) for frame in range(FRAMES)]
-    if queue is not None:
-        queue.put(sums)
-    return sums
-
-
-def test_an_open_archive_survives_a_fork(folder):
+def test_a_process_opens_its_own_archives_also_of_a_clip_that_was_pickled(folder, monkeypatch):
     clip = Clip(folder)
-    expected = sums_of(clip)
-    context = multiprocessing.get_context("fork")
-    queue = context.Queue()
-    children = [context.Process(target=sums_of, args=(clip, queue)) for _ in range(3)]
-    for child in children:
-        child.start()
-    for _ in range(5):
-        assert sums_of(clip) == expected
-    assert [queue.get(timeout=30) for _ in children] == [expected] * 3
-    for child in children:
-        child.join()
-
-
-def test_no_process_reads_through_another_s_file(folder, monkeypatch):
-    clip = Clip(folder)
-    clip.image(0)
     mine = clip._archive("rgb.zip")
     assert clip._archive("rgb.zip") is mine
     monkeypatch.setattr(clip_module.os, "getpid", lambda: -7)
     assert clip._archive("rgb.zip") is not mine
-
-
-def test_an_open_clip_can_be_pickled(folder):
-    clip = Clip(folder)
-    clip.image(0)
     copy = pickle.loads(pickle.dumps(clip))
     np.testing.assert_array_equal(copy.image(3), clip.image(3))
-    assert copy.meta.grid == clip.meta.grid

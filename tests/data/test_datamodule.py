@@ -5,6 +5,7 @@ import torch
 
 from src.data.datamodule import SkyShieldData
 from src.errors import UserError
+from tests.data.conftest import assert_same
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 OPTIONS = {
@@ -23,14 +24,6 @@ def data_of(root, **options):
     return SkyShieldData(root, **{**OPTIONS, **options})
 
 
-def same(batch, other):
-    assert batch.keys() == other.keys()
-    return all(
-        torch.equal(value, other[key]) if torch.is_tensor(value) else value == other[key]
-        for key, value in batch.items()
-    )
-
-
 def test_every_part_has_its_frames(root):
     """At 2.5 Hz a clip has 30 frames: 25 for training, 3 for validation and 2 for test."""
     data = data_of(root)
@@ -41,18 +34,15 @@ def test_every_part_has_its_frames(root):
 
 def test_batches_do_not_depend_on_the_number_of_workers(root):
     alone, helped = (list(data_of(root, workers=n).train_dataloader()) for n in (0, 2))
-    assert len(alone) == 3
-    assert all(map(same, alone, helped))
+    assert len(alone) == len(helped) == 3
+    for batch, other in zip(alone, helped):
+        assert_same(batch, other)
 
 
-def test_images_stay_bytes_and_the_last_short_batch_is_dropped_unless_it_is_all(root):
-    loader = data_of(root).train_dataloader()
-    batch = next(iter(loader))
+def test_images_stay_bytes_and_a_short_batch_is_kept_where_it_is_all(root):
+    (batch,) = data_of(root, batch_size=64).train_dataloader()
     assert batch["image"].dtype == torch.uint8
-    assert batch["image"].shape == (8, 4, 3, 64, 96)
-    assert len(batch["clip"]) == 8
-    assert len(loader) == 25 // 8
-    assert [len(b["frame"]) for b in data_of(root, batch_size=64).train_dataloader()] == [25]
+    assert batch["image"].shape == (25, 4, 3, 64, 96)
 
 
 def test_streams_read_the_current_image_alone_and_reach_back_as_far_as_they_went(root):
@@ -85,30 +75,20 @@ def test_labels_are_those_of_the_samples(root):
         assert velocity_mps.norm() == pytest.approx(samples[index]["velocity_mps"].norm().item())
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"order": "sorted"}, r"data\.order: 'sorted'.*shuffled, streams"),
-        ({"val_clips": ["downtown/clip00"]}, r"data\.val_clips.*train"),
-    ],
-)
-def test_an_unknown_order_and_a_part_without_frames_are_refused(root, options, message):
-    with pytest.raises(UserError, match=message):
-        data_of(root, **options)
-
-
-def test_a_grid_that_is_no_mirror_of_itself_is_refused(tmp_path):
+def test_what_cannot_be_loaded_is_refused_by_its_key_or_file_even_from_a_worker(root, tmp_path):
     lopsided = ("grid.lower_m=[0.0,-20.0,-20.0]", "grid.upper_m=[50.0,30.0,10.0]")
-    root = write_dataset(compose_config(*mini_overrides(tmp_path, *lopsided)))
-    with pytest.raises(UserError, match=r"set data\.mirror=false"):
-        data_of(root)
-    assert len(data_of(root, mirror=False).dataset("train")) == 25
+    other = write_dataset(compose_config(*mini_overrides(tmp_path, *lopsided)))
+    for folder, options, message in (
+        (root, {"order": "sorted"}, r"data\.order: 'sorted'.*shuffled, streams"),
+        (root, {"val_clips": ["downtown/clip00"]}, r"data\.val_clips.*train"),
+        (other, {}, r"set data\.mirror=false"),
+    ):
+        with pytest.raises(UserError, match=message):
+            data_of(folder, **options)
+    assert len(data_of(other, mirror=False).dataset("train")) == 25
 
-
-def test_a_broken_file_is_named_even_from_a_worker(root, tmp_path):
-    root = write_dataset(compose_config(*mini_overrides(tmp_path)))
-    path = root / "downtown/clip00/rgb.zip"
+    path = other / "downtown/clip00/rgb.zip"
     path.write_bytes(path.read_bytes()[:3000])
     for workers in (0, 1):
         with pytest.raises(UserError, match=r"rgb\.zip"):
-            list(data_of(root, workers=workers).train_dataloader())
+            list(data_of(other, mirror=False, workers=workers).train_dataloader())

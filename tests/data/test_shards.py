@@ -1,6 +1,5 @@
 """Shards of one dataset find each other; those of two never mix."""
 
-import json
 from dataclasses import replace
 
 import pytest
@@ -26,12 +25,9 @@ def test_shards_of_the_same_settings_join(spec, tmp_path):
     for _ in range(3):
         join_shards(tmp_path, spec, 4)
     assert [path.name for path in tmp_path.iterdir()] == [".mini.shards.json"]
-    record = json.loads(record_of(tmp_path, "mini").read_text())
-    assert record == {"sim": spec.sim, "generator": spec.generator, "shards": 4}
-
-    forget_shards(tmp_path, spec)
-    assert not list(tmp_path.iterdir())
-    forget_shards(tmp_path, spec)
+    for _ in range(2):
+        forget_shards(tmp_path, spec)
+        assert not list(tmp_path.iterdir())
 
 
 def test_other_settings_another_number_and_other_code_are_refused(spec, mini_sim, tmp_path):

@@ -1,5 +1,7 @@
 """What the tests of several metrics share: marks, logits, rays, a line of voxels, settings."""
 
+import math
+
 import torch
 from omegaconf import OmegaConf
 
@@ -94,6 +96,12 @@ def one_hot(labels):
     return torch.nn.functional.one_hot(labels.long(), 9).movedim(-1, 1).float()
 
 
+def mean(values):
+    """The mean of the numbers that are not NaN; NaN of none."""
+    values = [value for value in values if not math.isnan(value)]
+    return sum(values) / len(values) if values else math.nan
+
+
 def updated(metric, *batches):
     """The metric itself, which has counted the batches."""
     for batch in batches:
@@ -108,5 +116,5 @@ def scores_of(metric, *batches):
 
 
 def assert_same(actual, expected):
-    """Of tables or scores: the same to the last bit, NaN included."""
+    """Of counts or scores: the same to the last bit, NaN included."""
     torch.testing.assert_close(actual, expected, rtol=0, atol=0, equal_nan=True)

@@ -4,6 +4,8 @@ import math
 from collections import namedtuple
 from itertools import product
 
+from tests.metrics.inputs import mean
+
 PAPER = {"horizon_s": 5.0, "decay_per_s": 0.5, "penalty_scale": 2.0, "min_speed_mps": 5.0}
 OTHER = {"horizon_s": 1.5, "decay_per_s": 0.1, "penalty_scale": 7.0, "min_speed_mps": 9.0}
 
@@ -55,5 +57,4 @@ def class_shares(voxels, missed=None, phantom=None):
 
 def occupied_mean(shares):
     """Mean over the classes that are there, free space left out."""
-    present = [share for share in shares[:8] if not math.isnan(share)]
-    return sum(present) / len(present) if present else math.nan
+    return mean(shares[:8])

@@ -58,9 +58,9 @@ def test_any_split_into_batches_gives_the_same_bits(grid, batch_for, make, size)
     whole = batch_for(make, frames=11, masked=True)
     splits = list(zip(*(tensor.split(size) for tensor in whole)))
     in_parts, at_once = counted(make, grid, *reversed(splits)), counted(make, grid, whole)
-    assert_same(in_parts.tables, at_once.tables)
+    assert_same(in_parts.counts, at_once.counts)
     assert_same(in_parts.compute(), at_once.compute())
-    assert all(table.any() for table in at_once.tables.values())
+    assert all(table.any() for table in at_once.counts.values())
 
 
 @of(EVERY)
@@ -68,7 +68,7 @@ def test_merged_states_equal_one_pass(grid, batch_for, make):
     a, b = batch_for(make), batch_for(make, seed=1)
     merged = counted(make, grid, a)
     merged.merge_state(counted(make, grid, b))
-    assert_same(merged.tables, counted(make, grid, a, b).tables)
+    assert_same(merged.counts, counted(make, grid, a, b).counts)
 
 
 def _score_a_rank(rank, address, batches, results):
@@ -93,8 +93,8 @@ def test_cuda_gives_the_same_bits(grid, random_batch):
     batch = random_batch(0)
     on_cuda = OccupancyScores(grid).cuda()
     on_cuda.update(*(tensor.cuda() for tensor in batch))
-    actual = {name: table.cpu() for name, table in on_cuda.tables.items()}
-    assert_same(actual, counted(OccupancyScores, grid, batch).tables)
+    actual = {name: table.cpu() for name, table in on_cuda.counts.items()}
+    assert_same(actual, counted(OccupancyScores, grid, batch).counts)
 
 
 @of(CONFUSIONS)
@@ -103,7 +103,7 @@ def test_both_backends_fill_equal_tables(grid, batch_for, make, of_logits):
     preds, *rest = batch_for(make, masked=True)
     batch = (random_logits(0, preds) if of_logits else preds, *rest)
     by_numba, by_torch = (counted(make, grid, batch, backend=b) for b in ("numba", "torch"))
-    assert_same(by_numba.tables, by_torch.tables)
+    assert_same(by_numba.counts, by_torch.counts)
 
 
 def test_the_paper_grid_and_a_coarser_one_hold_every_voxel():
@@ -124,14 +124,14 @@ def test_the_paper_grid_and_a_coarser_one_hold_every_voxel():
 def test_labels_of_any_integer_dtype(grid, batch_for, make, dtype, masked):
     preds, target, *rest = batch_for(make, masked=masked)
     metric = counted(make, grid, (preds.to(dtype), target, *rest))
-    assert_same(metric.tables, counted(make, grid, (preds, target, *rest)).tables)
+    assert_same(metric.counts, counted(make, grid, (preds, target, *rest)).counts)
 
     if dtype == torch.int8:  # which cannot hold 255
         target = target.clamp(max=FREE)
     expected = counted(make, grid, (preds, target, *rest))
     for labels in (preds, preds.to(dtype)):
         metric = counted(make, grid, (labels, target.to(dtype), *rest))
-        assert_same(metric.tables, expected.tables)
+        assert_same(metric.counts, expected.counts)
 
 
 @of(OF_LABELS)
@@ -140,8 +140,8 @@ def test_logits_score_as_the_labels_of_their_maximum(grid, batch_for, make, dtyp
     preds, *rest = batch_for(make)
     logits = random_logits(5, preds).to(dtype).requires_grad_()
     by_logits = counted(make, grid, (logits, *rest))
-    assert_same(by_logits.tables, counted(make, grid, (logits.argmax(1), *rest)).tables)
-    scores = by_logits.scores(by_logits.tables)
+    assert_same(by_logits.counts, counted(make, grid, (logits.argmax(1), *rest)).counts)
+    scores = by_logits.scores(by_logits.counts)
     assert not any(score.requires_grad for score in scores.values())
 
 
@@ -152,7 +152,7 @@ def test_strided_and_expanded_tensors(grid, batch_for, make):
     strided = target.transpose(1, 3).contiguous().transpose(1, 3)
     metric = counted(make, grid, (expanded, strided, *rest))
     expected = counted(make, grid, (expanded.contiguous(), target, *rest))
-    assert_same(metric.tables, expected.tables)
+    assert_same(metric.counts, expected.counts)
 
 
 @of(EVERY)
@@ -163,9 +163,9 @@ def test_a_mask_is_the_same_as_unknown_labels(grid, batch_for, make):
     masked = counted(make, grid, (preds, target, *where, mask, *visible))
     unknown = target.masked_fill(~mask, 255)
     expected = counted(make, grid, (preds, unknown, *where, None, *visible))
-    assert_same(masked.tables, expected.tables)
+    assert_same(masked.counts, expected.counts)
     whole = counted(make, grid, (preds, target, *where, None, *visible))
-    assert any(not table.equal(masked.tables[name]) for name, table in whole.tables.items())
+    assert any(not table.equal(masked.counts[name]) for name, table in whole.counts.items())
 
 
 @of(EVERY)
@@ -173,7 +173,7 @@ def test_another_label_may_mean_unknown(grid, batch_for, make):
     preds, target, *rest = batch_for(make, masked=True)
     other = torch.where(target == 255, -100, target.long())
     metric = counted(make, grid, (preds, other, *rest), ignore_index=-100)
-    assert_same(metric.tables, counted(make, grid, (preds, target, *rest)).tables)
+    assert_same(metric.counts, counted(make, grid, (preds, target, *rest)).counts)
 
 
 @of(OF_LABELS)
@@ -182,7 +182,7 @@ def test_what_is_predicted_at_an_unknown_voxel_does_not_matter(grid, batch_for, 
     expected = counted(make, grid, (preds, target, *where))
     for anything in (BUILDING, THIN_STRUCTURE, CAR, FREE, 9, 16, 128, 255):
         other = preds.masked_fill(target == 255, anything)
-        assert_same(counted(make, grid, (other, target, *where)).tables, expected.tables)
+        assert_same(counted(make, grid, (other, target, *where)).counts, expected.counts)
 
 
 UNCOUNTED = {
@@ -198,9 +198,9 @@ def test_a_batch_without_a_counted_voxel_is_nan_and_changes_nothing(grid, batch_
     batch = batch_for(make)
     uncounted = UNCOUNTED[how](*batch)
     metric = counted(make, grid, uncounted)
-    assert all(score.isnan() for score in metric.scores(metric.tables).values())
+    assert all(score.isnan() for score in metric.scores(metric.counts).values())
     both = counted(make, grid, batch, uncounted)
-    assert_same(both.tables, counted(make, grid, batch).tables)
+    assert_same(both.counts, counted(make, grid, batch).counts)
 
 
 # -------------------------------------------------------------------------------------- errors
@@ -287,11 +287,11 @@ def test_a_bad_batch_is_one_clear_error_and_leaves_the_state(
     grid, batch_for, make, call, names, spoil
 ):
     metric = counted(make, grid, batch_for(make))
-    before = {name: table.clone() for name, table in metric.tables.items()}
+    before = {name: table.clone() for name, table in metric.counts.items()}
     with pytest.raises(UserError, match=f"^{names}") as error:
         getattr(metric, call)(*spoil(*batch_for(make, seed=1)))
     assert "\n" not in str(error.value)
-    assert_same(metric.tables, before)
+    assert_same(metric.counts, before)
     assert metric.update_count == 1
 
 
@@ -373,9 +373,9 @@ def test_a_copy_goes_on_where_the_original_was(grid, batch_for, make, duplicate)
 def test_reset_forgets_everything(grid, batch_for, make):
     metric = counted(make, grid, batch_for(make))
     metric.reset()
-    assert not any(table.any() for table in metric.tables.values())
+    assert not any(table.any() for table in metric.counts.values())
     metric.update(*batch_for(make, seed=1))
-    assert_same(metric.tables, counted(make, grid, batch_for(make, seed=1)).tables)
+    assert_same(metric.counts, counted(make, grid, batch_for(make, seed=1)).counts)
 
 
 @of(EVERY)
@@ -391,7 +391,7 @@ def test_forward_gives_the_score_of_the_batch_and_accumulates(grid, batch_for, m
 def test_a_cast_to_half_precision_changes_no_bit(grid, batch_for, make):
     metric = counted(make, grid).half().to(torch.bfloat16)
     metric.update(*batch_for(make))
-    assert_same(metric.tables, counted(make, grid, batch_for(make)).tables)
+    assert_same(metric.counts, counted(make, grid, batch_for(make)).counts)
 
 
 @of(EVERY)

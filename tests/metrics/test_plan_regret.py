@@ -9,9 +9,8 @@ from src.geometry import VoxelGrid
 from src.metrics import PlanRegret
 from src.metrics import functional as F
 from src.ontology import BUILDING, CAR, FREE
-from tests.metrics.inputs import LINE, line, scores_of, updated
+from tests.metrics.inputs import LINE, line, scores_of
 
-AHEAD = {"turns_deg_per_s": [0.0], "climbs_deg": [0.0]}
 WIDE = VoxelGrid(lower_m=(0, -12, -1), upper_m=(14, 12, 1), shape=(14, 24, 2))
 TURNS = {"turns_deg_per_s": [-45.0, 0.0, 30.0, 45.0], "climbs_deg": [0.0], "radius_m": 0.8}
 FAST = torch.tensor([[5.0, 0.0, 0.0]])
@@ -37,35 +36,28 @@ def price(turn_deg_per_s, seconds=2.0):
     return abs(end - 1)
 
 
-def regret(preds, target, **options):
-    return scores_of(PlanRegret(WIDE, **TURNS | options), (preds, target, FAST))
-
-
-def test_a_way_that_is_seen_as_it_is_costs_nothing():
-    for boxes in ([], [STRAIGHT], [EVERYWHERE]):
-        scores = regret(wide(*boxes), wide(*boxes))
-        assert scores["plan_regret"] == scores["unsafe_plan_rate"] == 0
-
-
-def test_a_turn_for_nothing_costs_what_it_is_long():
-    scores = regret(wide(STRAIGHT), wide())
-    assert scores["plan_regret"] == pytest.approx(price(30))
-    assert scores["unsafe_plan_rate"] == scores["needless_stop_rate"] == 0
-
-
-def test_a_stop_for_nothing_costs_one():
-    scores = regret(wide(EVERYWHERE), wide())
-    assert scores["plan_regret"] == scores["needless_stop_rate"] == 1
-
-
-def test_a_plan_into_something_costs_as_configured_beyond_the_way_around_it():
-    scores = regret(wide(), wide(STRAIGHT), collision=3.0)
-    assert scores["unsafe_plan_rate"] == 1
-    assert scores["plan_regret"] == pytest.approx(3 - price(30))
-
-
-def test_what_is_blocked_besides_the_choice_costs_nothing():
-    assert regret(wide(STRAIGHT), wide(STRAIGHT, RIGHT))["plan_regret"] == 0
+@pytest.mark.parametrize(
+    ("said", "true", "plan_regret", "unsafe", "needless"),
+    [
+        ([], [], 0, 0, 0),
+        ([EVERYWHERE], [EVERYWHERE], 0, 0, math.nan),
+        ([STRAIGHT], [], price(30), 0, 0),
+        ([EVERYWHERE], [], 1, 0, 1),
+        ([], [STRAIGHT], 3 - price(30), 1, 0),
+        ([STRAIGHT], [STRAIGHT, RIGHT], 0, 0, 0),
+    ],
+)
+def test_a_choice_costs_how_far_it_leads_off_and_a_collision_as_configured(
+    said, true, plan_regret, unsafe, needless
+):
+    metric = PlanRegret(WIDE, **TURNS, collision=3.0)
+    expected = {
+        "plan_regret": plan_regret,
+        "unsafe_plan_rate": unsafe,
+        "needless_stop_rate": needless,
+    }
+    actual = scores_of(metric, (wide(*said), wide(*true), FAST))
+    assert actual == pytest.approx(expected, nan_ok=True)
 
 
 def test_the_choice_is_the_cheapest_of_all_that_are_clear(grid, random_batch):
@@ -74,7 +66,7 @@ def test_the_choice_is_the_cheapest_of_all_that_are_clear(grid, random_batch):
     target = torch.where(some | (target == 255), target, FREE)
     preds = torch.where(some.roll(1, 1), preds, FREE)
     metric = PlanRegret(grid, radius_m=4.0)
-    chosen = metric.frame_tables(preds, target, velocity)["chosen"]
+    chosen = metric.frame_counts(preds, target, velocity)["chosen"]
 
     turns, climbs = metric.turns_deg_per_s, metric.climbs_deg
     codes = F.encode(preds, target, None, 9, 255)
@@ -94,18 +86,14 @@ def test_the_choice_is_the_cheapest_of_all_that_are_clear(grid, random_batch):
         assert chosen[n].nonzero().tolist() == [[*expected, hit]]
 
 
-def test_a_frame_without_a_label_is_not_counted():
+def test_rates_are_means_over_frames_and_a_frame_without_a_label_is_none():
     unknown = torch.full((1, *LINE.shape), 255)
-    metric = updated(PlanRegret(LINE, **AHEAD), (line(), unknown, FAST), (line(), line(), FAST))
-    assert metric.chosen.sum() == 1
-
-
-def test_a_stop_that_is_needed_is_no_needless_one():
     scores = scores_of(
-        PlanRegret(LINE, **AHEAD),
+        PlanRegret(LINE, turns_deg_per_s=[0.0], climbs_deg=[0.0]),
         (line(x2=BUILDING), line(x2=BUILDING), FAST),
         (line(x2=BUILDING), line(), FAST),
         (line(), line(), FAST),
+        (line(), unknown, FAST),
     )
     assert scores["needless_stop_rate"] == 0.5
     assert scores["plan_regret"] == pytest.approx(1 / 3)

@@ -1,7 +1,6 @@
-"""The safety suite against plain loops over voxels, and its edge cases."""
+"""The safety suite against one frame after the other, and its edge cases."""
 
 import math
-from itertools import product
 
 import pytest
 import torch
@@ -9,27 +8,7 @@ import torch
 from src.geometry import VoxelGrid
 from src.metrics import SafetyScores
 from src.ontology import CAR, FREE, THIN_STRUCTURE
-from tests.metrics.inputs import LINE, coins, line, scores_of
-
-
-def norm(*vector):
-    return math.sqrt(sum(x * x for x in vector))
-
-
-def distance_to_path_m(point, end):
-    length = norm(*end)
-    along = sum(p * e for p, e in zip(point, end))
-    if along <= 0 or length == 0:
-        return norm(*point)
-    if along >= length * length:
-        return norm(*(p - e for p, e in zip(point, end)))
-    (px, py, pz), (ex, ey, ez) = point, end
-    return norm(py * ez - pz * ey, pz * ex - px * ez, px * ey - py * ex) / length
-
-
-def mean(values):
-    values = list(values)
-    return sum(values) / len(values) if values else math.nan
+from tests.metrics.inputs import LINE, coins, line, scores_of, updated
 
 
 def expected_scores(
@@ -43,39 +22,40 @@ def expected_scores(
     tube_s=2.0,
     thin_tolerance=1,
 ):
+    centers_m = grid.centers(torch.float64)
     every, bubble, tube, frames = [], [], [], []  # of (truly occupied, predicted occupied)
     thin = []  # of (found, found nearby)
-    for b in range(len(target)):
-        v = velocity[b].tolist()
-        true, guess = target[b].tolist(), preds[b].tolist()
-        places = [(x, y, z) for x, y, z in product(*map(range, grid.shape)) if true[x][y][z] != 255]
-        wires = [(x, y, z) for x, y, z in places if guess[x][y][z] == THIN_STRUCTURE]
+    for true, guess, v in zip(target, preds, velocity.double()):
+        known, occupied = true != 255, torch.stack([true != FREE, guess != FREE])
+        every.append(occupied[:, known])
+        near = centers_m.norm(dim=-1) <= horizon_s * max(float(v.norm()), min_speed_mps)
+        bubble.append(occupied[:, known & near])
 
-        in_tube = []
-        for x, y, z in places:
-            center = [low + (i + 0.5) * grid.voxel_m for low, i in zip(grid.lower_m, (x, y, z))]
-            voxel = (true[x][y][z] != FREE, guess[x][y][z] != FREE)
-            every.append(voxel)
-            if norm(*center) <= horizon_s * max(norm(*v), min_speed_mps):
-                bubble.append(voxel)
-            if distance_to_path_m(center, [tube_s * part for part in v]) <= tube_radius_m:
-                in_tube.append(voxel)
-            if true[x][y][z] == THIN_STRUCTURE:
-                off = [max(abs(x - i), abs(y - j), abs(z - k)) for i, j, k in wires]
-                thin.append((0 in off, any(voxels <= thin_tolerance for voxels in off)))
+        end_m = tube_s * v
+        along = (centers_m @ end_m / end_m.square().sum()).nan_to_num(0.0).clamp(0, 1)
+        swept = (centers_m - along[..., None] * end_m).norm(dim=-1) <= tube_radius_m
+        tube.append(occupied[:, known & swept])
+        if (known & swept).any():
+            frames.append(tube[-1].any(dim=1, keepdim=True))
 
-        tube += in_tube
-        if in_tube:
-            frames.append((any(t for t, _ in in_tube), any(p for _, p in in_tube)))
+        wires, seen = (torch.nonzero(known & (of == THIN_STRUCTURE)) for of in (true, guess))
+        off = (wires[:, None] - seen).abs().amax(dim=-1)
+        thin.append(torch.stack([(off == 0).any(1), (off <= thin_tolerance).any(1)]))
+
+    def share(which, among):
+        return float(which[among].double().mean())
+
+    (true, said), near, swept, found = (torch.cat(each, 1) for each in (every, bubble, tube, thin))
+    blocked, called = torch.cat(frames, 1) if frames else torch.zeros(2, 0, dtype=torch.bool)
     return {
-        "false_free_rate": mean(not p for t, p in bubble if t),
-        "collision_miss_rate": mean(not p for t, p in tube if t),
-        "collision_miss_frames": mean(not p for t, p in frames if t),
-        "phantom_stop_rate": mean(p for t, p in frames if not t),
-        "phantom_voxel_rate": mean(p for t, p in tube if not t),
-        "thin_recall": mean(found for found, _ in thin),
-        "thin_recall_tolerant": mean(near for _, near in thin),
-        "geometric_iou": mean(t and p for t, p in every if t or p),
+        "false_free_rate": share(~near[1], near[0]),
+        "collision_miss_rate": share(~swept[1], swept[0]),
+        "collision_miss_frames": share(~called, blocked),
+        "phantom_stop_rate": share(called, ~blocked),
+        "phantom_voxel_rate": share(swept[1], ~swept[0]),
+        "thin_recall": float(found[0].double().mean()),
+        "thin_recall_tolerant": float(found[1].double().mean()),
+        "geometric_iou": share(true & said, true | said),
     }
 
 
@@ -87,38 +67,28 @@ def check(grid, batch, **arguments):
     return expected
 
 
-def sparse(batch):
-    """As `random_batch`, but with tubes that are truly free in some frames, and seen so."""
-    preds, target, velocity = batch
+@pytest.mark.parametrize("seed", [0, 4])
+def test_every_score_matches_its_definition(grid, random_batch, seed):
+    """With tubes that are truly free in some frames, and seen so."""
+    preds, target, velocity = random_batch(seed, frames=12)
     empty = coins(9, target, 0.7) & (target != 255)
     preds = preds.masked_fill(coins(10, target, 0.85), FREE)
-    return preds, target.masked_fill(empty, FREE), velocity
-
-
-# ------------------------------------------------------------------------- against the loops
-
-
-@pytest.mark.parametrize("seed", [0, 4, 5])
-def test_every_score_matches_the_loops(grid, random_batch, seed):
-    batch = sparse(random_batch(seed, frames=12))
+    batch = preds, target.masked_fill(empty, FREE), velocity
     expected = check(grid, batch, tube_radius_m=3.0, horizon_s=1.5)
     assert all(0 < score < 1 for score in expected.values())
-    assert expected != expected_scores(grid, *batch, tube_radius_m=3.0, horizon_s=5.0)
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        {"tube_radius_m": 0.5},
-        {"tube_radius_m": 6.0, "tube_s": 0.25},
-        {"tube_radius_m": 40.0, "tube_s": 10.0},
-        {"horizon_s": 0.5, "min_speed_mps": 20.0},
-        {"thin_tolerance": 0},
-        {"thin_tolerance": 2},
-        {"thin_tolerance": 9},
-    ],
-)
-def test_other_parameters_match_the_loops(grid, random_batch, arguments):
+OTHERS = [
+    {"tube_radius_m": 0.5},
+    {"tube_radius_m": 6.0, "tube_s": 0.25},
+    {"tube_radius_m": 40.0, "tube_s": 10.0},
+    {"horizon_s": 0.5, "min_speed_mps": 20.0},
+    *({"thin_tolerance": voxels} for voxels in (0, 2, 9)),
+]
+
+
+@pytest.mark.parametrize("arguments", OTHERS)
+def test_other_parameters_match_their_definition(grid, random_batch, arguments):
     check(grid, random_batch(3), **arguments)
 
 
@@ -126,18 +96,17 @@ def test_other_parameters_match_the_loops(grid, random_batch, arguments):
     "velocity",
     [
         [0.0, 0.0, 0.0],
-        [-8.0, 0.0, 0.0],
         [-8.0, 3.0, 1.0],
-        [1000.0, 0.0, 0.0],
         [1000.0, -350.0, 90.0],
         [0.0, 0.0, -1e6],
         [1e-30, 0.0, 0.0],
     ],
 )
-@pytest.mark.parametrize("radius_m", [2.0, 5.0])
-def test_any_velocity_matches_the_loops(grid, random_batch, velocity, radius_m):
+def test_any_velocity_matches_its_definition(grid, random_batch, velocity):
     preds, target, like = random_batch(5)
-    check(grid, (preds, target, torch.tensor(velocity).expand_as(like)), tube_radius_m=radius_m)
+    for radius_m in (2.0, 5.0):
+        batch = preds, target, torch.tensor(velocity).expand_as(like)
+        check(grid, batch, tube_radius_m=radius_m)
 
 
 def test_a_grid_that_the_path_never_enters_has_no_tube(random_batch):
@@ -148,37 +117,22 @@ def test_a_grid_that_the_path_never_enters_has_no_tube(random_batch):
     assert not math.isnan(scores["geometric_iou"])
 
 
-# ------------------------------------------------------------------------------ by hand
-
-
-def along_x(speed_mps):
-    return torch.tensor([[speed_mps, 0.0, 0.0]])
-
-
-@pytest.mark.parametrize(("index", "rate"), [(0, 1.0), (2, 1.0), (3, math.nan)])
+@pytest.mark.parametrize(("index", "rate"), [(2, 1.0), (3, math.nan)])
 def test_the_bubble_holds_its_edge(index, rate):
-    batch = (line(), line(**{f"x{index}": CAR}), along_x(0.0))
+    batch = (line(), line(**{f"x{index}": CAR}), torch.zeros(1, 3))
     scores = scores_of(SafetyScores(LINE, horizon_s=1.0), batch)
     assert scores["false_free_rate"] == pytest.approx(rate, nan_ok=True)
 
 
 @pytest.mark.parametrize(("speed_mps", "in_tube"), [(0.0, 1), (2.0, 3), (3.0, 4), (-9.0, 1)])
 def test_the_tube_reaches_as_far_as_the_next_seconds(speed_mps, in_tube):
-    target = torch.full((1, *LINE.shape), CAR)
-    safety = SafetyScores(LINE)
-    safety.update(torch.full_like(target, FREE), target, along_x(speed_mps))
+    target, velocity = torch.full((1, *LINE.shape), CAR), torch.tensor([[speed_mps, 0.0, 0.0]])
+    safety = updated(SafetyScores(LINE), (torch.full_like(target, FREE), target, velocity))
     assert safety.tube.tolist() == [[0, 0], [in_tube, 0]]
 
 
 def test_another_class_may_be_the_thin_one(grid, random_batch):
     preds, target, velocity = random_batch(0)
-    known = target == CAR
-    expected = float((preds[known] == CAR).sum()) / float(known.sum())
+    expected = float((preds[target == CAR] == CAR).double().mean())
     scores = scores_of(SafetyScores(grid, thin_index=CAR), (preds, target, velocity))
     assert scores["thin_recall"] == pytest.approx(expected)
-
-
-def test_all_free_is_nan_where_something_must_be_occupied():
-    scores = scores_of(SafetyScores(LINE), (line(), line(), along_x(3.0)))
-    counted = {name for name, score in scores.items() if not math.isnan(score)}
-    assert counted == {"phantom_stop_rate", "phantom_voxel_rate"}

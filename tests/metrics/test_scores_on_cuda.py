@@ -17,10 +17,10 @@ def test_the_whole_suite_counts_and_scores_on_the_device(grid, random_batch):
         on_cuda.to(CUDA)
         moved = {k: v.to(CUDA) if isinstance(v, torch.Tensor) else v for k, v in truth.items()}
         on_cuda.update(logits.to(CUDA), moved)
-        tables = on_cuda.tables()
+        tables = on_cuda.counts()
         scores = on_cuda.by_clip["occupancy"].compute()
 
-    for name, expected in on_cpu.tables().items():
+    for name, expected in on_cpu.counts().items():
         assert_same({key: table.inner for key, table in tables[name].items()}, expected)
     expected = on_cpu.by_clip["occupancy"].compute()
     assert_same({name: score.inner for name, score in scores.items()}, expected)

@@ -52,4 +52,4 @@ def counts_of(flight, shares, seed):
     for clip, share in zip(clips, shares):
         target = truth(2, seed=seed)
         suite.update(predicted(target, share, seed), scene_of(target, clip))
-    return Counts("flown", of, clips, [2] * len(clips), suite.tables())
+    return Counts("flown", of, clips, [2] * len(clips), suite.counts())

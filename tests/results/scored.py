@@ -89,7 +89,7 @@ def counts(name, predict, labels=0, of=None, cameras=True, frames_of=FRAMES):
             continue
         target = truth(frames, seed=100 * labels + n)
         suite.update(predict(target, n), scene_of(target, clip, cameras))
-    return Counts(name, of, CLIPS, frames_of, suite.tables())
+    return Counts(name, of, CLIPS, frames_of, suite.counts())
 
 
 def counts_by_seed(rights):

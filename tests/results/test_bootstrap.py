@@ -7,7 +7,7 @@ import torch
 
 from src.errors import UserError
 from src.metrics import KARMeanIoU
-from src.metrics.tables import TableMetric
+from src.metrics.count_metric import CountMetric
 from src.results.bootstrap import (
     difference_of,
     interval_of,
@@ -19,13 +19,13 @@ from src.results.bootstrap import (
 from tests.results.scored import GRID, predicted, truth
 
 
-class HitRate(TableMetric):
+class HitRate(CountMetric):
     """Hits over voxels."""
 
     def __init__(self):
         super().__init__({"hits": (1,), "voxels": (1,)})
 
-    def frame_tables(self, hits, voxels):
+    def frame_counts(self, hits, voxels):
         return {"hits": hits[:, None], "voxels": voxels[:, None]}
 
     def scores(self, tables):
@@ -38,7 +38,7 @@ def rng(seed):
 
 
 def clips_of(hits, voxels):
-    return HitRate().frame_tables(torch.as_tensor(hits), torch.as_tensor(voxels))
+    return HitRate().frame_counts(torch.as_tensor(hits), torch.as_tensor(voxels))
 
 
 def drawn_clips(clips, generator):
@@ -183,7 +183,7 @@ def test_the_resamples_of_a_metric_score_as_its_repeated_frames():
     batch = (predicted(target, 0.5, 0), target, 6 * torch.randn(5, 3, generator=rng(0)))
     metric = KARMeanIoU(GRID)
     weights = resamplings(5, 1, rng(0))
-    interval = score_intervals(metric, metric.frame_tables(*batch), weights)["kar_miou"]
+    interval = score_intervals(metric, metric.frame_counts(*batch), weights)["kar_miou"]
     metric.update(*(tensor[drawn(weights[0])] for tensor in batch))
     assert interval.low == interval.high == pytest.approx(float(metric.compute()), abs=1e-7)
     assert interval.value != interval.low

@@ -1,6 +1,6 @@
-"""A batch as tables [target, prediction], one for every frame and part of space.
+"""A batch as counts [target, prediction], for every frame and part of space.
 
-Row c of a table off the diagonal holds the false negatives of class c, column c its false
+Row c off the diagonal holds the false negatives of class c, column c its false
 positives. There are two: how many voxels, and the sum of their excess penalties. On the CPU one
 compiled pass makes them, elsewhere and on request plain torch, to the same bits.
 """
@@ -17,7 +17,7 @@ from .codes import CODES
 BACKENDS = ("auto", "numba", "torch")
 
 
-def confusion_tables(
+def confusion_counts(
     codes: UInt8[Tensor, "b X Y Z"],
     shell: Int[Tensor, "v"],
     excess: Sequence[Int64[Tensor, "s"]],
@@ -37,16 +37,16 @@ def confusion_tables(
     if compiled:
         from .kernels import count_frame  # only here: importing the compiler takes a second
 
-    tables = torch.zeros(2, len(codes), num_parts * CODES, dtype=torch.int64, device=codes.device)
+    counts = torch.zeros(2, len(codes), num_parts * CODES, dtype=torch.int64, device=codes.device)
     for n, frame in enumerate(zip(codes.flatten(1), parts)):
-        tensors = (*frame, shell, excess[n], *tables[:, n])
+        tensors = (*frame, shell, excess[n], *counts[:, n])
         if compiled:
             count_frame(*(None if tensor is None else tensor.numpy() for tensor in tensors))
         else:
             _count_frame_by_torch(*tensors)
 
     kept = slice(num_classes)
-    return tuple(tables.unflatten(-1, (num_parts, 16, 16))[..., kept, kept])
+    return tuple(counts.unflatten(-1, (num_parts, 16, 16))[..., kept, kept])
 
 
 def is_compiled(backend: str, device: torch.device) -> bool:

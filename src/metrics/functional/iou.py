@@ -1,4 +1,4 @@
-"""Scores as pure functions of [target, prediction] tables; leading dimensions are kept."""
+"""Scores as pure functions of [target, prediction] counts; leading dimensions are kept."""
 
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
@@ -6,16 +6,16 @@ from torch import Tensor
 from .penalty import FIXED_POINT
 
 # A sum of frames; that of resampled clips is weighted, and float64.
-Table = Int64[Tensor, "*n c c"] | Float64[Tensor, "*n c c"]
+Confusion = Int64[Tensor, "*n c c"] | Float64[Tensor, "*n c c"]
 
 
 def iou_compute(
-    count: Table,
-    excess: Table | None = None,
+    count: Confusion,
+    excess: Confusion | None = None,
     false_positives: bool = True,
     false_negatives: bool = True,
 ) -> Float[Tensor, "*n c"]:
-    """Returns the IoU of every class; with the table of excess penalties, its KAR-IoU.
+    """Returns the IoU of every class; with the counts of excess penalties, its KAR-IoU.
 
     ::
 
@@ -36,15 +36,15 @@ def iou_compute(
     return hits.double() / (hits.double() + errors)
 
 
-def precision_compute(count: Table, excess: Table) -> Float[Tensor, "*n c"]:
+def precision_compute(count: Confusion, excess: Confusion) -> Float[Tensor, "*n c"]:
     """Returns TP / (TP + sum of p_i over FP) of every class; NaN where it was never predicted."""
     hits = count.diagonal(dim1=-2, dim2=-1).double()
     return hits / (count.sum(-2).double() + excess.sum(-2).double() / FIXED_POINT)
 
 
-def recall_compute(count: Table, excess: Table) -> Float[Tensor, "*n c"]:
+def recall_compute(count: Confusion, excess: Confusion) -> Float[Tensor, "*n c"]:
     """Returns TP / (TP + sum of p_i over FN) of every class; NaN where it never was."""
-    # A transposed table has the false negatives of a class where the false positives were.
+    # Transposed counts have the false negatives of a class where the false positives were.
     return precision_compute(count.mT, excess.mT)
 
 
@@ -55,7 +55,7 @@ def mean_iou(iou: Float[Tensor, "*n c"], without: int | None = None) -> Float[Te
     return iou[..., kept].nanmean(dim=-1)
 
 
-def geometric_iou(count: Table, free_index: int) -> Float[Tensor, "*n"]:
+def geometric_iou(count: Confusion, free_index: int) -> Float[Tensor, "*n"]:
     """Returns the IoU of what is occupied, whatever its class; NaN where nothing is, nor was
     predicted."""
     free = count[..., free_index, free_index]

@@ -25,7 +25,7 @@ def kar_mean_iou(
 ) -> tuple[Float[Tensor, ""], Float[Tensor, "c"]]:
     """Returns KAR-mIoU of a batch, and KAR-IoU of every class (Sec. 3.3, Eq. 3 and Eq. 4).
 
-    This is the definition, to be read. `KARMeanIoU` gives the same bits from integer tables that
+    This is the definition, to be read. `KARMeanIoU` gives the same bits from integer counts that
     add up over a dataset; its arguments have the same names. A class with no TP, FP or FN is NaN
     and left out of the mean. The input is not checked. float64, on the device of ``target``.
     """

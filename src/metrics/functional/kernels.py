@@ -11,10 +11,10 @@ from .codes import CODES, NOTHING, UNCOUNTED
 
 @njit(nogil=True)
 def count_frame(codes, parts, shell, excess, count, penalty):
-    """Adds all voxels of a frame to its tables.
+    """Adds all voxels of a frame to its counts.
 
     This is `kar_mean_iou` voxel by voxel, up to the division: the comments name its lines. A cell
-    of the tables is a voxel's code (`encode`), after the cells of lower ``parts``, which may be
+    of them is a voxel's code (`encode`), after the cells of lower ``parts``, which may be
     None. Voxels that are not ``known`` have a cell of their own, which no class has.
     """
     # Most voxels are free and right: increments of one counter would wait for each other.

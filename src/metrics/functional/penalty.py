@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float, Int, Int64
 from torch import Tensor
 
+from ...bounds import require_finite
 from ...errors import UserError
 from ...geometry import VoxelGrid
 from .codes import Velocity
@@ -42,12 +43,8 @@ class Penalty:
     min_speed_mps: float = 5.0
 
     def __post_init__(self) -> None:
-        for name in ("horizon_s", "decay_per_s", "penalty_scale"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise UserError(f"{name}: {value} must be a finite number, not below 0")
-        if not (math.isfinite(self.min_speed_mps) and self.min_speed_mps > 0):
-            raise UserError(f"min_speed_mps: {self.min_speed_mps} must be a finite number above 0")
+        for name, value in vars(self).items():
+            require_finite(name, value, zero=name != "min_speed_mps")
 
     def ttc_s(self, distance_m: Float[Tensor, "*v"], speed_mps: float) -> Float[Tensor, "*v"]:
         """Returns the worst-case time to collision: every direction counts as that of flight."""
@@ -64,11 +61,17 @@ class Penalty:
         return torch.round(self.excess(shell_m, speed_mps) * FIXED_POINT).long()
 
 
-def speeds(velocity: Velocity, batch: int) -> list[float]:
+def speeds(velocity: Velocity, batch: int, directed: str = "") -> list[float]:
     """Returns the speed in m/s of every frame of a batch, from its velocities or speeds.
 
-    Raises `UserError` for another shape and for a number that is not finite.
+    Raises `UserError` for another shape and for a number that is not finite; for speeds too where
+    something is named that is ``directed``, and so needs velocities.
     """
+    if directed and velocity.shape != (batch, 3):
+        raise UserError(
+            f"velocity: shape {list(velocity.shape)} is not [{batch}, 3]; {directed} needs "
+            "velocities in the occ frame, not speeds"
+        )
     if velocity.shape not in ((batch,), (batch, 3)):
         raise UserError(
             f"velocity: shape {list(velocity.shape)} does not fit a batch of {batch}; "
@@ -81,15 +84,6 @@ def speeds(velocity: Velocity, batch: int) -> list[float]:
     if not all(map(math.isfinite, speeds_mps)):
         raise UserError("velocity: holds NaN or infinity; give finite velocities in m/s")
     return speeds_mps
-
-
-def require_directions(velocity: Velocity, batch: int, what: str) -> None:
-    """Raises `UserError` for anything but the velocities of a batch, which ``what`` needs."""
-    if velocity.shape != (batch, 3):
-        raise UserError(
-            f"velocity: shape {list(velocity.shape)} is not [{batch}, 3]; {what} needs velocities "
-            "in the occ frame, not speeds"
-        )
 
 
 def distance_shells(grid: VoxelGrid) -> tuple[Float[Tensor, "s"], Int[Tensor, "v"]]:

@@ -79,18 +79,13 @@ def swept(
     radius = radius_m / grid.voxel_m
     scores = None if logits is None else logits.detach().float().cpu().contiguous().numpy()
     seen = codes.cpu().contiguous().numpy()
-    sweep(seen, scores, paths, _ball(radius), radius, free_index, met, known, said, log_odds)
+    # A point may be half a voxel nearer along each axis than the center of its voxel.
+    ball = within(radius, 0.5)
+    sweep(seen, scores, paths, ball, radius, free_index, met, known, said, log_odds)
     if np.isnan(log_odds).any():
         raise UserError("preds: the logits hold infinities; look for a loss that diverged")
     tensors = map(torch.from_numpy, (met.astype(np.int64), known > 0, said > 0, log_odds))
     return Swept(*tensors)
-
-
-def _ball(radius: float) -> Int64[np.ndarray, "m 3"]:
-    """Returns all offsets of voxels, some point of which may be within a radius, in voxels, of a
-    point in the voxel at 0."""
-    # The point may be half a voxel nearer along each axis.
-    return within(radius, 0.5)
 
 
 def within(radius: float, nearer: float = 0.0) -> Int64[np.ndarray, "m 3"]:

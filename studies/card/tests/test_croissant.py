@@ -1,6 +1,5 @@
 """The metadata against mlcroissant, which validates it and reads the files through it."""
 
-import itertools
 import json
 import shutil
 import sys
@@ -9,7 +8,7 @@ import mlcroissant as mlc
 import pytest
 from absl import logging as absl_logging
 
-from src.data.clip import ACTOR_COLUMNS, FRAME_COLUMNS, Clip
+from src.data.clip import Clip
 from src.data.files import sha256_of
 from src.data.manifest import MANIFEST, read_manifest
 from src.ontology import CLASSES
@@ -54,31 +53,26 @@ def test_it_is_valid_and_says_what_it_conforms_to(root, dataset, metadata):
     assert "datePublished" in next(iter(issues.warnings))
 
 
-@pytest.mark.parametrize(
-    ("record_set", "columns"), [("frames", FRAME_COLUMNS), ("actors", ACTOR_COLUMNS)]
-)
-def test_tables_are_read_through_it(root, dataset, record_set, columns):
+@pytest.mark.parametrize("record_set", ["frames", "actors"])
+def test_tables_are_read_through_it(root, dataset, record_set):
     table = getattr(Clip(root / "suburb/clip00"), record_set)
-    records = list(itertools.islice(dataset.records(record_set), 40))
-    for record, row in zip(records, table.to_dict("records")):
-        assert record[f"{record_set}/clip"].decode() == "suburb/clip00"
-        for column in columns:
-            value = record[f"{record_set}/{column}"]
-            value = value.decode() if isinstance(value, bytes) else value
-            # Its reader is pandas, of which version 2 (Python 3.10) reads fewer digits.
-            close = isinstance(value, float)
-            assert value == (pytest.approx(row[column], rel=1e-12) if close else row[column])
+    for record, row in zip(dataset.records(record_set), table.head(40).to_dict("records")):
+        read = {name.partition("/")[2]: value for name, value in record.items()}
+        read = {k: v.decode() if isinstance(v, bytes) else v for k, v in read.items()}
+        assert read.pop("clip") == "suburb/clip00"
+        # Its reader is pandas, of which version 2 (Python 3.10) reads fewer digits.
+        close = {
+            k: v if isinstance(v, str) else pytest.approx(v, rel=1e-12) for k, v in row.items()
+        }
+        assert read == close
 
 
-def test_every_clip_is_read(root, dataset):
+def test_every_clip_and_every_class_is_listed(root, dataset):
     clips = [record["frames/clip"].decode() for record in dataset.records("frames")]
     assert clips == ["suburb/clip00"] * 30 + ["suburb/clip01"] * 30
     rows = list(dataset.records("clips"))
     assert [row["clips/role"].decode() for row in rows] == ["split", "test"]
     assert all(set(row) >= {"clips/bytes", "clips/mean_altitude_m"} for row in rows)
-
-
-def test_the_classes_are_listed(dataset):
     listed = {row["classes/id"]: row["classes/name"] for row in dataset.records("classes")}
     assert listed == dict(enumerate(CLASSES))
 
@@ -100,10 +94,7 @@ def test_every_column_has_a_description_and_lengths_a_unit(metadata):
     fields = {field["@id"]: field for r in metadata["recordSet"] for field in r["field"]}
     assert all(field["description"] for field in fields.values())
     assert fields["frames/altitude_m"]["description"].endswith("(metres)")
-    assert fields["frames/wx_radps"]["description"].endswith("(rad/s)")
     assert fields["actors/vx_mps"]["description"].endswith("(m/s)")
-    assert fields["frames/qx"]["dataType"] == "sc:Float"
-    assert fields["actors/visible_pixels"]["dataType"] == "sc:Integer"
 
 
 def test_the_manifest_is_covered_by_its_hash(root, metadata):
@@ -111,19 +102,3 @@ def test_the_manifest_is_covered_by_its_hash(root, metadata):
     (listed,) = (entry for entry in metadata["distribution"] if entry["@id"] == MANIFEST)
     assert listed["sha256"] == sha256_of(root / MANIFEST)
     assert listed["contentSize"] == f"{(root / MANIFEST).stat().st_size} B"
-
-
-def test_a_changed_table_is_noticed(root, tmp_path):
-    copy = tmp_path / root.name
-    shutil.copytree(root, copy)
-    with open(copy / "card/clips.csv", "a") as file:
-        file.write("\n")
-    dataset = mlc.Dataset(jsonld=str(copy / "croissant.json"))
-    with pytest.raises(mlc.GenerationError) as error:
-        list(dataset.records("clips"))
-    assert "not identical" in str(error.value.__cause__)
-
-
-def test_making_it_does_not_need_mlcroissant(root, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mlcroissant", None)
-    assert croissant_of(root, read_manifest(root), "A test.", root / "card/clips.csv")

@@ -43,7 +43,7 @@ def scored(cfg, labels, tmp_path):
         counting = ScoreSuite.of(protocol, CLIPS)
         velocity = torch.tensor([[9.0, 0, 0], [3.0, 0, 0]])
         counting.update(preds, {"clip": CLIPS, "semantics": labels, "velocity_mps": velocity})
-        Counts(name, protocol, CLIPS, [1, 1], counting.tables()).write(tmp_path / f"{name}.npz")
+        Counts(name, protocol, CLIPS, [1, 1], counting.counts()).write(tmp_path / f"{name}.npz")
         return str(tmp_path / f"{name}.npz")
 
     return write
