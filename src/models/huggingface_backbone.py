@@ -1,7 +1,7 @@
 """Image encoders from the Hugging Face Hub, or at random from their configurations."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -53,10 +53,14 @@ class HuggingFaceBackbone(nn.Module):
                 "false with it"
             )
 
-        if config is not None:
-            self.model, self.called = _at_random(config), config["model_type"]
-        else:
+        if config is None:
             self.model, self.called = _by_name(name, pretrained, revision), name
+        else:
+            transformers = import_transformers()
+            with _refusing(f"model.backbone.config: no backbone from {dict(config)}"):
+                described = transformers.AutoConfig.for_model(**config, out_indices=LAST_FOUR)
+                self.model = transformers.AutoBackbone.from_config(described)
+            self.called = config["model_type"]
 
         self.pixel_norm = PixelNorm()
         self.channels = tuple(level.shape[1] for level in _probe(self.model, self.called))
@@ -109,13 +113,6 @@ def _refusing(what: str) -> Iterator[None]:
         raise UserError(f"{what}: {reason_of(error)}") from error
 
 
-def _at_random(config: Mapping[str, Any]) -> nn.Module:
-    transformers = import_transformers()
-    with _refusing(f"model.backbone.config: no backbone from {dict(config)}"):
-        described = transformers.AutoConfig.for_model(**config, out_indices=LAST_FOUR)
-        return transformers.AutoBackbone.from_config(described)
-
-
 def _by_name(name: str | None, pretrained: bool, revision: str) -> nn.Module:
     transformers = import_transformers()
     if not name:
@@ -136,7 +133,12 @@ def _by_name(name: str | None, pretrained: bool, revision: str) -> nn.Module:
         how = {"use_safetensors": True, "dtype": torch.float32, "output_loading_info": True}
         model, loaded = kind.from_pretrained(folder, config=config, **how)
 
-    _require_all(name, loaded["missing_keys"])
+    # A classifier, whose weights are published, has no norms at the outputs.
+    if missing := sorted(key for key in loaded["missing_keys"] if "norm" not in key):
+        raise UserError(
+            f"model.backbone.name: the weights of {name} lack {missing[0]} and {len(missing) - 1} "
+            "more of the backbone; take another model, or model.backbone.pretrained=false"
+        )
     return model
 
 
@@ -153,19 +155,6 @@ def _folder(name: str, revision: str, files: list[str]) -> Path:
             f"model.backbone.name: cannot get {name} ({reason_of(error)}); check the name and the "
             "network, give a folder, or take model/backbone=resnet"
         ) from error
-
-
-def _require_all(name: str, missing: Iterable[str]) -> None:
-    """Raises `UserError` for parts without weights, but for the norms at the outputs.
-
-    A classifier, whose weights are published, has no such norms.
-    """
-    missing = sorted(key for key in missing if "norm" not in key)
-    if missing:
-        raise UserError(
-            f"model.backbone.name: the weights of {name} lack {missing[0]} and {len(missing) - 1} "
-            "more of the backbone; take another model, or model.backbone.pretrained=false"
-        )
 
 
 def _probe(model: nn.Module, name: str) -> list[Float[Tensor, "1 _ _ _"]]:

@@ -5,9 +5,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
-from lightning import LightningModule, Trainer
+from lightning import LightningModule
 from torch import Tensor, nn
-from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 from torchmetrics import MeanMetric, Metric
 
@@ -112,7 +111,9 @@ class OccupancyModule(LightningModule):
         optimizer = config["rule"](
             [{"params": decayed}, spared], lr=config["lr"], weight_decay=config["weight_decay"]
         )
-        return scheduled(optimizer, self.trainer, config["warmup"])
+        total = int(self.trainer.estimated_stepping_batches)
+        schedule = LambdaLR(optimizer, lambda step: rate_share(step, total, config["warmup"]))
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
     def _require_finite(self, parts: Mapping[str, Tensor], batch: Mapping[str, Tensor]) -> None:
         if torch.isfinite(parts["total"]):
@@ -125,13 +126,6 @@ class OccupancyModule(LightningModule):
             f"{self.global_step}, in the batch {frames}; checkpoints of earlier epochs are kept: "
             "look at these frames, or lower optimizer.lr"
         )
-
-
-def scheduled(optimizer: Optimizer, trainer: Trainer, warmup: float) -> dict:
-    """Returns an optimizer with the schedule of `rate_share`, in the form that Lightning takes."""
-    total = int(trainer.estimated_stepping_batches)
-    schedule = LambdaLR(optimizer, lambda step: rate_share(step, total, warmup))
-    return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
 
 def rate_share(step: int, total: int, warmup: float) -> float:

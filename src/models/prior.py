@@ -15,7 +15,7 @@ from ..ontology import FREE, NUM_CLASSES, UNKNOWN
 # calls a voxel occupied where its odds exceed J, and J is at most 1.
 CANDIDATES = tuple(10 ** (-step / 4) for step in range(13))
 # Target, velocity in m/s, and the layer at which the target's lowest voxels lie.
-Frame = tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"], int]
+LabelledFrame = tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"], int]
 
 
 class VoxelPrior:
@@ -84,7 +84,7 @@ class VoxelPrior:
 
     def fit(
         self,
-        frames: Iterable[Frame],
+        frames: Iterable[LabelledFrame],
         make_scores: Callable[[], Metric],
         candidates: Sequence[float] = CANDIDATES,
     ) -> dict[float, float]:
