@@ -70,9 +70,3 @@ def distance_at(field, place):
                 share = (u if a else 1 - u) * (v if b else 1 - v) * (w if c else 1 - w)
                 total += share * field[i + a, j + b, k + c]
     return total
-
-
-@njit(inline="always")
-def apart(a, b):
-    """Returns the distance of two places."""
-    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)

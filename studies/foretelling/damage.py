@@ -16,7 +16,6 @@ import pandas as pd
 import torch
 from omegaconf import OmegaConf
 
-from src.faults.damage import Damaged
 from src.loop.campaign import Campaign, Job
 from src.loop.flight import Moment
 from src.loop.stage import Stage
@@ -24,6 +23,7 @@ from src.provenance import SOURCE
 from src.results.files import write_table
 from src.results.frame_scores import FrameScores
 from src.terminal import tracked
+from studies.foretelling.damaged import Damaged
 from studies.settings import composed, run
 from studies.tables import print_table
 
