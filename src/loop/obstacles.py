@@ -8,7 +8,7 @@ from ..geometry import inverse, transform
 from ..jit import njit
 from ..ontology import UNKNOWN
 from ..sim.scene import Scene
-from .vectors import Vector, dot
+from .vectors import Numbers, Triangles, Vector, dot, numbered
 
 # Farther away than this nothing is looked for.
 REACH_M = 2.0
@@ -37,11 +37,9 @@ class Obstacles:
         triangles_m = np.ascontiguousarray(triangles_m, dtype=np.float64)
         lower_m, upper_m = lower_m.astype(np.float64) - REACH_M, upper_m + REACH_M
 
-        # Triangles by the cells of a lattice that their bounding boxes touch.
         shape = tuple(np.ceil((upper_m - lower_m) / CELL_M).astype(int).tolist())
-        low = np.floor((triangles_m.min(axis=1) - lower_m) / CELL_M).astype(np.int64)
-        high = np.floor((triangles_m.max(axis=1) - lower_m) / CELL_M).astype(np.int64)
-        self._cells = triangles_m, lower_m, shape, *_sorted_into(low, high, shape)
+        in_cells = _sorted_into(shape, (triangles_m - lower_m) / CELL_M)
+        self._cells = triangles_m, lower_m, shape, *in_cells
 
         # Each with the radius of a sphere around its origin that holds all of it.
         reaches_m = (np.linalg.norm(actor.triangles_m, axis=-1).max() for actor in scene.actors)
@@ -70,28 +68,19 @@ class Obstacles:
         return found
 
 
-@njit
-def _sorted_into(low, high, shape):
-    """Returns the faces of every cell one after the other, and where those of each begin."""
-    count = np.zeros(shape[0] * shape[1] * shape[2] + 1, dtype=np.int64)
-    faces = np.empty(0, dtype=np.int64)
-    for turn in range(2):
-        for f in range(len(low)):
-            for i in range(max(low[f, 0], 0), min(high[f, 0] + 1, shape[0])):
-                for j in range(max(low[f, 1], 0), min(high[f, 1] + 1, shape[1])):
-                    for k in range(max(low[f, 2], 0), min(high[f, 2] + 1, shape[2])):
-                        cell = (i * shape[1] + j) * shape[2] + k
-                        if turn:
-                            count[cell] -= 1
-                            faces[count[cell]] = f
-                        else:
-                            count[cell] += 1
+def _sorted_into(shape: tuple[int, int, int], triangles: Triangles) -> tuple[Numbers, Numbers]:
+    """Returns where the faces of every cell begin, and the faces of all cells one after the other:
+    those whose bounding box touches the cell, the last one first."""
+    low = np.floor(triangles.min(axis=1)).astype(np.int64).clip(0)
+    high = np.floor(triangles.max(axis=1)).astype(np.int64).clip(max=np.array(shape) - 1)
+    size = (high - low + 1).clip(0)
+    face, number = numbered(size.prod(axis=1))
+    number, k = np.divmod(number, size[face, 2])
+    i, j = np.divmod(number, size[face, 1])
 
-        # First counts, then the ends of the cells, which sink to their beginnings.
-        if not turn:
-            count = np.cumsum(count)
-            faces = np.empty(count[-1], dtype=np.int64)
-    return count, faces
+    cell = np.ravel_multi_index((low[face] + np.stack([i, j, k], axis=1)).T, shape)
+    order = np.lexsort((-face, cell))
+    return np.searchsorted(cell[order], np.arange(np.prod(shape) + 1)), face[order]
 
 
 @njit

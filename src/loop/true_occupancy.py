@@ -14,7 +14,7 @@ from ..ontology import FREE
 from ..sim.scene import Scene
 from ..sim.voxel_kernels import Lattice, count_votes, elect
 from ..voxels import advance, enter, is_inside
-from .vectors import Matrix, Points, Semantics, Triangles, Vector, Voxels, apart
+from .vectors import Matrix, Numbers, Points, Semantics, Triangles, Vector, Voxels, numbered
 
 # Surfaces have a point on every piece of this side: no voxel that one passes through its middle is
 # missed, only corners of it.
@@ -106,7 +106,7 @@ class _Blocks(NamedTuple):
             yield self.points_m[part], self.class_id[part]
 
 
-def points_on(triangles_m: Triangles) -> tuple[Points, Int[np.ndarray, "n"]]:
+def points_on(triangles_m: Triangles) -> tuple[Points, Numbers]:
     """Returns points at most `SPACING_M` apart on every triangle, and the triangle of each.
 
     They lie in rows along the shortest side, so that a thin triangle has few.
@@ -114,37 +114,20 @@ def points_on(triangles_m: Triangles) -> tuple[Points, Int[np.ndarray, "n"]]:
     triangles_m = np.ascontiguousarray(triangles_m, dtype=np.float64)
     sides_m = np.linalg.norm(np.roll(triangles_m, -1, axis=1) - triangles_m, axis=-1)
 
-    # The corner opposite the shortest side comes first.
+    # The corner opposite the shortest side comes first; the last of the sides is then that one.
     order = (sides_m.argmin(axis=1)[:, None] + np.array([2, 0, 1])) % 3
-    triangles_m = np.take_along_axis(triangles_m, order[..., None], axis=1)
+    apex, u, v = np.take_along_axis(triangles_m, order[..., None], axis=1).swapaxes(0, 1)
+    one_m, short_m, other_m = np.take_along_axis(sides_m, order, axis=1).T
 
-    counts = np.zeros(len(triangles_m), dtype=np.int64)
-    _fill(np.empty((0, 3)), counts, triangles_m)
-    points_m = np.empty((counts.sum(), 3))
-    _fill(points_m, counts, triangles_m)
-    return points_m, np.repeat(np.arange(len(counts)), counts)
-
-
-@njit
-def _fill(points, counts, triangles):
-    """Counts the points of every triangle, and writes them where there is room for them."""
-    n, writes = 0, len(points) > 0
-    for f in range(len(triangles)):
-        apex, u, v = triangles[f, 0], triangles[f, 1], triangles[f, 2]
-        long = max(apart(apex, u), apart(apex, v))
-
-        rows, side = max(int(np.ceil(long / SPACING_M)), 1), apart(u, v)
-
-        begin = n
-        for i in range(rows + 1):
-            share = i / rows
-            pieces = int(np.ceil(share * side / SPACING_M))
-            for j in range(pieces + 1):
-                if writes:
-                    across = j / pieces if pieces else 0.0
-                    points[n] = apex + share * ((1 - across) * (u - apex) + across * (v - apex))
-                n += 1
-        counts[f] = n - begin
+    rows = np.ceil(np.maximum(one_m, other_m) / SPACING_M).astype(int).clip(1)
+    face, row = numbered(rows + 1)
+    share = row / rows[face]
+    pieces = np.ceil(share * short_m[face] / SPACING_M).astype(int)
+    at, piece = numbered(pieces + 1)
+    face, share = face[at], share[at, None]
+    across = (piece / pieces[at].clip(1))[:, None]
+    way = (1 - across) * (u - apex)[face] + across * (v - apex)[face]
+    return apex[face] + share * way, face
 
 
 @njit(error_model="numpy")

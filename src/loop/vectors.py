@@ -1,7 +1,7 @@
 """Names for the arrays of a flight, in metres in the world, and products that numba inlines."""
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from ..jit import njit
 
@@ -11,6 +11,13 @@ Triangles = Float[np.ndarray, "f 3 3"]
 Matrix = Float[np.ndarray, "4 4"]
 Voxels = Bool[np.ndarray, "X Y Z"]
 Semantics = UInt8[np.ndarray, "X Y Z"]
+Numbers = Int[np.ndarray, "n"]
+
+
+def numbered(counts: Int[np.ndarray, "m"]) -> tuple[Numbers, Numbers]:
+    """Returns owner and number within that owner of all parts, of which each owner has a count."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    return owner, np.arange(len(owner)) - (counts.cumsum() - counts)[owner]
 
 
 @njit(inline="always")

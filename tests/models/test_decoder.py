@@ -11,7 +11,7 @@ GRID = VoxelGrid((0.0, -6.0, -2.0), (8.0, 6.0, 4.0), (4, 6, 3))
 
 
 @pytest.mark.parametrize("blocks", [0, 1])
-def test_a_pillar_becomes_the_column_of_voxels_at_its_place_and_a_block_reaches_two_further(blocks):
+def test_a_pillar_becomes_the_column_of_voxels_at_its_place(blocks):
     """Without blocks no pillar knows of another one; with two 3x3 convolutions, of those around."""
     decoder = PillarDecoder(GRID, dim=8, num_blocks=blocks).eval()
     pillars = torch.zeros(1, 24, 8)

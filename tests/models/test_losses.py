@@ -110,7 +110,7 @@ def test_nothing_supervised_is_zero_with_a_graph():
     assert logits.grad.eq(0).all()
 
 
-def test_total_is_cross_entropy_plus_weighted_lovasz_of_what_is_known():
+def test_total_is_cross_entropy_plus_weighted_lovasz():
     logits, target = random_case(seed=4)
     weight = torch.arange(1.0, 10.0)
     parts = build_loss(weight, 0.5)(logits, target)

@@ -27,6 +27,17 @@ def test_points_are_at_pillar_centers_and_middles_of_equal_slices():
     torch.testing.assert_close(points[23, 0, :2], torch.tensor([12.5, -7.5]))
 
 
+def test_a_point_straight_ahead_is_at_the_principal_point_and_moves_with_pitch():
+    """Nose down by 0.2 rad, level ground ahead climbs in the image by f tan(0.2)."""
+    references = PillarReferences(VoxelGrid((0, -1, -1), (50, 1, 1), (25, 1, 1)), 1, "attitude")
+    level = seen_by(references, 0.0, 0.0)
+    torch.testing.assert_close(level.pix[0, 5, 0], torch.tensor([48.0, 32.0]))
+    torch.testing.assert_close(level.depth_m[0, 5, 0], torch.tensor(11.0))
+    nose_down = seen_by(references, 0.0, 0.2)
+    expected = torch.tensor([48.0, 32.0 - 48.0 * math.tan(0.2)])
+    torch.testing.assert_close(nose_down.pix[0, 5, 0], expected)
+
+
 def test_level_ignores_attitude_and_keeps_the_mount():
     attitude, level = (PillarReferences(GRID, 4, p) for p in ("attitude", "level"))
     mount = front_mount((0.3, 0.0, 0.1), pitch_rad=0.25).float()[None]
