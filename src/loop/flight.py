@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..bounds import require_at_least
+from ..bounds import require_at_least, require_positive
 from ..data.rates import STEP_HZ as SCENE_HZ
 from ..errors import UserError
 from ..geometry import world_from_occ
@@ -64,9 +64,8 @@ class Rules:
                 f"task.rules.plan_hz: {self.plan_hz} does not divide the simulation's {SCENE_HZ} "
                 "Hz; take 5, 2.5 or 2"
             )
-        for name in ("forget_s", "stuck_s", "late_s"):
-            if not getattr(self, name) > 0:
-                raise UserError(f"task.rules.{name}: 0; give more")
+        above = ("forget_s", "stuck_s", "late_s")
+        require_positive({f"task.rules.{name}": numbers[name] for name in above})
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ..errors import UserError, reason_of
+from ..errors import UserError, import_extra, reason_of
 from .backbone import STRIDES, PixelNorm
 from .tensors import Image
 
@@ -56,7 +56,7 @@ class HuggingFaceBackbone(nn.Module):
         if config is None:
             self.model, self.called = _by_name(name, pretrained, revision), name
         else:
-            transformers = import_transformers()
+            transformers = _transformers()
             with _refusing(f"model.backbone.config: no backbone from {dict(config)}"):
                 described = transformers.AutoConfig.for_model(**config, out_indices=LAST_FOUR)
                 self.model = transformers.AutoBackbone.from_config(described)
@@ -91,16 +91,9 @@ class HuggingFaceBackbone(nn.Module):
         return list(self.model(self.pixel_norm(image)).feature_maps)
 
 
-def import_transformers() -> ModuleType:
-    """Imports the optional library, only where it is used."""
-    try:
-        import transformers
-    except ImportError as error:
-        raise UserError(
-            "model.backbone: needs transformers; pip install -e '.[encoders]', or take "
-            "model/backbone=resnet"
-        ) from error
-    return transformers
+def _transformers() -> ModuleType:
+    instead = ", or take model/backbone=resnet"
+    return import_extra("transformers", "encoders", "model.backbone", instead)
 
 
 @contextmanager
@@ -114,7 +107,7 @@ def _refusing(what: str) -> Iterator[None]:
 
 
 def _by_name(name: str | None, pretrained: bool, revision: str) -> nn.Module:
-    transformers = import_transformers()
+    transformers = _transformers()
     if not name:
         raise UserError("model.backbone.name: none; give a model of the Hub, a folder, or a config")
     folder = _folder(name, revision, CONFIG_FILES + (WEIGHT_FILES if pretrained else []))

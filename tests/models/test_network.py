@@ -167,18 +167,6 @@ def test_every_parameter_learns(batch, lift):
     assert still == []
 
 
-@pytest.mark.slow
-def test_it_fits_one_batch(network, batch):
-    optimizer = torch.optim.AdamW(network.parameters(), 3e-3)
-    losses = []
-    for _ in range(60):
-        optimizer.zero_grad()
-        losses.append(loss_of(network, batch))
-        losses[-1].backward()
-        optimizer.step()
-    assert losses[-1] < 0.7 * losses[0]
-
-
 def test_levels_that_no_lift_reads_are_not_computed(batch):
     network = build_network(lift="lss")
     features = network.encode(batch, -1).features
