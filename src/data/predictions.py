@@ -27,10 +27,10 @@ LABELS, LOGITS = "occupancy.npz", "logits.npz"
 MOST_NAMED = 3
 Sample = tuple[str, int]
 # A clip, the number of a frame, its labels [X, Y, Z], and class scores [C, X, Y, Z] if any.
-Frame = tuple[str, int, Tensor, Tensor | None]
+PredictedFrame = tuple[str, int, Tensor, Tensor | None]
 
 
-def save_predictions(folder: Path, facts: dict, frames: Iterable[Frame]) -> None:
+def save_predictions(folder: Path, facts: dict, frames: Iterable[PredictedFrame]) -> None:
     """Writes predictions, clip by clip, under a temporary name, renamed when all are there.
 
     After a failure nothing is left of them. Raises `UserError`, before the first frame is asked
@@ -52,7 +52,7 @@ def save_predictions(folder: Path, facts: dict, frames: Iterable[Frame]) -> None
         shutil.rmtree(part, ignore_errors=True)
 
 
-def _save_clip(folder: Path, frames: Iterable[Frame]) -> None:
+def _save_clip(folder: Path, frames: Iterable[PredictedFrame]) -> None:
     """Writes a clip's archives, each of them at once; logits with half precision."""
     labels, logits = {}, {}
     for _, frame, labels_of_frame, logits_of_frame in frames:

@@ -7,7 +7,7 @@ import torch
 from omegaconf import DictConfig
 
 from ..bounds import require_choice
-from ..data.predictions import Frame, Predictions, save_predictions
+from ..data.predictions import PredictedFrame, Predictions, save_predictions
 from ..data.split import held_out_clips
 from ..data.truth import PARTS
 from ..errors import UserError
@@ -38,7 +38,7 @@ def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = No
     scores_of = predictor(network, trainer)
     facts = {"name": cfg.name, "part": part, "held_out": held_out_clips(data.split)}
 
-    def frames() -> Iterator[Frame]:
+    def frames() -> Iterator[PredictedFrame]:
         for batch in tracked(data.in_order(part), f"predicting {part}"):
             scores = scores_of(batch)
             for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):
