@@ -28,8 +28,8 @@ class FlightCamera:
 
     @contextmanager
     def on(self, stage: Stage, wants_image: bool) -> Iterator[Look]:
-        """Yields what takes a frame at a time and a state. Without a wish for images, which take
-        most of the time, they are black."""
+        """Yields ``look(time_s, state) -> StreamFrame``. Images take most of the time: they are
+        black where they are not wanted."""
         if not wants_image:
             black = np.zeros((3, *self._size[::-1]), dtype=np.uint8)
             yield lambda time_s, state: self._frame(black, time_s, state, stage)

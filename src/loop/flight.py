@@ -193,7 +193,7 @@ class _Pilot:
         return states
 
     def _judge(self, along_m: float) -> None:
-        """Tells whether the flight is over."""
+        """Sets the outcome where the flight is over."""
         if self.outcome is not None:
             return
         mission, rules = self._stage.mission, self._rules
@@ -215,8 +215,8 @@ class _Pilot:
         return Flown(str(self.outcome), states, self._nearest, believed, self._halts)
 
     def _believed(self, before_s: float) -> float:
-        """Returns what the map had said of the place of the end, so long before it; of what moves,
-        of where it was then."""
+        """Returns the probability of occupied that the map held, ``before_s`` earlier, at the
+        place where the flight ended; for an actor, at its earlier place."""
         back = min(round(before_s * self._rules.plan_hz), len(self._maps) - 1)
         place_m = self.state[POSITION]
         for actor in self._stage.scene.actors:

@@ -61,7 +61,7 @@ class Mission:
         return np.stack([x_m, y_m, self.place.town.terrain(x_m, y_m) + self.height_m], axis=-1)
 
     def along(self, place_m: Vector) -> float:
-        """Returns how far along the way a place is, not beyond its ends."""
+        """Returns the distance of a place along the way, between 0 and its length."""
         ahead = np.array([np.cos(self.yaw_rad), np.sin(self.yaw_rad)])
         along_m = float(ahead @ (place_m[:2] - (self.x_m, self.y_m)))
         return min(max(along_m, 0.0), self.length_m)
@@ -128,7 +128,7 @@ class VergeMissions:
 
 
 def in_the_open(mission: Mission, place: Place) -> bool:
-    """Tells whether both ends are under the sky, with room around them."""
+    """Tests both ends of a mission for the sky above them and room around them."""
     ends_m = mission.at(np.array([0.0, mission.length_m]))
     upwards = np.broadcast_to([0.0, 0.0, 1.0], ends_m.shape)
     if np.isfinite(place.whole.cast_static(ends_m, upwards)).any():

@@ -46,7 +46,7 @@ class Obstacles:
         self._actors = list(zip(scene.actors, reaches_m))
 
     def nearest(self, start_m: Vector, end_m: Vector, steps: tuple[int, int]) -> Nearest:
-        """Returns what is nearest to the way from a place to another.
+        """Returns the surface that is nearest to the way from a place to another.
 
         ``steps`` are those of the simulation at the start and at the end: actors move meanwhile.
         """
@@ -69,8 +69,10 @@ class Obstacles:
 
 
 def _sorted_into(shape: tuple[int, int, int], triangles: Triangles) -> tuple[Numbers, Numbers]:
-    """Returns where the faces of every cell begin, and the faces of all cells one after the other:
-    those whose bounding box touches the cell, the last one first."""
+    """Sorts triangles into cells, in which their bounding boxes lie; the last one comes first.
+
+    Returns the index at which the faces of every cell begin, and the faces, cell after cell.
+    """
     low = np.floor(triangles.min(axis=1)).astype(np.int64).clip(0)
     high = np.floor(triangles.max(axis=1)).astype(np.int64).clip(max=np.array(shape) - 1)
     size = (high - low + 1).clip(0)
@@ -139,7 +141,7 @@ def _apart(triangle, start, end, enough):
 
 @njit
 def _pierces(triangle, start, end):
-    """Tells whether a segment goes through a triangle (Moeller and Trumbore, 1997)."""
+    """Tests a segment for an intersection with a triangle (Moeller and Trumbore, 1997)."""
     u, v, way = triangle[1] - triangle[0], triangle[2] - triangle[0], end - start
     across = np.cross(way, v)
     determinant = dot(u, across)

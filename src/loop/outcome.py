@@ -18,7 +18,7 @@ Row = dict[str, object]
 
 
 def row_of(stage: Stage, flown: Flown, threshold: float) -> Row:
-    """Returns what came of a flight, with the planner's threshold of occupied.
+    """Describes a flight with the planner's ``threshold`` of occupied.
 
     ``clearance_m`` is from the body's center to the nearest surface, 2 m where all were farther.
     ``hit`` is the class of what was hit. ``believed_2s`` and so on are the highest probabilities of
@@ -50,7 +50,7 @@ def row_of(stage: Stage, flown: Flown, threshold: float) -> Row:
 
 
 def _fault(stage: Stage, flown: Flown, threshold: float) -> str:
-    """Tells why a flight collided.
+    """Returns the reason of a collision.
 
     ``ran_into_us``: something that moves met a UAV that stood, or came from outside its view.
     ``planned_into``: the map had called the place occupied, 0.5 to 2 s before. Else ``missed``.

@@ -53,7 +53,7 @@ class Plan(NamedTuple):
     clear: bool
 
     def at(self, times_s: Float[np.ndarray, "t"]) -> Float[np.ndarray, "t 9"]:
-        """Returns position, velocity and acceleration; after the end that of going straight on."""
+        """Returns position, velocity and acceleration; after the end it goes straight on."""
         within_s = np.minimum(times_s, self.duration_s)[:, None]
         powers = within_s ** np.arange(6)
         rows = [powers[:, : 6 - n] @ polyder(self.coefficients, n) for n in range(3)]
@@ -229,8 +229,10 @@ def _quintic(position, velocity, acceleration, end):
 def _judge(
     ends, position, velocity, acceleration, target, field, seen, lower, cell, limits, prices
 ):
-    """Returns the price of every primitive, inf where it is not admissible, and its clearance,
-    which of those that go on is not looked for then."""
+    """Returns the price of every primitive, inf where it is not admissible, and its clearance.
+
+    Clearance is not computed for rejected primitives that do not stop.
+    """
     costs, clearances = np.full(len(ends), np.inf), np.zeros(len(ends))
     fastest, hardest, brake, need = limits
     cruise, of_height, of_closeness, of_unknown, of_jerk, of_detour = prices
@@ -296,7 +298,7 @@ def _judge(
 
 @njit
 def _blocked_m(field, start, target, lower, cell, need):
-    """Returns how much of a straight way is too near to what is occupied."""
+    """Returns the metres of a straight way that are too near to what is occupied."""
     length = apart(target, start)
     steps = int(np.ceil(length / STOP_SAMPLE_M))
     blocked, index = 0, np.empty(3)

@@ -60,7 +60,7 @@ class Stage:
         return TrueOccupancy(self.scene, *self._corners(MARGIN_M + GRID_REACH_M))
 
     def blind_hits(self, cruise_mps: float, radius_m: float) -> bool:
-        """Tells whether a body that flies straight along the way hits anything."""
+        """Tests the straight way of a body for collisions."""
         track_m = blind_track(self.mission, cruise_mps, self.seconds)
         return any(
             self.obstacles.nearest(*track_m[k : k + 2], (k, k + 1)).distance_m < radius_m
@@ -74,8 +74,8 @@ class Stage:
 
 
 def blind_track(mission: Mission, cruise_mps: float, seconds: float) -> Points:
-    """Returns where a UAV is that flies straight along the way and waits at its end, at every step
-    of the simulation."""
+    """Returns the places of a UAV that flies straight along the way and waits at its end, at every
+    step of the simulation."""
     times_s = np.arange(round(seconds * STEP_HZ) + 1) / STEP_HZ
     ramp_s = cruise_mps / SETS_OUT_MPS2
     setting_out_m = SETS_OUT_MPS2 / 2 * np.minimum(times_s, ramp_s) ** 2

@@ -136,7 +136,7 @@ def _by_name(name: str | None, pretrained: bool, revision: str) -> nn.Module:
 
 
 def _folder(name: str, revision: str, files: list[str]) -> Path:
-    """Returns where a model's files are on this machine, fetched if need be."""
+    """Returns the folder with a model's files on this machine, fetched if need be."""
     if Path(name).is_dir():
         return Path(name)
     from huggingface_hub import snapshot_download

@@ -104,7 +104,7 @@ class LiftSplat(nn.Module):
     def _points(
         self, references: References, width: int, height: int
     ) -> Float[Tensor, "b n bins 3"]:
-        """Returns where the level's pixels are in the grid's frame, at every bin's center."""
+        """Returns the places of the level's pixels in the grid's frame, at every bin's center."""
         chain = references.camera_from_volume
         bins = torch.arange(self.num_bins, dtype=chain.dtype, device=chain.device)
         depth_m = self.near_m + (bins + 0.5) * self.step_m

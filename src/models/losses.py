@@ -122,7 +122,7 @@ def _require_taken(key: str, function: Callable, settings: Mapping[str, Any]) ->
 
 
 def _of_counts(key: str, rule: Callable, class_counts: Sequence[float] | None) -> Any:
-    """Returns what a setting becomes once the training set is known."""
+    """Computes a setting from the class counts of the training set."""
     if class_counts is None:
         raise UserError(f"{key}: is computed from the training set's class counts; give them")
     try:

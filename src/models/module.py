@@ -71,7 +71,7 @@ class OccupancyModule(LightningModule):
         return parts["total"]
 
     def training_output(self, batch: Mapping[str, Tensor]) -> Step:
-        """Returns what the network gives for a batch of the training loader, in whichever order."""
+        """Runs the network on a batch of the training loader, shuffled or of streams."""
         if self.memory is None:
             return self.network.step(batch, self.network.history_of(batch))
 

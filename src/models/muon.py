@@ -60,7 +60,7 @@ class Muon(AdamW):
             parameter.grad = None  # AdamW passes over what has no gradient
 
     def _ahead(self, parameter: Tensor) -> Tensor:
-        """Returns where the gradient and its momentum point to (Nesterov)."""
+        """Returns the direction of the gradient and its momentum (Nesterov)."""
         state = self.state[parameter]
         if not state:
             # AdamW asks every state for its number of steps when it is read from a checkpoint.

@@ -112,13 +112,13 @@ class SkyOcc(nn.Module):
 
     @property
     def past_frames(self) -> int:
-        """Returns how many frames before the current one `step` takes as its history, at most."""
+        """The largest number of frames before the current one in the history of a `step`."""
         queue = self.encoder.num_frames - 1
         return min(queue, 1) if self.history == "recursive" else queue
 
     @property
     def device(self) -> torch.device:
-        """Returns where the parameters are."""
+        """The device of the parameters."""
         return self.encoder.query.device
 
     def forward(self, batch: Mapping[str, Tensor]) -> Logits:
@@ -130,7 +130,7 @@ class SkyOcc(nn.Module):
         return self.step(batch, self.history_of(batch)).logits
 
     def history_of(self, batch: Mapping[str, Tensor]) -> History | None:
-        """Returns what every past frame of the queue that exists leaves behind.
+        """Computes the history of a batch: the pillars of each past frame that exists in its queue.
 
         Batch normalisation uses its running statistics there: so a past frame's pillars are the
         ones that a stream would have cached, and each step updates the statistics once, from the
@@ -152,7 +152,7 @@ class SkyOcc(nn.Module):
         return History.of(steps[-self.past_frames :], batch)
 
     def step(self, batch: Mapping[str, Tensor], history: History | None) -> Step:
-        """Returns what a batch's current frames give."""
+        """Computes the logits of a batch's current frames, and the pillars that they leave behind."""
         frame = self.encode(batch, -1)
         fused = self.fuse(frame, history)
         logits = self.decode(fused, batch)
@@ -206,9 +206,9 @@ class SkyOcc(nn.Module):
     def _encode_past(
         self, batch: Mapping[str, Tensor], at: int, rows: Tensor, before: Sequence[Tensor]
     ) -> Pillars:
-        """Returns what frame ``at`` leaves behind in the rows of the batch that have one.
+        """Returns the pillars of frame ``at``, in the rows of the batch that have one.
 
-        In the others it is zero, and not computed.
+        In the others they are zero, and not computed.
         """
         pillars = self.encoder.query.new_zeros(len(batch["image"]), *self.pillar_shape)
         if len(rows) == 0:
@@ -223,7 +223,7 @@ class SkyOcc(nn.Module):
     def _state(
         self, batch: Mapping[str, Tensor], at: int, rows: Tensor, before: Sequence[Tensor]
     ) -> History | None:
-        """Returns what the frame before ``at`` left behind, for the recursive history."""
+        """Returns the pillars of the frame before ``at`` as a history, for the recursive kind."""
         if at == 0:
             return None
 

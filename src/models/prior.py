@@ -41,7 +41,7 @@ class VoxelPrior:
 
     @property
     def counts(self) -> Int[Tensor, "c X Y K"]:
-        """Returns how often each class was the label of each voxel."""
+        """The number of training frames in which each class was the label of each voxel."""
         return self._counts[:-1]
 
     def count(self, semantics: UInt8[Tensor, "X Y Z"], layer: int = 0) -> None:
