@@ -152,7 +152,7 @@ class SkyOcc(nn.Module):
         return History.of(steps[-self.past_frames :], batch)
 
     def step(self, batch: Mapping[str, Tensor], history: History | None) -> Step:
-        """Computes the logits of a batch's current frames, and the pillars that they leave behind."""
+        """Computes the logits of a batch's current frames, and the pillars for later ones."""
         frame = self.encode(batch, -1)
         fused = self.fuse(frame, history)
         logits = self.decode(fused, batch)
