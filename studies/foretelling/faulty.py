@@ -8,15 +8,15 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 from PIL import Image, ImageFilter
 
-from ..bounds import require_at_least, require_choice
-from ..errors import UserError
-from ..geometry import rotation_from_quat
-from ..loop.belief import Belief
-from ..loop.perception import Perception
-from ..loop.true_occupancy import TrueOccupancy
-from ..models.frame import StreamFrame
-from ..sim.solid import Rng
-from ..sim.staging import generator_for
+from src.bounds import require_at_least, require_choice
+from src.errors import UserError
+from src.geometry import rotation_from_quat
+from src.loop.belief import Belief
+from src.loop.perception import Perception
+from src.loop.true_occupancy import TrueOccupancy
+from src.models.frame import StreamFrame
+from src.sim.solid import Rng
+from src.sim.staging import generator_for
 
 Rgb = UInt8[np.ndarray, "h w 3"]
 # What a fault keeps from frame to frame of a flight, by name.

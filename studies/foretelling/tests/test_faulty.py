@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from src.errors import UserError
-from src.faults.faulty import FAULTS, Faulty
 from src.geometry import VoxelGrid, euler_from_rotation
 from src.models.frame import StreamFrame
+from studies.foretelling.faulty import FAULTS, Faulty
 
 GRID = VoxelGrid((0.0, -12.5, -10.0), (25.0, 12.5, 5.0), (50, 50, 30))
 FOCAL_PIX = 50.0
