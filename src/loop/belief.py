@@ -112,14 +112,9 @@ class BeliefMap:
 
 def _shifted(array: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Returns the part of an endless array of zeros that begins so many cells farther along."""
-    result = np.zeros_like(array)
-    if (np.abs(cells) >= array.shape).any():
-        return result
-    pairs = [
-        (slice(max(n, 0), min(n, 0) or None), slice(max(-n, 0), min(-n, 0) or None)) for n in cells
-    ]
-    result[tuple(to for _, to in pairs)] = array[tuple(of for of, _ in pairs)]
-    return result
+    wider = np.pad(array, [(max(-n, 0), max(n, 0)) for n in cells])
+    part = (slice(max(n, 0), max(n, 0) + size) for n, size in zip(cells, array.shape))
+    return np.ascontiguousarray(wider[tuple(part)])
 
 
 @njit

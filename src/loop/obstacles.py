@@ -34,26 +34,27 @@ class Obstacles:
 
     def __init__(self, scene: Scene, lower_m: Vector, upper_m: Vector) -> None:
         triangles_m, self._class_id = Scene(scene.static, ()).triangles_at(0)
-        triangles_m = np.ascontiguousarray(triangles_m, dtype=np.float64)
-        lower_m, upper_m = lower_m.astype(np.float64) - REACH_M, upper_m + REACH_M
-
-        shape = tuple(np.ceil((upper_m - lower_m) / CELL_M).astype(int).tolist())
-        in_cells = _sorted_into(shape, (triangles_m - lower_m) / CELL_M)
-        self._cells = triangles_m, lower_m, shape, *in_cells
-
-        # Each with the radius of a sphere around its origin that holds all of it.
-        reaches_m = (np.linalg.norm(actor.triangles_m, axis=-1).max() for actor in scene.actors)
-        self._actors = list(zip(scene.actors, reaches_m))
+        self._static = _in_cells(triangles_m, lower_m - REACH_M, upper_m + REACH_M)
+        self._actors = []
+        for actor in scene.actors:
+            corners_m = actor.triangles_m.reshape(-1, 3)
+            # The radius of a sphere around the actor's origin that holds all of it.
+            reach_m = np.linalg.norm(corners_m, axis=-1).max()
+            # A face at the upper end begins a cell of its own.
+            own = _in_cells(
+                actor.triangles_m, corners_m.min(axis=0), corners_m.max(axis=0) + CELL_M
+            )
+            self._actors.append((actor, reach_m, own))
 
     def nearest(self, start_m: Vector, end_m: Vector, steps: tuple[int, int]) -> Nearest:
         """Returns the surface that is nearest to the way from a place to another.
 
         ``steps`` are those of the simulation at the start and at the end: actors move meanwhile.
         """
-        distance_m, face = _nearest_in(*self._cells, start_m, end_m)
+        distance_m, face = _nearest_in(*self._static, start_m, end_m, REACH_M)
         found = Nearest(distance_m, int(self._class_id[face]) if face >= 0 else UNKNOWN, 0)
 
-        for actor, reach_m in self._actors:
+        for actor, reach_m, own in self._actors:
             apart_m = np.linalg.norm(start_m - actor.position_m[steps[0]])
             if apart_m > REACH_M + reach_m + np.linalg.norm(end_m - start_m):
                 continue
@@ -62,17 +63,23 @@ class Obstacles:
                 transform(inverse(actor.world_from_actor[step]), place_m[None])[0]
                 for step, place_m in zip(steps, (start_m, end_m))
             ]
-            distance_m, _ = _nearest_of(actor.triangles_m, *way_m, found.distance_m)
+            distance_m, _ = _nearest_in(*own, *way_m, found.distance_m)
             if distance_m < found.distance_m:
                 found = Nearest(distance_m, actor.class_id, actor.actor_id)
         return found
 
 
-def _sorted_into(shape: tuple[int, int, int], triangles: Triangles) -> tuple[Numbers, Numbers]:
+def _in_cells(
+    triangles_m: Triangles, lower_m: Vector, upper_m: Vector
+) -> tuple[Triangles, Vector, tuple[int, int, int], Numbers, Numbers]:
     """Sorts triangles into cells, in which their bounding boxes lie; the last one comes first.
 
-    Returns the index at which the faces of every cell begin, and the faces, cell after cell.
+    Returns them with the lattice's corner and shape, the index at which the faces of every cell
+    begin, and the faces, cell after cell.
     """
+    triangles_m = np.ascontiguousarray(triangles_m, dtype=np.float64)
+    shape = tuple((np.ceil((upper_m - lower_m) / CELL_M).astype(int).clip(1)).tolist())
+    triangles = (triangles_m - lower_m) / CELL_M
     low = np.floor(triangles.min(axis=1)).astype(np.int64).clip(0)
     high = np.floor(triangles.max(axis=1)).astype(np.int64).clip(max=np.array(shape) - 1)
     size = (high - low + 1).clip(0)
@@ -82,14 +89,15 @@ def _sorted_into(shape: tuple[int, int, int], triangles: Triangles) -> tuple[Num
 
     cell = np.ravel_multi_index((low[face] + np.stack([i, j, k], axis=1)).T, shape)
     order = np.lexsort((-face, cell))
-    return np.searchsorted(cell[order], np.arange(np.prod(shape) + 1)), face[order]
+    first = np.searchsorted(cell[order], np.arange(np.prod(shape) + 1))
+    return triangles_m, lower_m.astype(np.float64), shape, first, face[order]
 
 
 @njit
-def _nearest_in(triangles, lower, shape, first, faces, start, end):
-    """Returns the distance of the nearest triangle of the cells around a segment, and its index or
-    -1; looks at each once."""
-    near, at = REACH_M, -1
+def _nearest_in(triangles, lower, shape, first, faces, start, end, near):
+    """Returns the distance of the nearest triangle of the cells around a segment, and its index;
+    where none is nearer than ``near``, that and -1. Looks at each once."""
+    at = -1
     is_new = np.ones(len(triangles), dtype=np.bool_)
     low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     for a in range(3):
@@ -108,17 +116,6 @@ def _nearest_in(triangles, lower, shape, first, faces, start, end):
                         distance = _apart(triangles[f], start, end, near)
                         if distance < near:
                             near, at = distance, f
-    return near, at
-
-
-@njit
-def _nearest_of(triangles, start, end, near):
-    """Looks at all triangles."""
-    at = -1
-    for f in range(len(triangles)):
-        distance = _apart(triangles[f], start, end, near)
-        if distance < near:
-            near, at = distance, f
     return near, at
 
 
