@@ -7,6 +7,7 @@ from src.errors import UserError
 from src.geometry import VoxelGrid, front_mount
 from src.models import History, PillarDecoder, PillarEncoder, ResNet, SkyOcc
 from src.models.metadata import height_phases
+from src.models.sight import SightHead
 from tests.models.synthetic import (
     GRID,
     LIFTS,
@@ -37,28 +38,6 @@ def test_the_stream_equals_the_batch_path_exactly(batch, lift, volume):
     streamed, left_behind, _ = network.step(batch, History.of(cached, batch))
     assert streamed.equal(network(batch))
     assert left_behind.equal(network.encode(batch, -1).pillars)
-
-
-def test_the_recursive_history_equals_steps_one_after_the_other(batch):
-    network = build_network(history="recursive").eval()
-    state = network.fuse(network.encode(batch, 0), None)
-    for at in (1, 2, 3):
-        occ_from_last, occ_from_this = batch["occ_from_past_occ"][:, at - 1 : at + 1].unbind(1)
-        motion = torch.linalg.inv(occ_from_this) @ occ_from_last
-        history = History(state[:, None], motion[:, None], torch.ones(2, 1, dtype=torch.bool))
-        state = network.fuse(network.encode(batch, at), history)
-    expected = network.decode(state, batch)
-    torch.testing.assert_close(network(batch), expected, atol=1e-4, rtol=1e-4)
-
-    queue = build_network().eval()
-    queue.load_state_dict(network.state_dict())
-    assert not torch.allclose(network(batch), queue(batch), atol=1e-3)
-
-
-def test_a_layer_must_be_left_to_see_the_past():
-    with pytest.raises(UserError, match=r"num_layers: 1 .* data\.frames=1"):
-        build_network(num_layers=1)
-    build_network(num_layers=1, encoder={"num_frames": 1})
 
 
 def kept_bytes(network, batch):
@@ -122,14 +101,6 @@ def test_every_valid_past_frame_matters(network, batch):
     for frame in range(4):
         changed = {**batch, "image": batch["image"].index_fill(1, torch.tensor(frame), 0)}
         assert not torch.allclose(network(changed), before, atol=1e-4)
-
-
-def test_no_history_at_all_equals_a_single_frame(network, batch):
-    network.eval()
-    queued = ("image", "pix_from_camera", "occ_from_body", "occ_from_past_occ", "history_valid")
-    alone = {name: value[:, -1:] if name in queued else value for name, value in batch.items()}
-    batch["history_valid"][:, :-1] = False
-    torch.testing.assert_close(network(batch), network(alone))
 
 
 @EACH_LIFT
@@ -209,15 +180,11 @@ def test_level_ignores_attitude_except_as_metadata(batch, lift):
 def test_metadata_enter_after_the_lifting_or_if_asked_before_it(first):
     batch = build_batch(frames=1)
     other = {**batch, "velocity_mps": batch["velocity_mps"] + 1.0}
-    encoder = {"num_frames": 1, "num_layers": 2}
-    network = build_network(encoder=encoder, metadata_first=first).eval()
+    network = build_network(encoder={"num_frames": 1}, metadata_first=first).eval()
     pillars = [network.encode(each, -1).pillars for each in (batch, other)]
     assert pillars[0].allclose(pillars[1]) is not first
     assert not network(other).allclose(network(batch))
     require_finite_step(network.train(), batch)
-
-    with pytest.raises(UserError, match=r"^model\.metadata_first: .*data\.frames=1"):
-        build_network(metadata_first=True)
 
 
 @pytest.mark.parametrize("names", [[], ["attitude"], ["velocity"], ["height"]])
@@ -237,11 +204,23 @@ def test_a_height_moves_the_ground_by_as_many_voxels():
     assert (low_up / low - 1).abs().max() > 1
 
 
-@pytest.mark.parametrize("names", [True, "height", ["height", "depth"]])
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        *(({"metadata": names}, r"model\.metadata: ") for names in (True, "height", ["depth"])),
+        ({"metadata_first": True}, r"model\.metadata_first: .*data\.frames=1"),
+        ({"num_layers": 1}, r"model\.encoder\.num_layers: 1 .*data\.frames=1"),
+        ({"lift": "lss", "sight": SightHead(16)}, r"model/sight: .*16.*lift\.stride=4"),
+    ],
+)
 @pytest.mark.usefixtures("unchecked")
-def test_other_metadata_are_refused(names):
-    with pytest.raises(UserError, match=r"^model\.metadata: "):
-        build_network(metadata=names)
+def test_what_does_not_go_together_is_refused(settings, message):
+    with pytest.raises(UserError, match=f"^{message}"):
+        build_network(**settings)
+
+
+def test_one_layer_is_enough_without_a_past():
+    build_network(num_layers=1, encoder={"num_frames": 1})
 
 
 @EACH_LIFT

@@ -7,7 +7,7 @@ from src.errors import UserError
 from src.geometry import front_mount, pinhole, rigid, rotation_from_euler, transform
 from src.models.references import PillarReferences
 from src.models.sight import Sight, SightHead, depth_error, place_of, rays
-from tests.models.synthetic import GRID, IMAGE_SIZE, build_network, sure_sight
+from tests.models.synthetic import GRID, IMAGE_SIZE, sure_sight
 
 WIDTH, HEIGHT = (side // 4 for side in IMAGE_SIZE)
 HEIGHTS_M = torch.tensor([6.0, 15.0])
@@ -92,8 +92,3 @@ def test_a_head_that_knows_nothing_begins_with_the_ground():
     _, ground_m, meets = rays(references, WIDTH, HEIGHT, 4, has_ground=True)
     probable = sight.depth.argmax(dim=1)[:, None][meets]
     assert (probable - (place_of(ground_m, 48) - 0.5)[meets]).abs().max() <= 0.5 + 1e-3
-
-
-def test_a_lift_that_reads_no_features_as_fine_is_refused():
-    with pytest.raises(UserError, match=r"model/sight: .*16.*model\.encoder\.lift\.stride=4"):
-        build_network(lift="lss", sight=SightHead(16))
