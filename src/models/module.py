@@ -13,7 +13,7 @@ from torchmetrics import MeanMetric, Metric
 from ..data.truth import truth_of
 from ..errors import UserError
 from .checkpoint import FORMAT, Origin
-from .memory import PillarMemory
+from .history import PillarMemory
 from .network import Step
 from .sight import depth_error
 from .weights import ORIGIN

@@ -9,7 +9,7 @@ from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..metrics.suite import ScoreSuite
 from ..models.checkpoint import Origin
-from ..models.memory import PillarMemory
+from ..models.history import PillarMemory
 from ..models.module import OccupancyModule
 from ..models.network import SkyOcc
 from ..models.prior import VoxelPrior

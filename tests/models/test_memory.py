@@ -6,7 +6,7 @@ import torch
 from src.data.batches import StreamBatches
 from src.data.dataset import OccupancyDataset
 from src.geometry import VoxelGrid
-from src.models.memory import PillarMemory
+from src.models.history import PillarMemory
 from tests.models.synthetic import build_network
 
 GRID = VoxelGrid(shape=(25, 25, 15))

@@ -5,7 +5,7 @@ import torch
 from torch.optim import AdamW
 
 from src.metrics import OccupancyScores
-from src.models.memory import PillarMemory
+from src.models.history import PillarMemory
 from src.models.module import OccupancyModule
 from src.models.stream import SkyOccStream
 from src.tasks.export import made_up_flight
