@@ -2,6 +2,8 @@
 
 import difflib
 from collections.abc import Iterable
+from importlib import import_module
+from types import ModuleType
 
 
 class UserError(ValueError):
@@ -24,3 +26,14 @@ def closest(name: str, known: Iterable[str]) -> str:
     """Returns ``"; did you mean 'x'?"`` where a known name is near, or ``";"``."""
     near = difflib.get_close_matches(name, list(known), n=1)
     return f"; did you mean {near[0]!r}?" if near else ";"
+
+
+def import_extra(name: str, extra: str, key: str, instead: str = "") -> ModuleType:
+    """Imports a library of an optional extra, where it is used.
+
+    Raises `UserError` that begins with ``key`` where it is missing; ``instead`` is another way out.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise UserError(f"{key}: needs {name}; pip install -e '.[{extra}]'{instead}") from error

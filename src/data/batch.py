@@ -10,7 +10,7 @@ from ..geometry import euler_from_rotation, inverse, occ_from_body, world_from_o
 
 
 class PixelLabels(TypedDict, total=False):
-    """What the pixels of the current images see, on a raster a fourth as fine: with `data.pixels`.
+    """What the pixels of the current images see, on a raster a fourth as fine: with model/sight=on.
 
     The sky has the class of free space, and an infinite depth.
     """

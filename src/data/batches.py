@@ -116,7 +116,7 @@ class TrainingBatches(Sampler[list[Key]]):
 class StreamBatches(TrainingBatches):
     """Consecutive frames, a history step apart, in every place of the batch.
 
-    So what a step computed of a frame is the next step's history (`models.memory`), and no past
+    So what a step computed of a frame is the next step's history (`models.history`), and no past
     frame is computed for it. The samples are cut into runs of ``run_frames`` frames, which are
     shuffled, and the places of the batches of all ranks each take an equal share of them; a run
     begins without history. ``stride`` is a history step in frames.

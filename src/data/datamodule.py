@@ -118,8 +118,8 @@ class SkyShieldData(LightningDataModule):
         clip does not say what they see."""
         if self.pixels and not all((clip.folder / AUX).is_file() for clip in self.clips.values()):
             raise UserError(
-                f"data.pixels: {self.root} has clips without {AUX}; generate it with "
-                "sim.save_aux=true, or give data.pixels=false model/sight=off"
+                f"model/sight: on, and {self.root} has clips without {AUX}; generate it with "
+                "sim.save_aux=true, or give model/sight=off"
             )
 
     def labels(self, part: str) -> Iterator[LabelledFrame]:

@@ -9,12 +9,14 @@ from jaxtyping import Float
 from ..bounds import require_at_least
 from ..jit import njit
 from ..sim.attitude_dynamics import GRAVITY_MPS2, ornstein_uhlenbeck
+from .vectors import Matrix, Points, Vector, dot
 
 # Rate of the dynamics and of their controller.
 STEP_HZ = 200
 STEP_S = 1 / STEP_HZ
 
-# One row a step: position, velocity, the columns of world_from_body's rotation, body rates, thrust.
+# Position, velocity, the columns of world_from_body's rotation, body rates, thrust.
+State = Float[np.ndarray, "19"]
 States = Float[np.ndarray, "t 19"]
 POSITION, VELOCITY, ROTATION, RATES = slice(0, 3), slice(3, 6), slice(6, 15), slice(15, 18)
 THRUST = 18
@@ -48,48 +50,35 @@ class Airframe:
 
     def __post_init__(self) -> None:
         require_at_least(0, "airframe", vars(self), *vars(self))
-        lags = {name: getattr(self, name) for name in ("thrust_lag_s", "rate_lag_s")}
         # A lag below the step would overshoot.
-        require_at_least(STEP_S, "airframe", lags, *lags)
+        require_at_least(STEP_S, "airframe", vars(self), "thrust_lag_s", "rate_lag_s")
 
-    def at_rest(
-        self, position_m: Float[np.ndarray, "3"], yaw_rad: float
-    ) -> Float[np.ndarray, "19"]:
+    def at_rest(self, position_m: Vector, yaw_rad: float) -> State:
         """Returns the state of hovering level at a place."""
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         return np.r_[position_m, np.zeros(3), rotation.ravel(), np.zeros(3), GRAVITY_MPS2]
 
-    def wind(self, rng: np.random.Generator, steps: int) -> Float[np.ndarray, "t 3"]:
+    def wind(self, rng: np.random.Generator, steps: int) -> Points:
         """Draws the acceleration by the wind at every step; none along world z."""
         sigma = self.wind_mps2 * math.sqrt(2 * self.wind_kappa_per_s)
         kappa = max(self.wind_kappa_per_s, 1e-9)
         axes = [ornstein_uhlenbeck(rng, steps, STEP_S, kappa, sigma) for _ in range(2)]
         return np.stack([*axes, np.zeros(steps)], axis=1)
 
-    def follow(
-        self,
-        state: Float[np.ndarray, "19"],
-        reference: References,
-        wind_mps2: Float[np.ndarray, "t 3"],
-    ) -> States:
+    def follow(self, state: State, reference: References, wind_mps2: Points) -> States:
         """Returns the states after each step of following a reference."""
         states = np.empty((len(reference), len(state)))
 
         gains = (self.position_gain_per_s2, self.velocity_gain_per_s, self.attitude_gain_per_s)
         lags = (self.thrust_lag_s, self.rate_lag_s)
-        limits = (
-            math.tan(math.radians(self.tilt_limit_deg)),
-            self.rate_limit_radps,
-            self.yaw_rate_limit_radps,
-            self.thrust_limit_mps2,
-        )
-
+        tilt, turns = math.radians(self.tilt_limit_deg), self.rate_limit_radps
+        limits = math.tan(tilt), turns, self.yaw_rate_limit_radps, self.thrust_limit_mps2
         _follow(states, state, reference, wind_mps2, gains, lags, self.drag_per_s, limits)
         return states
 
 
-def world_from_body(state: Float[np.ndarray, "19"]) -> Float[np.ndarray, "4 4"]:
+def world_from_body(state: State) -> Matrix:
     """Returns the transform of a state."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = state[ROTATION].reshape(3, 3), state[POSITION]
@@ -112,7 +101,7 @@ def _follow(states, state, reference, wind, gains, lags, drag, limits):
 
         # Rotor drag acts along body x and y.
         force = thrust * body[2] + wind[n]
-        force -= drag * (_dot(velocity, body[0]) * body[0] + _dot(velocity, body[1]) * body[1])
+        force -= drag * (dot(velocity, body[0]) * body[0] + dot(velocity, body[1]) * body[1])
         force[2] -= GRAVITY_MPS2
         position += velocity * STEP_S + force * STEP_S**2 / 2
         velocity += force * STEP_S
@@ -135,31 +124,26 @@ def _control(wanted, position, velocity, body, gains, drag, limits):
         push[:2] *= limits[0] * push[2] / flat
 
     # Body z along the thrust, and body x as near to the heading as that allows.
-    z = push / np.sqrt(_dot(push, push))
+    z = push / np.sqrt(dot(push, push))
     y = np.cross(z, np.array([np.cos(wanted[9]), np.sin(wanted[9]), 0.0]))
-    y /= np.sqrt(_dot(y, y))
+    y /= np.sqrt(dot(y, y))
     x = np.cross(y, z)
     axis = np.cross(body[0], x) + np.cross(body[1], y) + np.cross(body[2], z)
 
     command = np.empty(3)
     for a in range(3):
         most = limits[1] if a < 2 else limits[2]
-        command[a] = min(max(gains[2] / 2 * _dot(body[a], axis), -most), most)
-    return min(_dot(push, body[2]), limits[3]), command
+        command[a] = min(max(gains[2] / 2 * dot(body[a], axis), -most), most)
+    return min(dot(push, body[2]), limits[3]), command
 
 
 @njit
 def _turn(body, turn):
     """Turns each row about an axis, by the axis' length (Rodrigues)."""
-    angle = np.sqrt(_dot(turn, turn))
+    angle = np.sqrt(dot(turn, turn))
     if angle < 1e-12:
         return
     axis = turn / angle
     for a in range(3):
-        along = _dot(axis, body[a]) * (1 - np.cos(angle)) * axis
+        along = dot(axis, body[a]) * (1 - np.cos(angle)) * axis
         body[a] = body[a] * np.cos(angle) + np.cross(axis, body[a]) * np.sin(angle) + along
-
-
-@njit(inline="always")
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -4,13 +4,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..jit import njit
 from ..ontology import FREE
 from ..sim.voxel_kernels import Lattice
+from .vectors import Matrix, Semantics, Vector, Voxels
 
 # Of one observation, so that no single one is final.
 SUREST = 0.98
@@ -18,9 +19,6 @@ SUREST = 0.98
 LEAST, MOST = -2.0, 3.5
 # What may drive off counts as never seen below this, in nats.
 FORGOTTEN = 0.5
-
-
-Known = Bool[np.ndarray, "X Y Z"]
 
 
 class Belief(NamedTuple):
@@ -32,13 +30,13 @@ class Belief(NamedTuple):
     """
 
     occupied: Float[np.ndarray, "X Y Z"]
-    known: Known
-    movable: Known
-    semantics: UInt8[np.ndarray, "X Y Z"]
+    known: Voxels
+    movable: Voxels
+    semantics: Semantics
 
     @classmethod
-    def sure(cls, semantics: UInt8[np.ndarray, "X Y Z"], known: Known, movable: Known) -> "Belief":
-        """Returns the belief of who has no doubt of the classes."""
+    def sure(cls, semantics: Semantics, known: Voxels, movable: Voxels) -> "Belief":
+        """Builds a belief with probabilities 0 or 1 from known labels."""
         return cls((semantics != FREE).astype(np.float32), known, movable, semantics)
 
 
@@ -57,16 +55,12 @@ class BeliefMap:
         self.first: np.ndarray | None = None
 
     @property
-    def lower_m(self) -> Float[np.ndarray, "3"]:
+    def lower_m(self) -> Vector:
         """The lower corner of the first cell, in the world."""
         return self.first * self.cell_m
 
     def update(
-        self,
-        belief: Belief,
-        grid: VoxelGrid,
-        world_from_occ: Float[np.ndarray, "4 4"],
-        passed_s: float,
+        self, belief: Belief, grid: VoxelGrid, world_from_occ: Matrix, passed_s: float
     ) -> None:
         """Moves along with the UAV and adds a belief, ``passed_s`` after the last one.
 
@@ -90,11 +84,11 @@ class BeliefMap:
         self.log_odds[told] = np.clip(evidence, LEAST, MOST)
         self.seen |= told
 
-    def occupied(self, threshold: float) -> Bool[np.ndarray, "X Y Z"]:
+    def occupied(self, threshold: float) -> Voxels:
         """Returns the cells that are more likely occupied than the threshold, in 0 to 1."""
         return self.seen & (self.log_odds > math.log(threshold / (1 - threshold)))
 
-    def probability_near(self, place_m: Float[np.ndarray, "3"], reach_m: float) -> float:
+    def probability_near(self, place_m: Vector, reach_m: float) -> float:
         """Returns the highest probability of occupied of the cells whose centers are near a place;
         0 where nothing there was seen."""
         cell = (place_m - self.lower_m) / self.cell_m - 0.5
@@ -105,15 +99,7 @@ class BeliefMap:
         seen = self.log_odds[part][self.seen[part]]
         return float(1 / (1 + np.exp(-seen.max()))) if seen.size else 0.0
 
-    def copy(self) -> "BeliefMap":
-        """Returns the map as it is now."""
-        other = BeliefMap(self.log_odds.shape, self.cell_m, self.forget_s)
-        other.first = self.first
-        for name in ("log_odds", "seen", "movable"):
-            setattr(other, name, getattr(self, name).copy())
-        return other
-
-    def _move_to(self, place_m: Float[np.ndarray, "3"]) -> None:
+    def _move_to(self, place_m: Vector) -> None:
         """Puts the middle of the lattice at a place, to whole cells."""
         shape = np.array(self.log_odds.shape)
         first = np.round(place_m / self.cell_m).astype(int) - shape // 2
@@ -126,14 +112,9 @@ class BeliefMap:
 
 def _shifted(array: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Returns the part of an endless array of zeros that begins so many cells farther along."""
-    result = np.zeros_like(array)
-    if (np.abs(cells) >= array.shape).any():
-        return result
-    pairs = [
-        (slice(max(n, 0), min(n, 0) or None), slice(max(-n, 0), min(-n, 0) or None)) for n in cells
-    ]
-    result[tuple(to for _, to in pairs)] = array[tuple(of for of, _ in pairs)]
-    return result
+    wider = np.pad(array, [(max(-n, 0), max(n, 0)) for n in cells])
+    part = (slice(max(n, 0), max(n, 0) + size) for n, size in zip(cells, array.shape))
+    return np.ascontiguousarray(wider[tuple(part)])
 
 
 @njit

@@ -5,7 +5,6 @@ from contextlib import contextmanager
 
 import numpy as np
 import torch
-from jaxtyping import Float
 
 from ..data.rates import STEP_HZ
 from ..models.frame import StreamFrame
@@ -13,13 +12,13 @@ from ..sim.air import apply_weather
 from ..sim.clip_maker import ClipMaker
 from ..sim.weather import Weather
 from ..sim.world import World
-from .airframe import VELOCITY, world_from_body
+from .airframe import VELOCITY, State, world_from_body
 from .stage import Stage
 
-Look = Callable[[float, Float[np.ndarray, "19"]], StreamFrame]
+Look = Callable[[float, State], StreamFrame]
 
 
-class FrontCamera:
+class FlightCamera:
     """Takes the frames of flights; ``sim`` is the composed configuration of the simulation."""
 
     def __init__(self, sim: Mapping) -> None:
@@ -29,8 +28,8 @@ class FrontCamera:
 
     @contextmanager
     def on(self, stage: Stage, wants_image: bool) -> Iterator[Look]:
-        """Yields what takes a frame at a time and a state. Without a wish for images, which take
-        most of the time, they are black."""
+        """Yields ``look(time_s, state) -> StreamFrame``. Images take most of the time: they are
+        black where they are not wanted."""
         if not wants_image:
             black = np.zeros((3, *self._size[::-1]), dtype=np.uint8)
             yield lambda time_s, state: self._frame(black, time_s, state, stage)
@@ -40,7 +39,7 @@ class FrontCamera:
         pix_from_camera, body_from_camera = self._mount
         with World(stage.scene, pix_from_camera, *self._size, self._sim["renderer"]) as world:
 
-            def look(time_s: float, state: Float[np.ndarray, "19"]) -> StreamFrame:
+            def look(time_s: float, state: State) -> StreamFrame:
                 world_from_camera = torch.from_numpy(world_from_body(state)) @ body_from_camera
                 step = round(time_s * STEP_HZ)
                 rendering = world.render(step, world_from_camera, weather)
@@ -51,8 +50,6 @@ class FrontCamera:
 
             yield look
 
-    def _frame(
-        self, image: np.ndarray, time_s: float, state: Float[np.ndarray, "19"], stage: Stage
-    ) -> StreamFrame:
+    def _frame(self, image: np.ndarray, time_s: float, state: State, stage: Stage) -> StreamFrame:
         matrix, flight = world_from_body(state), stage.mission.flight
         return StreamFrame(image, time_s, matrix, state[VELOCITY], *self._mount, flight)

@@ -1,7 +1,8 @@
 """All that flies, and the missions that it flies, made from one configuration."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from typing import TypeVar
 
 from hydra.utils import instantiate
@@ -9,18 +10,17 @@ from hydra.utils import instantiate
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..sim.traffic import TrafficConfig
-from .camera import FrontCamera
-from .flight import Flown, Rules, Watch, fly
+from .camera import FlightCamera
+from .flight import Rules, Watch, fly
 from .mission import Mission
 from .outcome import Row, row_of
-from .perception import Perception, Truth
-from .planner import Planner
+from .perception import Truth
 from .stage import Stage
 from .twin import Twin
 
 W = TypeVar("W", bound=Watch | None)
 
-# The planner's threshold, where it is seen whether one that knows the truth arrives.
+# The planner's threshold while missions are selected.
 CHOOSING = 0.5
 ROUTE = tuple(field.name for field in fields(Mission))
 
@@ -71,12 +71,12 @@ class Campaign:
         # Missions are the same for every threshold.
         same = {"threshold": CHOOSING} if "threshold" in config["planner"] else {}
         self.chooser = instantiate(config["planner"], **same)
-        self.airframe = instantiate(config["airframe"])
 
         self.perception = instantiate(config["perception"], _partial_=True)(grid=self.grid)
-        truth = Truth("truth", self.grid, in_sight=False)
-        self.pilot = truth if task["looks_on"] else self.perception
-        self.camera = FrontCamera(sim)
+        self._truth = Truth("truth", self.grid, in_sight=False)
+        self.pilot = self._truth if task["looks_on"] else self.perception
+        parts = {"airframe": instantiate(config["airframe"]), "camera": FlightCamera(sim)}
+        self._fly = partial(fly, rules=self.rules, **parts)
 
     def choose(self, town: str, seed: int) -> list[Row]:
         """Returns the missions of a map, as rows of ``missions.csv``.
@@ -92,7 +92,7 @@ class Campaign:
             hits = stage.blind_hits(self.planner.cruise_mps, self.rules.radius_m)
             stratum = "conflict" if hits else "clear"
             if counts[stratum] < wanted[stratum]:
-                flown = self._fly(stage, Truth("truth", self.grid, False), self.chooser)
+                flown = self._fly(stage, self._truth, self.chooser)
                 if flown.outcome == "arrived":
                     counts[stratum] += 1
                     row = {"flight": mission.flight, "stratum": stratum, **asdict(mission)}
@@ -118,7 +118,7 @@ class Campaign:
         stage = self._stage(job.mission, draws)
         twin, watcher = Twin(self.grid, self.planner, self.rules, stage.truth), make(stage)
         watches = [twin] if watcher is None else [twin, watcher]
-        flown = self._fly(stage, self.pilot, self.planner, watches, draws)
+        flown = self._fly(stage, self.pilot, self.planner, watches=watches, draws=draws)
 
         row = row_of(stage, flown, self.planner.threshold) | twin.row()
         of_job = {"stratum": job.stratum, "perception": self.pilot.name}
@@ -133,14 +133,3 @@ class Campaign:
         if _latest is None or _latest[0] != made_of:
             _latest = made_of, Stage.of(*made_of)
         return _latest[1]
-
-    def _fly(
-        self,
-        stage: Stage,
-        perception: Perception,
-        planner: Planner,
-        watches: Sequence[Watch] = (),
-        draws: bool = False,
-    ) -> Flown:
-        parts = perception, planner, self.airframe, self.camera, self.rules
-        return fly(stage, *parts, watches, draws)

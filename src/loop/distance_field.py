@@ -1,55 +1,28 @@
 """How far every cell is from the nearest occupied one."""
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ..jit import njit
+from .vectors import Voxels
 
 
-@njit
-def distances(occupied: Bool[np.ndarray, "X Y Z"], reach: int) -> Float[np.ndarray, "X Y Z"]:
+def distances(occupied: Voxels, reach: int) -> Float[np.ndarray, "X Y Z"]:
     """Returns the distance between centers in cells, exact up to ``reach`` and no more than that.
 
-    The squares are separable: along z first, then along y, then along x. They are whole numbers,
-    in as few bits as a processor can compare many of at once.
+    The squares are separable: along x first, then along y, then along z. They are whole numbers
+    below 256 for a ``reach`` up to 11, in as few bits as a processor can compare many of at once.
     """
-    nx, ny, _ = occupied.shape
-    along_z = _along_z(occupied, reach)
-    along_y, nearest = np.full_like(along_z, reach**2), np.full_like(along_z, reach**2)
-    for i in range(nx):
-        for away in range(1 - reach, reach):
-            first, last = max(-away, 0), min(ny - away, ny)
-            _lower(along_y[i, first:last], along_z[i, first + away : last + away], away**2)
-    for i in range(nx):
-        for other in range(max(i - reach + 1, 0), min(i + reach, nx)):
-            _lower(nearest[i], along_y[other], (other - i) ** 2)
-    return np.sqrt(nearest.astype(np.float32))
-
-
-@njit
-def _along_z(occupied, reach):
-    """Returns the squares of the distances to the nearest occupied cell of the same column."""
-    nx, ny, nz = occupied.shape
-    squares = np.empty(occupied.shape, dtype=np.int16)
-    for i in range(nx):
-        for j in range(ny):
-            away = reach
-            for k in range(nz):
-                away = 0 if occupied[i, j, k] else min(away + 1, reach)
-                squares[i, j, k] = away**2
-            # On the way back the count goes on: it is no less than the distance already found.
-            for k in range(nz - 1, -1, -1):
-                away = 0 if occupied[i, j, k] else min(away + 1, reach)
-                squares[i, j, k] = min(squares[i, j, k], np.int16(away**2))
-    return squares
-
-
-@njit
-def _lower(squares, others, more):
-    """Lowers squares to others that are ``more`` farther away, where those are less."""
-    mine, theirs, more = squares.reshape(-1), others.reshape(-1), np.int16(more)
-    for n in range(len(mine)):
-        mine[n] = min(mine[n], np.int16(theirs[n] + more))
+    squares = np.where(occupied, 0, reach**2).astype(np.uint8)
+    for _ in range(3):
+        nearest = squares.copy()
+        for away in range(1, reach):
+            farther = squares + np.uint8(away**2)
+            np.minimum(nearest[away:], farther[:-away], out=nearest[away:])
+            np.minimum(nearest[:-away], farther[away:], out=nearest[:-away])
+        # The next axis comes first, so that what is compared lies together.
+        squares = np.ascontiguousarray(np.moveaxis(nearest, 0, -1))
+    return np.sqrt(squares.astype(np.float32))
 
 
 @njit
@@ -70,9 +43,3 @@ def distance_at(field, place):
                 share = (u if a else 1 - u) * (v if b else 1 - v) * (w if c else 1 - w)
                 total += share * field[i + a, j + b, k + c]
     return total
-
-
-@njit(inline="always")
-def apart(a, b):
-    """Returns the distance of two places."""
-    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)

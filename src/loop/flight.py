@@ -3,24 +3,25 @@
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
-from ..bounds import require_at_least
+from ..bounds import require_at_least, require_positive
 from ..data.rates import STEP_HZ as SCENE_HZ
 from ..errors import UserError
 from ..geometry import world_from_occ
 from ..models.frame import StreamFrame
 from .airframe import POSITION, STEP_HZ, Airframe, States
 from .belief import Belief, BeliefMap
-from .camera import FrontCamera
+from .camera import FlightCamera
 from .obstacles import REACH_M, Nearest
 from .perception import Perception
 from .planner import Motion, Plan, Planner
 from .stage import MARGIN_M, Stage
+from .vectors import Vector
 
 STEPS_A_SCENE_STEP = STEP_HZ // SCENE_HZ
 
@@ -31,7 +32,7 @@ class Moment(NamedTuple):
     frame: StreamFrame
     belief: Belief
     motion: Motion
-    target_m: Float[np.ndarray, "3"]
+    target_m: Vector
     plan: Plan
 
 
@@ -63,9 +64,8 @@ class Rules:
                 f"task.rules.plan_hz: {self.plan_hz} does not divide the simulation's {SCENE_HZ} "
                 "Hz; take 5, 2.5 or 2"
             )
-        for name in ("forget_s", "stuck_s", "late_s"):
-            if not getattr(self, name) > 0:
-                raise UserError(f"task.rules.{name}: 0; give more")
+        above = ("forget_s", "stuck_s", "late_s")
+        require_positive({f"task.rules.{name}": numbers[name] for name in above})
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def fly(
     perception: Perception,
     planner: Planner,
     airframe: Airframe,
-    camera: FrontCamera,
+    camera: FlightCamera,
     rules: Rules,
     watches: Sequence[Watch] = (),
     draws: bool = False,
@@ -142,10 +142,10 @@ class _Pilot:
     def time_s(self) -> float:
         return self._flown_steps / STEP_HZ
 
-    def fly_on(self, believed: BeliefMap) -> tuple[Motion, Float[np.ndarray, "3"], Plan]:
+    def fly_on(self, believed: BeliefMap) -> tuple[Motion, Vector, Plan]:
         """Plans by the map, and follows the plan until the next frame. Returns from where, where
         to, and the plan."""
-        self._maps.append(believed.copy())
+        self._maps.append(deepcopy(believed))
         mission = self._stage.mission
         along_m = mission.along(self._motion.position_m)
         target_m = mission.at(np.array(min(along_m + self._rules.look_ahead_m, mission.length_m)))
@@ -165,7 +165,7 @@ class _Pilot:
         self._judge(mission.along(self.state[POSITION]))
         return motion, target_m, plan
 
-    def _references(self, plan: Plan, target_m: Float[np.ndarray, "3"]) -> np.ndarray:
+    def _references(self, plan: Plan, target_m: Vector) -> np.ndarray:
         """Returns the plan at every step, and the yaw, which turns to where the UAV goes."""
         motions = plan.at(np.arange(1, self._steps + 1) / STEP_HZ)
         ahead = plan.at(np.array([min(plan.duration_s, 1.0)]))[0, :3] - self._motion.position_m
@@ -193,7 +193,7 @@ class _Pilot:
         return states
 
     def _judge(self, along_m: float) -> None:
-        """Tells whether the flight is over."""
+        """Sets the outcome where the flight is over."""
         if self.outcome is not None:
             return
         mission, rules = self._stage.mission, self._rules
@@ -215,8 +215,8 @@ class _Pilot:
         return Flown(str(self.outcome), states, self._nearest, believed, self._halts)
 
     def _believed(self, before_s: float) -> float:
-        """Returns what the map had said of the place of the end, so long before it; of what moves,
-        of where it was then."""
+        """Returns the probability of occupied that the map held, ``before_s`` earlier, at the
+        place where the flight ended; for an actor, at its earlier place."""
         back = min(round(before_s * self._rules.plan_hz), len(self._maps) - 1)
         place_m = self.state[POSITION]
         for actor in self._stage.scene.actors:

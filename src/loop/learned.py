@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-from jaxtyping import UInt8
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
@@ -14,12 +13,13 @@ from ..models.frame import StreamFrame
 from ..models.stream import SkyOccStream
 from ..ontology import FREE
 from .belief import Belief
-from .perception import MOVABLE, seen_by
+from .perception import MOVABLE, Perception, seen_by
 from .true_occupancy import TrueOccupancy
+from .vectors import Semantics
 
 
 @dataclass
-class Learned:
+class Learned(Perception):
     """The network of a checkpoint, as it would run in flight.
 
     It knows what the camera sees, up to the surfaces that it believes in. ``image`` are the
@@ -27,8 +27,6 @@ class Learned:
     or other images.
     """
 
-    name: str
-    grid: VoxelGrid
     checkpoint: str | None
     image: Mapping
     wants_image = True
@@ -58,20 +56,14 @@ class Learned:
 
 
 @dataclass
-class Prior:
+class Prior(Perception):
     """The voxel prior of a checkpoint: what is usually where, without a look at the image."""
 
-    name: str
-    grid: VoxelGrid
     checkpoint: str | None
-    wants_image = False
-    _labels: UInt8[np.ndarray, "X Y Z"] = field(init=False, repr=False)
+    _labels: Semantics = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._labels = opened(self.checkpoint, self.grid).origin.voxel_prior.numpy()
-
-    def begin(self, truth: TrueOccupancy, flight: str) -> None:
-        pass
 
     def __call__(self, frame: StreamFrame) -> Belief:
         known = seen_by(frame, self.grid, self._labels != FREE)

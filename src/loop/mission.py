@@ -1,7 +1,7 @@
 """Where the UAV shall fly: straight routes beside the corridors, which nothing keeps free."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +13,7 @@ from ..sim.solid import Rng
 from ..sim.staging import Place, generator_for, place_of
 from ..sim.towns import builder_of
 from ..sim.towns.polyline import beside
+from .vectors import Vector
 
 # A way begins and ends with so much room around it, which so many rays look for.
 ROOM_M, ROOM_RAYS = 1.5, 128
@@ -59,8 +60,8 @@ class Mission:
         y_m = self.y_m + np.sin(self.yaw_rad) * along_m
         return np.stack([x_m, y_m, self.place.town.terrain(x_m, y_m) + self.height_m], axis=-1)
 
-    def along(self, place_m: Float[np.ndarray, "3"]) -> float:
-        """Returns how far along the way a place is, not beyond its ends."""
+    def along(self, place_m: Vector) -> float:
+        """Returns the distance of a place along the way, between 0 and its length."""
         ahead = np.array([np.cos(self.yaw_rad), np.sin(self.yaw_rad)])
         along_m = float(ahead @ (place_m[:2] - (self.x_m, self.y_m)))
         return min(max(along_m, 0.0), self.length_m)
@@ -93,9 +94,8 @@ class VergeMissions:
                 raise UserError(f"mission.{name}: empty; give one or more")
         for name in self.towns:
             builder_of(name)
-        numbers = {each.name: getattr(self, each.name) for each in fields(self)}
-        require_at_least(0, "mission", numbers, "conflict", "clear", "first_seed")
-        require_at_least(1, "mission", numbers, "maps", "length_m", "tries")
+        require_at_least(0, "mission", vars(self), "conflict", "clear", "first_seed")
+        require_at_least(1, "mission", vars(self), "maps", "length_m", "tries")
         if self.conflict + self.clear == 0:
             raise UserError("mission.conflict: 0, and mission.clear: 0; that leaves no flight")
 
@@ -128,7 +128,7 @@ class VergeMissions:
 
 
 def in_the_open(mission: Mission, place: Place) -> bool:
-    """Tells whether both ends are under the sky, with room around them."""
+    """Tests both ends of a mission for the sky above them and room around them."""
     ends_m = mission.at(np.array([0.0, mission.length_m]))
     upwards = np.broadcast_to([0.0, 0.0, 1.0], ends_m.shape)
     if np.isfinite(place.whole.cast_static(ends_m, upwards)).any():

@@ -3,19 +3,17 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from ..geometry import inverse, transform
 from ..jit import njit
 from ..ontology import UNKNOWN
-from ..sim.scene import Scene, SceneActor
+from ..sim.scene import Scene
+from .vectors import Numbers, Triangles, Vector, dot, numbered
 
 # Farther away than this nothing is looked for.
 REACH_M = 2.0
 # Side of the cells in which triangles are looked up.
 CELL_M = 1.0
-
-Point = Float[np.ndarray, "3"]
 
 
 class Nearest(NamedTuple):
@@ -34,20 +32,29 @@ class Obstacles:
     between them: thin wires are met at any speed.
     """
 
-    def __init__(self, scene: Scene, lower_m: Point, upper_m: Point) -> None:
+    def __init__(self, scene: Scene, lower_m: Vector, upper_m: Vector) -> None:
         triangles_m, self._class_id = Scene(scene.static, ()).triangles_at(0)
-        self._cells = _Cells.of(triangles_m, lower_m - REACH_M, upper_m + REACH_M)
-        self._actors = [(actor, _reach_m(actor)) for actor in scene.actors]
+        self._static = _in_cells(triangles_m, lower_m - REACH_M, upper_m + REACH_M)
+        self._actors = []
+        for actor in scene.actors:
+            corners_m = actor.triangles_m.reshape(-1, 3)
+            # The radius of a sphere around the actor's origin that holds all of it.
+            reach_m = np.linalg.norm(corners_m, axis=-1).max()
+            # A face at the upper end begins a cell of its own.
+            own = _in_cells(
+                actor.triangles_m, corners_m.min(axis=0), corners_m.max(axis=0) + CELL_M
+            )
+            self._actors.append((actor, reach_m, own))
 
-    def nearest(self, start_m: Point, end_m: Point, steps: tuple[int, int]) -> Nearest:
-        """Returns what is nearest to the way from a place to another.
+    def nearest(self, start_m: Vector, end_m: Vector, steps: tuple[int, int]) -> Nearest:
+        """Returns the surface that is nearest to the way from a place to another.
 
         ``steps`` are those of the simulation at the start and at the end: actors move meanwhile.
         """
-        distance_m, face = self._cells.nearest(start_m, end_m)
+        distance_m, face = _nearest_in(*self._static, start_m, end_m, REACH_M)
         found = Nearest(distance_m, int(self._class_id[face]) if face >= 0 else UNKNOWN, 0)
 
-        for actor, reach_m in self._actors:
+        for actor, reach_m, own in self._actors:
             apart_m = np.linalg.norm(start_m - actor.position_m[steps[0]])
             if apart_m > REACH_M + reach_m + np.linalg.norm(end_m - start_m):
                 continue
@@ -56,73 +63,42 @@ class Obstacles:
                 transform(inverse(actor.world_from_actor[step]), place_m[None])[0]
                 for step, place_m in zip(steps, (start_m, end_m))
             ]
-            distance_m, _ = _nearest_of(actor.triangles_m, *way_m, found.distance_m)
+            distance_m, _ = _nearest_in(*own, *way_m, found.distance_m)
             if distance_m < found.distance_m:
                 found = Nearest(distance_m, actor.class_id, actor.actor_id)
         return found
 
 
-def _reach_m(actor: SceneActor) -> float:
-    """Returns the radius of a sphere around the actor's origin that holds all of it."""
-    return float(np.linalg.norm(actor.triangles_m, axis=-1).max())
+def _in_cells(
+    triangles_m: Triangles, lower_m: Vector, upper_m: Vector
+) -> tuple[Triangles, Vector, tuple[int, int, int], Numbers, Numbers]:
+    """Sorts triangles into cells, in which their bounding boxes lie; the last one comes first.
 
+    Returns them with the lattice's corner and shape, the index at which the faces of every cell
+    begin, and the faces, cell after cell.
+    """
+    triangles_m = np.ascontiguousarray(triangles_m, dtype=np.float64)
+    shape = tuple((np.ceil((upper_m - lower_m) / CELL_M).astype(int).clip(1)).tolist())
+    triangles = (triangles_m - lower_m) / CELL_M
+    low = np.floor(triangles.min(axis=1)).astype(np.int64).clip(0)
+    high = np.floor(triangles.max(axis=1)).astype(np.int64).clip(max=np.array(shape) - 1)
+    size = (high - low + 1).clip(0)
+    face, number = numbered(size.prod(axis=1))
+    number, k = np.divmod(number, size[face, 2])
+    i, j = np.divmod(number, size[face, 1])
 
-class _Cells(NamedTuple):
-    """Triangles by the cells of a lattice that their bounding boxes touch."""
-
-    triangles_m: Float[np.ndarray, "f 3 3"]
-    lower_m: Point
-    shape: tuple[int, int, int]
-    first: Int[np.ndarray, "cells+1"]
-    faces: Int[np.ndarray, "n"]
-    marks: Int[np.ndarray, "f"]
-
-    @classmethod
-    def of(
-        cls, triangles_m: Float[np.ndarray, "f 3 3"], lower_m: Point, upper_m: Point
-    ) -> "_Cells":
-        triangles_m = np.ascontiguousarray(triangles_m, dtype=np.float64)
-        shape = tuple(np.ceil((upper_m - lower_m) / CELL_M).astype(int).tolist())
-        low = np.floor((triangles_m.min(axis=1) - lower_m) / CELL_M).astype(np.int64)
-        high = np.floor((triangles_m.max(axis=1) - lower_m) / CELL_M).astype(np.int64)
-        first, faces = _sorted_into(low, high, shape)
-        marks = np.full(len(triangles_m), -1)
-        return cls(triangles_m, lower_m.astype(np.float64), shape, first, faces, marks)
-
-    def nearest(self, start_m: Point, end_m: Point) -> tuple[float, int]:
-        """Returns the distance of the nearest triangle, and its index or -1."""
-        self.marks[:] = -1
-        return _nearest_in(*self, start_m, end_m)
+    cell = np.ravel_multi_index((low[face] + np.stack([i, j, k], axis=1)).T, shape)
+    order = np.lexsort((-face, cell))
+    first = np.searchsorted(cell[order], np.arange(np.prod(shape) + 1))
+    return triangles_m, lower_m.astype(np.float64), shape, first, face[order]
 
 
 @njit
-def _sorted_into(low, high, shape):
-    """Returns the faces of every cell one after the other, and where those of each begin."""
-    count = np.zeros(shape[0] * shape[1] * shape[2] + 1, dtype=np.int64)
-    faces = np.empty(0, dtype=np.int64)
-    for turn in range(2):
-        for f in range(len(low)):
-            for i in range(max(low[f, 0], 0), min(high[f, 0] + 1, shape[0])):
-                for j in range(max(low[f, 1], 0), min(high[f, 1] + 1, shape[1])):
-                    for k in range(max(low[f, 2], 0), min(high[f, 2] + 1, shape[2])):
-                        cell = (i * shape[1] + j) * shape[2] + k
-                        if turn:
-                            count[cell] -= 1
-                            faces[count[cell]] = f
-                        else:
-                            count[cell] += 1
-
-        # First counts, then the ends of the cells, which sink to their beginnings.
-        if not turn:
-            count = np.cumsum(count)
-            faces = np.empty(count[-1], dtype=np.int64)
-    return count, faces
-
-
-@njit
-def _nearest_in(triangles, lower, shape, first, faces, marks, start, end):
-    """Looks at the triangles of the cells around a segment, each once."""
-    near, at = REACH_M, -1
+def _nearest_in(triangles, lower, shape, first, faces, start, end, near):
+    """Returns the distance of the nearest triangle of the cells around a segment, and its index;
+    where none is nearer than ``near``, that and -1. Looks at each once."""
+    at = -1
+    is_new = np.ones(len(triangles), dtype=np.bool_)
     low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     for a in range(3):
         low[a] = max(int(np.floor((min(start[a], end[a]) - REACH_M - lower[a]) / CELL_M)), 0)
@@ -135,22 +111,11 @@ def _nearest_in(triangles, lower, shape, first, faces, marks, start, end):
                 cell = (i * shape[1] + j) * shape[2] + k
                 for n in range(first[cell], first[cell + 1]):
                     f = faces[n]
-                    if marks[f] < 0:
-                        marks[f] = 0
+                    if is_new[f]:
+                        is_new[f] = False
                         distance = _apart(triangles[f], start, end, near)
                         if distance < near:
                             near, at = distance, f
-    return near, at
-
-
-@njit
-def _nearest_of(triangles, start, end, near):
-    """Looks at all triangles."""
-    at = -1
-    for f in range(len(triangles)):
-        distance = _apart(triangles[f], start, end, near)
-        if distance < near:
-            near, at = distance, f
     return near, at
 
 
@@ -173,16 +138,16 @@ def _apart(triangle, start, end, enough):
 
 @njit
 def _pierces(triangle, start, end):
-    """Tells whether a segment goes through a triangle (Moeller and Trumbore, 1997)."""
+    """Tests a segment for an intersection with a triangle (Moeller and Trumbore, 1997)."""
     u, v, way = triangle[1] - triangle[0], triangle[2] - triangle[0], end - start
     across = np.cross(way, v)
-    determinant = _dot(u, across)
+    determinant = dot(u, across)
     if abs(determinant) < 1e-12:
         return False
     offset = start - triangle[0]
-    a = _dot(offset, across) / determinant
+    a = dot(offset, across) / determinant
     turned = np.cross(offset, u)
-    b, t = _dot(way, turned) / determinant, _dot(v, turned) / determinant
+    b, t = dot(way, turned) / determinant, dot(v, turned) / determinant
     return a >= 0 and b >= 0 and a + b <= 1 and 0 <= t <= 1
 
 
@@ -192,21 +157,21 @@ def _from_face(triangle, point):
     triangle; else inf, as an edge is nearer."""
     u, v, offset = triangle[1] - triangle[0], triangle[2] - triangle[0], point - triangle[0]
     normal = np.cross(u, v)
-    area = _dot(normal, normal)
+    area = dot(normal, normal)
     if area < 1e-18:
         return np.inf
-    a, b = _dot(np.cross(offset, v), normal) / area, _dot(np.cross(u, offset), normal) / area
+    a, b = dot(np.cross(offset, v), normal) / area, dot(np.cross(u, offset), normal) / area
     if a < 0 or b < 0 or a + b > 1:
         return np.inf
-    return abs(_dot(offset, normal)) / np.sqrt(area)
+    return abs(dot(offset, normal)) / np.sqrt(area)
 
 
 @njit
 def _between(a, b, c, d):
     """Returns the distance of two segments (Ericson, Real-Time Collision Detection, 5.1.9)."""
     along, other, offset = b - a, d - c, a - c
-    aa, cc, ac = _dot(along, along), _dot(other, other), _dot(along, other)
-    ao, co = _dot(along, offset), _dot(other, offset)
+    aa, cc, ac = dot(along, along), dot(other, other), dot(along, other)
+    ao, co = dot(along, offset), dot(other, offset)
     denominator = aa * cc - ac * ac
     s = min(max((ac * co - ao * cc) / denominator, 0.0), 1.0) if denominator > 1e-12 else 0.0
 
@@ -216,9 +181,4 @@ def _between(a, b, c, d):
         t = min(max(t, 0.0), 1.0)
         s = min(max((ac * t - ao) / aa, 0.0), 1.0) if aa > 1e-12 else 0.0
     gap = offset + s * along - t * other
-    return np.sqrt(_dot(gap, gap))
-
-
-@njit(inline="always")
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return np.sqrt(dot(gap, gap))

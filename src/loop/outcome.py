@@ -18,7 +18,7 @@ Row = dict[str, object]
 
 
 def row_of(stage: Stage, flown: Flown, threshold: float) -> Row:
-    """Returns what came of a flight, with the planner's threshold of occupied.
+    """Describes a flight with the planner's ``threshold`` of occupied.
 
     ``clearance_m`` is from the body's center to the nearest surface, 2 m where all were farther.
     ``hit`` is the class of what was hit. ``believed_2s`` and so on are the highest probabilities of
@@ -30,6 +30,9 @@ def row_of(stage: Stage, flown: Flown, threshold: float) -> Row:
     nearest = flown.nearest
     speeds_mps = np.linalg.norm(flown.states[:, VELOCITY], axis=1)
     thrust_axis = flown.states[:, ROTATION.start + 8]
+    velocity_mps = flown.states[:: STEP_HZ // SCENE_HZ, VELOCITY]
+    jerk_mps3 = np.diff(velocity_mps, n=2, axis=0) * SCENE_HZ**2
+    jerk2 = float((jerk_mps3**2).sum()) / SCENE_HZ / max(flown.path_m, 1.0)
 
     return {
         "outcome": flown.outcome,
@@ -40,20 +43,14 @@ def row_of(stage: Stage, flown: Flown, threshold: float) -> Row:
         "fault": _fault(stage, flown, threshold) if collided else "",
         "speed_mps": round(float(speeds_mps.mean()), 3),
         "tilt_deg": round(math.degrees(math.acos(min(1.0, float(thrust_axis.min())))), 2),
-        "jerk2": round(_jerk2(flown), 4),
+        "jerk2": round(jerk2, 4),
         "halts": flown.halts,
         **dict(zip(("believed_2s", "believed_1s", "believed_05s"), np.round(flown.believed, 4))),
     }
 
 
-def _jerk2(flown: Flown) -> float:
-    velocity_mps = flown.states[:: STEP_HZ // SCENE_HZ, VELOCITY]
-    jerk_mps3 = np.diff(velocity_mps, n=2, axis=0) * SCENE_HZ**2
-    return float((jerk_mps3**2).sum()) / SCENE_HZ / max(flown.path_m, 1.0)
-
-
 def _fault(stage: Stage, flown: Flown, threshold: float) -> str:
-    """Tells why a flight collided.
+    """Returns the reason of a collision.
 
     ``ran_into_us``: something that moves met a UAV that stood, or came from outside its view.
     ``planned_into``: the map had called the place occupied, 0.5 to 2 s before. Else ``missed``.

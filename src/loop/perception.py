@@ -1,11 +1,10 @@
 """What a UAV believes of the space ahead: the truth, a part of it, or nothing at all."""
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 import torch
-from jaxtyping import Bool
 
 from ..data.rates import STEP_HZ
 from ..errors import UserError
@@ -15,16 +14,18 @@ from ..ontology import CAR, FREE, GENERAL, LARGE_VEHICLE, VRU
 from ..voxels import rays_in_grid
 from .belief import Belief
 from .true_occupancy import TrueOccupancy, in_sight
+from .vectors import Voxels
 
 MOVABLE = (LARGE_VEHICLE, CAR, VRU)
 
 
+@dataclass
 class Perception(Protocol):
     """Turns frames into beliefs. ``wants_image`` tells whether it looks at the images at all."""
 
     name: str
     grid: VoxelGrid
-    wants_image: bool
+    wants_image: ClassVar[bool] = False
 
     def begin(self, truth: TrueOccupancy, flight: str) -> None:
         """Forgets all frames; a new flight of that name begins, in a scene that truly is so."""
@@ -33,23 +34,17 @@ class Perception(Protocol):
 
 
 @dataclass
-class Constant:
+class Constant(Perception):
     """Calls every voxel occupied with the same probability: 0 sees nothing, 1 is afraid of all.
 
     Raises `UserError` for what is no probability.
     """
 
-    name: str
-    grid: VoxelGrid
     occupied: float
-    wants_image = False
 
     def __post_init__(self) -> None:
         if not 0 <= self.occupied <= 1:
             raise UserError(f"perception.occupied: {self.occupied}; give a number from 0 to 1")
-
-    def begin(self, truth: TrueOccupancy, flight: str) -> None:
-        pass
 
     def __call__(self, frame: StreamFrame) -> Belief:
         shape = self.grid.shape
@@ -59,14 +54,11 @@ class Constant:
 
 
 @dataclass
-class Truth:
+class Truth(Perception):
     """Knows what every voxel of the grid truly holds; with ``in_sight`` only of those that the
     camera can see, which are not hidden by occupied ones."""
 
-    name: str
-    grid: VoxelGrid
     in_sight: bool
-    wants_image = False
     _truth: TrueOccupancy = field(init=False, repr=False)
 
     def begin(self, truth: TrueOccupancy, flight: str) -> None:
@@ -81,9 +73,7 @@ class Truth:
         return Belief.sure(semantics, known, moving)
 
 
-def seen_by(
-    frame: StreamFrame, grid: VoxelGrid, occupied: Bool[np.ndarray, "X Y Z"]
-) -> Bool[np.ndarray, "X Y Z"]:
+def seen_by(frame: StreamFrame, grid: VoxelGrid, occupied: Voxels) -> Voxels:
     """Returns the voxels in front of the camera that no occupied one hides: those that a ray
     passes through every second pixel of every second row."""
     height, width = frame.image.shape[-2:]

@@ -8,14 +8,18 @@ from typing import Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float
+from numpy.polynomial.polynomial import polyder
 
 from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..jit import njit
 from .belief import LEAST, MOST, BeliefMap
-from .distance_field import apart, distance_at, distances
+from .distance_field import distance_at, distances
+from .vectors import Vector, apart, dot
 
-Vector = Float[np.ndarray, "3"]
+Floats = tuple[float, ...]
+# Duration, place and velocity of the end of each primitive.
+Ends = Float[np.ndarray, "n 7"]
 
 # A primitive is looked at in so many places, and how it would stop after it every half metre.
 SAMPLES = 25
@@ -49,15 +53,10 @@ class Plan(NamedTuple):
     clear: bool
 
     def at(self, times_s: Float[np.ndarray, "t"]) -> Float[np.ndarray, "t 9"]:
-        """Returns position, velocity and acceleration; after the end that of going straight on."""
+        """Returns position, velocity and acceleration; after the end it goes straight on."""
         within_s = np.minimum(times_s, self.duration_s)[:, None]
         powers = within_s ** np.arange(6)
-        rows = [powers @ self.coefficients]
-        factors = np.arange(6, dtype=float)
-        slopes = self.coefficients
-        for _ in range(2):
-            slopes = slopes[1:] * factors[1 : len(slopes), None]
-            rows.append(powers[:, : len(slopes)] @ slopes)
+        rows = [powers[:, : 6 - n] @ polyder(self.coefficients, n) for n in range(3)]
 
         beyond_s = times_s[:, None] - within_s
         rows[0] = rows[0] + beyond_s * rows[1]
@@ -101,14 +100,10 @@ class QuinticPlanner:
     margin_m: float = 0.1
     acceleration_mps2: float = 6.0
     brake_mps2: float = 4.0
-    # fmt: off
-    bearings_deg: tuple[float, ...] = (
-        -75, -60, -48, -37, -27, -18, -9, 0, 9, 18, 27, 37, 48, 60, 75,
-    )
-    # fmt: on
-    elevations_deg: tuple[float, ...] = (-30, -20, -12, -5, 0, 8, 18, 30)
-    end_speeds: tuple[float, ...] = (0.3, 0.55, 0.8, 1.0)  # shares of the cruise speed
-    durations_s: tuple[float, ...] = (1.0, 1.6, 2.2)
+    bearings_deg: Floats = (-75, -60, -48, -37, -27, -18, -9, 0, 9, 18, 27, 37, 48, 60, 75)
+    elevations_deg: Floats = (-30, -20, -12, -5, 0, 8, 18, 30)
+    end_speeds: Floats = (0.3, 0.55, 0.8, 1.0)  # shares of the cruise speed
+    durations_s: Floats = (1.0, 1.6, 2.2)
     # Prices, in metres of way.
     height: float = 0.5  # a metre off the wanted height
     closeness: float = 6.0  # a second at no distance
@@ -135,10 +130,7 @@ class QuinticPlanner:
         best, clear = int(costs.argmin()), True
         if not math.isfinite(costs[best]):
             best, clear = int(np.where(stops, clearances_m, -1.0).argmax()), False
-        duration_s, end_m, end_mps = ends[best, 0], ends[best, 1:4], ends[best, 4:]
-        return Plan(
-            _quintic(*motion, end_m, end_mps, duration_s), duration_s, bool(stops[best]), clear
-        )
+        return Plan(_quintic(*motion, ends[best]), ends[best, 0], bool(stops[best]), clear)
 
     def prices(
         self, plans: Sequence[Plan], motion: Motion, belief: BeliefMap, target_m: Vector
@@ -151,12 +143,7 @@ class QuinticPlanner:
         return self._judged(ends, motion, belief, target_m, limited)[0].tolist()
 
     def _judged(
-        self,
-        ends: Float[np.ndarray, "n 7"],
-        motion: Motion,
-        belief: BeliefMap,
-        target_m: Vector,
-        limited: bool = True,
+        self, ends: Ends, motion: Motion, belief: BeliefMap, target_m: Vector, limited: bool = True
     ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
         """Returns the price of every primitive, and its clearance in metres."""
         occupied = belief.occupied(self.threshold)
@@ -172,27 +159,18 @@ class QuinticPlanner:
         prices = self.cruise_mps, self.height, self.closeness, unknown, self.jerk, self.detour
         return _judge(ends, *motion, target_m, field_m, belief.seen, *lattice, limits, prices)
 
-    def _ends(
-        self, motion: Motion, target_m: Vector
-    ) -> tuple[Float[np.ndarray, "n 7"], Bool[np.ndarray, "n"]]:
-        """Returns duration, place and velocity of the end of every primitive, and which stop.
+    def _ends(self, motion: Motion, target_m: Vector) -> tuple[Ends, Bool[np.ndarray, "n"]]:
+        """Returns the ends of all primitives, and which stop.
 
         Directions are seen from the way to the target. A primitive is as long as with a steady
         change of speed.
         """
         speed_mps = float(np.linalg.norm(motion.velocity_mps))
-        ahead = target_m - motion.position_m
-        course_rad = math.atan2(ahead[1], ahead[0])
-        slope_rad = math.atan2(ahead[2], math.hypot(ahead[0], ahead[1]))
-        flights = self._grid.copy()
-        flights[:, 0] += course_rad
-        flights[:, 1] += slope_rad
+        ahead = _direction(target_m - motion.position_m)
+        flights = self._grid + np.array([*ahead, 0.0, 0.0])
 
         # Stops go the way that the UAV goes, and to both sides of it.
-        velocity = motion.velocity_mps
-        if speed_mps > 0.1:
-            course_rad = math.atan2(velocity[1], velocity[0])
-            slope_rad = math.atan2(velocity[2], math.hypot(velocity[0], velocity[1]))
+        course_rad, slope_rad = _direction(motion.velocity_mps) if speed_mps > 0.1 else ahead
         halts = _combined(
             np.radians((-50, -25, 0, 25, 50)) + course_rad,
             np.array((-0.3, 0.0, 0.3)) + slope_rad,
@@ -221,19 +199,24 @@ class QuinticPlanner:
         )
 
 
+def _direction(vector: Vector) -> tuple[float, float]:
+    """Returns bearing and elevation of a vector in radians."""
+    x, y, z = vector
+    return math.atan2(y, x), math.atan2(z, math.hypot(x, y))
+
+
 def _combined(*axes: np.ndarray) -> np.ndarray:
     return np.stack([each.ravel() for each in np.meshgrid(*axes, indexing="ij")], axis=1)
 
 
 @njit
-def _quintic(position, velocity, acceleration, end, end_velocity, duration):
-    """Returns the polynomial between two motions; the acceleration at the end is zero."""
-    t = duration
-    coefficients = np.empty((6, 3))
+def _quintic(position, velocity, acceleration, end):
+    """Returns the polynomial from a motion to an end; the acceleration there is zero."""
+    t, coefficients = end[0], np.empty((6, 3))
     for a in range(3):
         p, v, half = position[a], velocity[a], acceleration[a] / 2
-        gap = end[a] - p - v * t - half * t * t
-        change = end_velocity[a] - v - 2 * half * t
+        gap = end[1 + a] - p - v * t - half * t * t
+        change = end[4 + a] - v - 2 * half * t
         bend = -2 * half
         coefficients[0, a], coefficients[1, a], coefficients[2, a] = p, v, half
         coefficients[3, a] = (10 * gap - 4 * change * t + 0.5 * bend * t * t) / t**3
@@ -246,8 +229,10 @@ def _quintic(position, velocity, acceleration, end, end_velocity, duration):
 def _judge(
     ends, position, velocity, acceleration, target, field, seen, lower, cell, limits, prices
 ):
-    """Returns the price of every primitive, inf where it is not admissible, and its clearance,
-    which of those that go on is not looked for then."""
+    """Returns the price of every primitive, inf where it is not admissible, and its clearance.
+
+    Clearance is not computed for rejected primitives that do not stop.
+    """
     costs, clearances = np.full(len(ends), np.inf), np.zeros(len(ends))
     fastest, hardest, brake, need = limits
     cruise, of_height, of_closeness, of_unknown, of_jerk, of_detour = prices
@@ -259,9 +244,9 @@ def _judge(
 
     for n in range(len(ends)):
         duration, end, end_velocity = ends[n, 0], ends[n, 1:4], ends[n, 4:]
-        c = _quintic(position, velocity, acceleration, end, end_velocity, duration)
+        c = _quintic(position, velocity, acceleration, ends[n])
         price, nearest, possible = 0.0, np.inf, True
-        pace = np.sqrt(_square(end_velocity))
+        pace = np.sqrt(dot(end_velocity, end_velocity))
         for s in range(1, SAMPLES + 1):
             t = duration * s / SAMPLES
             for a in range(3):
@@ -271,8 +256,10 @@ def _judge(
                 push[a] = 2 * c2 + t * (6 * c3 + t * (12 * c4 + t * 20 * c5))
                 jerk[a] = 6 * c3 + t * (24 * c4 + t * 60 * c5)
                 index[a] = (place[a] - lower[a]) / cell
-            too_fast = _square(speed) > max(fastest, 1.02 * np.sqrt(_square(velocity))) ** 2
-            if too_fast or _square(push) > hardest**2:
+            too_fast = (
+                dot(speed, speed) > max(fastest, 1.02 * np.sqrt(dot(velocity, velocity))) ** 2
+            )
+            if too_fast or dot(push, push) > hardest**2:
                 possible = False
             if not possible and pace > 0:
                 break
@@ -282,7 +269,7 @@ def _judge(
             if clearance < min(need, first + 0.5 * apart(place, position)):
                 possible = False
             step = duration / SAMPLES
-            price += of_jerk * _square(jerk) * step
+            price += of_jerk * dot(jerk, jerk) * step
             price += of_closeness * max(0.0, 1.0 - (clearance - need) / 1.5) ** 2 * step
             if of_unknown > 0 and not _is_seen(seen, index):
                 price += of_unknown * step
@@ -311,7 +298,7 @@ def _judge(
 
 @njit
 def _blocked_m(field, start, target, lower, cell, need):
-    """Returns how much of a straight way is too near to what is occupied."""
+    """Returns the metres of a straight way that are too near to what is occupied."""
     length = apart(target, start)
     steps = int(np.ceil(length / STOP_SAMPLE_M))
     blocked, index = 0, np.empty(3)
@@ -321,11 +308,6 @@ def _blocked_m(field, start, target, lower, cell, need):
         if distance_at(field, index) < need:
             blocked += 1
     return blocked * length / max(steps, 1)
-
-
-@njit(inline="always")
-def _square(vector):
-    return vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2
 
 
 @njit

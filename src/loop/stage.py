@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from ..sim.pilot import STEP_HZ
 from ..sim.scene import Scene, static_parts
@@ -14,6 +13,7 @@ from ..sim.traffic import TrafficConfig, simulate_traffic
 from .mission import Mission
 from .obstacles import Obstacles
 from .true_occupancy import TrueOccupancy
+from .vectors import Points, Vector
 
 # So far from its way a UAV is expected, and the grid reaches beyond that.
 MARGIN_M = np.array([15.0, 15.0, 15.0])
@@ -60,7 +60,7 @@ class Stage:
         return TrueOccupancy(self.scene, *self._corners(MARGIN_M + GRID_REACH_M))
 
     def blind_hits(self, cruise_mps: float, radius_m: float) -> bool:
-        """Tells whether a body that flies straight along the way hits anything."""
+        """Tests the straight way of a body for collisions."""
         track_m = blind_track(self.mission, cruise_mps, self.seconds)
         return any(
             self.obstacles.nearest(*track_m[k : k + 2], (k, k + 1)).distance_m < radius_m
@@ -68,14 +68,14 @@ class Stage:
             if (track_m[k] != track_m[k + 1]).any()
         )
 
-    def _corners(self, margin_m: Float[np.ndarray, "3"]) -> tuple[np.ndarray, np.ndarray]:
+    def _corners(self, margin_m: Vector) -> tuple[Vector, Vector]:
         ends_m = self.mission.at(np.array([0.0, self.mission.length_m]))
         return ends_m.min(axis=0) - margin_m, ends_m.max(axis=0) + margin_m
 
 
-def blind_track(mission: Mission, cruise_mps: float, seconds: float) -> Float[np.ndarray, "t 3"]:
-    """Returns where a UAV is that flies straight along the way and waits at its end, at every step
-    of the simulation."""
+def blind_track(mission: Mission, cruise_mps: float, seconds: float) -> Points:
+    """Returns the places of a UAV that flies straight along the way and waits at its end, at every
+    step of the simulation."""
     times_s = np.arange(round(seconds * STEP_HZ) + 1) / STEP_HZ
     ramp_s = cruise_mps / SETS_OUT_MPS2
     setting_out_m = SETS_OUT_MPS2 / 2 * np.minimum(times_s, ramp_s) ** 2

@@ -1,9 +1,8 @@
 """What every voxel around the UAV truly holds, from points on all surfaces of a scene."""
 
 import math
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Sequence
 from copy import copy
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -15,18 +14,15 @@ from ..ontology import FREE
 from ..sim.scene import Scene
 from ..sim.voxel_kernels import Lattice, count_votes, elect
 from ..voxels import advance, enter, is_inside
-from .distance_field import apart
+from .vectors import Matrix, Numbers, Points, Semantics, Triangles, Vector, Voxels, numbered
 
 # Surfaces have a point on every piece of this side: no voxel that one passes through its middle is
 # missed, only corners of it.
 SPACING_M = 0.25
 # Side of the blocks in which points are looked up.
 BLOCK_M = 8.0
-# Points of one class in touching cells of this side are one object.
-OBJECT_CELL_M = 0.5
 
-Matrix = Float[np.ndarray, "4 4"]
-Points = Float[np.ndarray, "n 3"]
+ClassIds = UInt8[np.ndarray, "n"]
 
 
 class TrueOccupancy:
@@ -35,9 +31,7 @@ class TrueOccupancy:
     A voxel is what most of its points are; a tie goes to the rarer class.
     """
 
-    def __init__(
-        self, scene: Scene, lower_m: Float[np.ndarray, "3"], upper_m: Float[np.ndarray, "3"]
-    ) -> None:
+    def __init__(self, scene: Scene, lower_m: Vector, upper_m: Vector) -> None:
         triangles_m, class_id = Scene(scene.static, ()).triangles_at(0)
         low, high = triangles_m.min(axis=1), triangles_m.max(axis=1)
         near = ((high > lower_m) & (low < upper_m)).all(axis=1)
@@ -45,36 +39,22 @@ class TrueOccupancy:
 
         points_m, face = points_on(triangles_m)
         near = ((points_m > lower_m) & (points_m < upper_m)).all(axis=1)
-        self._static = _Blocks.of(points_m[near], class_id[face[near]])
+        self.static = _Blocks.of(points_m[near], class_id[face[near]])
 
-        self._actors, self._last = [], None
+        self.actors, self._last = [], None
         for actor in scene.actors:
             points_m, _ = points_on(actor.triangles_m)
-            self._actors.append((actor, points_m, np.full(len(points_m), actor.class_id, np.uint8)))
+            self.actors.append((actor, points_m, np.full(len(points_m), actor.class_id, np.uint8)))
 
-    def without(self, rng: np.random.Generator, share: float, classes: Set[int]) -> "TrueOccupancy":
-        """Returns the truth without some of the objects of these classes, each lost with a chance.
-
-        An object is an actor, or all points of one class that are connected.
-        """
-        points_m, class_id = self._static[:2]
-        objects = connected(points_m, class_id)
-        lost = rng.random(objects.max(initial=-1) + 1) < share
-        kept = ~(lost[objects] & np.isin(class_id, list(classes)))
-
+    def only(self, points: Bool[np.ndarray, "n"], actors: Sequence[bool]) -> "TrueOccupancy":
+        """Returns the truth with some of the ``static`` points and of the ``actors`` alone."""
         other = copy(self)
         other._last = None
-        other._static = _Blocks.of(points_m[kept], class_id[kept])
-        other._actors = [
-            each
-            for each in self._actors
-            if not (rng.random() < share and each[0].class_id in classes)
-        ]
+        other.static = _Blocks.of(*(each[points] for each in self.static[:2]))
+        other.actors = [each for each, kept in zip(self.actors, actors) if kept]
         return other
 
-    def at(
-        self, step: int, world_from_occ: Matrix, grid: VoxelGrid
-    ) -> tuple[UInt8[np.ndarray, "X Y Z"], Bool[np.ndarray, "X Y Z"]]:
+    def at(self, step: int, world_from_occ: Matrix, grid: VoxelGrid) -> tuple[Semantics, Voxels]:
         """Returns the class of every voxel at a step of the simulation, free where there is
         nothing, and the voxels with a moving actor."""
         # A moment is looked at by several: who flies, its twin, what scores it.
@@ -85,11 +65,11 @@ class TrueOccupancy:
         occ_from_world = inverse(world_from_occ)
         lattice, free = Lattice.of(grid), np.ones(grid.shape, dtype=bool)
         votes = np.zeros((*grid.shape, FREE), dtype=np.int32)
-        for actor, *points in self._actors:
+        for actor, *points in self.actors:
             count_votes(votes, lattice, occ_from_world @ actor.world_from_actor[step], *points)
         moving = votes.any(axis=-1)
 
-        for points in self._static.around(world_from_occ, grid):
+        for points in self.static.around(world_from_occ, grid):
             count_votes(votes, lattice, occ_from_world, *points)
         self._last = key, (elect(votes, free), moving)
         return self._last[1]
@@ -100,12 +80,12 @@ class _Blocks(NamedTuple):
     at once. Each block begins at one of the points ``first`` and ends before the next."""
 
     points_m: Points
-    class_id: UInt8[np.ndarray, "n"]
+    class_id: ClassIds
     first: Int[np.ndarray, "blocks+1"]
     middle_m: Float[np.ndarray, "blocks 3"]
 
     @classmethod
-    def of(cls, points_m: Points, class_id: UInt8[np.ndarray, "n"]) -> "_Blocks":
+    def of(cls, points_m: Points, class_id: ClassIds) -> "_Blocks":
         block = np.floor(points_m / BLOCK_M).astype(np.int64)
         corner = block.min(axis=0, initial=0)
         _, rows, layers = block.max(axis=0, initial=0) - corner + 1
@@ -126,9 +106,7 @@ class _Blocks(NamedTuple):
             yield self.points_m[part], self.class_id[part]
 
 
-def points_on(
-    triangles_m: Float[np.ndarray, "f 3 3"],
-) -> tuple[Points, Int[np.ndarray, "n"]]:
+def points_on(triangles_m: Triangles) -> tuple[Points, Numbers]:
     """Returns points at most `SPACING_M` apart on every triangle, and the triangle of each.
 
     They lie in rows along the shortest side, so that a thin triangle has few.
@@ -136,77 +114,24 @@ def points_on(
     triangles_m = np.ascontiguousarray(triangles_m, dtype=np.float64)
     sides_m = np.linalg.norm(np.roll(triangles_m, -1, axis=1) - triangles_m, axis=-1)
 
-    # The corner opposite the shortest side comes first.
+    # The corner opposite the shortest side comes first; the last of the sides is then that one.
     order = (sides_m.argmin(axis=1)[:, None] + np.array([2, 0, 1])) % 3
-    triangles_m = np.take_along_axis(triangles_m, order[..., None], axis=1)
+    apex, u, v = np.take_along_axis(triangles_m, order[..., None], axis=1).swapaxes(0, 1)
+    one_m, short_m, other_m = np.take_along_axis(sides_m, order, axis=1).T
 
-    counts = np.zeros(len(triangles_m), dtype=np.int64)
-    _fill(np.empty((0, 3)), counts, triangles_m)
-    points_m = np.empty((counts.sum(), 3))
-    _fill(points_m, counts, triangles_m)
-    return points_m, np.repeat(np.arange(len(counts)), counts)
-
-
-@njit
-def _fill(points, counts, triangles):
-    """Counts the points of every triangle, and writes them where there is room for them."""
-    n, writes = 0, len(points) > 0
-    for f in range(len(triangles)):
-        apex, u, v = triangles[f, 0], triangles[f, 1], triangles[f, 2]
-        long = max(apart(apex, u), apart(apex, v))
-
-        rows, side = max(int(np.ceil(long / SPACING_M)), 1), apart(u, v)
-
-        begin = n
-        for i in range(rows + 1):
-            share = i / rows
-            pieces = int(np.ceil(share * side / SPACING_M))
-            for j in range(pieces + 1):
-                if writes:
-                    across = j / pieces if pieces else 0.0
-                    points[n] = apex + share * ((1 - across) * (u - apex) + across * (v - apex))
-                n += 1
-        counts[f] = n - begin
-
-
-def connected(points_m: Points, class_id: UInt8[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
-    """Returns a number for each point, the same for those of one connected object: one class, in
-    cells of `OBJECT_CELL_M` that touch, be it by a corner."""
-    cell = np.floor(points_m / OBJECT_CELL_M).astype(np.int64)
-    cell -= cell.min(axis=0, initial=0) - 1
-    _, rows, layers = cell.max(axis=0, initial=0) + 2
-    columns = (class_id * (cell[:, 0].max(initial=0) + 2) + cell[:, 0]) * rows + cell[:, 1]
-    keys, index = np.unique(columns * layers + cell[:, 2], return_inverse=True)
-
-    parent = np.arange(len(keys))
-    sides = np.array([(i * rows + j) * layers + k for i, j, k in product((-1, 0, 1), repeat=3)])
-    for step in sides[sides > 0]:
-        at = np.searchsorted(keys, keys + step).clip(max=len(keys) - 1)
-        touching = np.flatnonzero(keys[at] == keys + step)
-        _join(parent, touching, at[touching])
-    return np.unique(parent, return_inverse=True)[1][index]
-
-
-@njit
-def _join(parent, ones, others):
-    """Joins the sets of pairs; in the end every member knows the first one of its set."""
-    for n in range(len(ones)):
-        a, b = ones[n], others[n]
-        while parent[a] != a:
-            a = parent[a]
-        while parent[b] != b:
-            b = parent[b]
-        parent[max(a, b)] = min(a, b)
-    for n in range(len(parent)):
-        parent[n] = parent[parent[n]]
+    rows = np.ceil(np.maximum(one_m, other_m) / SPACING_M).astype(int).clip(1)
+    face, row = numbered(rows + 1)
+    share = row / rows[face]
+    pieces = np.ceil(share * short_m[face] / SPACING_M).astype(int)
+    at, piece = numbered(pieces + 1)
+    face, share = face[at], share[at, None]
+    across = (piece / pieces[at].clip(1))[:, None]
+    way = (1 - across) * (u - apex)[face] + across * (v - apex)[face]
+    return apex[face] + share * way, face
 
 
 @njit(error_model="numpy")
-def in_sight(
-    occupied: Bool[np.ndarray, "X Y Z"],
-    origin: Float[np.ndarray, "3"],
-    directions: Points,
-) -> Bool[np.ndarray, "X Y Z"]:
+def in_sight(occupied: Voxels, origin: Vector, directions: Points) -> Voxels:
     """Returns the voxels that rays pass, up to and with the first occupied one; all in grid
     coordinates. The voxel that a ray begins in hides nothing."""
     seen = np.zeros(occupied.shape, dtype=np.bool_)

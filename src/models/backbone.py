@@ -1,5 +1,6 @@
 """ResNet image encoder (the paper's Phi_img), whose parameter names are torchvision's."""
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import torch
@@ -8,7 +9,7 @@ from torch import Tensor, nn
 
 from ..errors import UserError
 from .tensors import Image
-from .weights import load_weights
+from .weights import load_encoder
 
 # Pixels of the image per pixel of each feature level, finest first.
 STRIDES = (4, 8, 16, 32)
@@ -39,49 +40,30 @@ class PixelNorm(nn.Module):
         return x.contiguous(memory_format=torch.channels_last)
 
 
-class BasicBlock(nn.Module):
-    """Two 3x3 convolutions and a shortcut (ResNet-18)."""
+class Block(nn.Module):
+    """Convolutions and a shortcut around them: two of 3x3 (ResNet-18), or a bottleneck of 1x1, 3x3
+    and 1x1 (ResNet-50). The first 3x3 carries the stride."""
 
-    expansion = 1
     recomputable = True
 
-    def __init__(self, in_channels: int, channels: int, stride: int) -> None:
+    def __init__(
+        self, in_channels: int, channels: Sequence[int], kernels: Sequence[int], stride: int
+    ) -> None:
         super().__init__()
-        self.conv1 = nn.Conv2d(in_channels, channels, 3, stride, 1, bias=False)
-        self.bn1 = nn.BatchNorm2d(channels)
-        self.conv2 = nn.Conv2d(channels, channels, 3, 1, 1, bias=False)
-        self.bn2 = nn.BatchNorm2d(channels)
+        strides = [stride if n == kernels.index(3) else 1 for n in range(len(kernels))]
+        pairs = zip((in_channels, *channels), channels)
+        for n, (pair, kernel, step) in enumerate(zip(pairs, kernels, strides), start=1):
+            convolution = nn.Conv2d(*pair, kernel, step, kernel // 2, bias=False)
+            self.add_module(f"conv{n}", convolution)
+            self.add_module(f"bn{n}", nn.BatchNorm2d(pair[1]))
         self.relu = nn.ReLU(inplace=True)
-        self.downsample = shortcut(in_channels, channels, stride)
+        self.downsample = shortcut(in_channels, channels[-1], stride)
 
     def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b d h2 w2"]:
         y = self.relu(self.bn1(self.conv1(x)))
         y = self.bn2(self.conv2(y))
-        return self.relu(y + self.downsample(x))
-
-
-class Bottleneck(nn.Module):
-    """1x1, 3x3 and 1x1 convolutions and a shortcut (ResNet-50); the 3x3 carries the stride."""
-
-    expansion = 4
-    recomputable = True
-
-    def __init__(self, in_channels: int, channels: int, stride: int) -> None:
-        super().__init__()
-        out_channels = channels * self.expansion
-        self.conv1 = nn.Conv2d(in_channels, channels, 1, bias=False)
-        self.bn1 = nn.BatchNorm2d(channels)
-        self.conv2 = nn.Conv2d(channels, channels, 3, stride, 1, bias=False)
-        self.bn2 = nn.BatchNorm2d(channels)
-        self.conv3 = nn.Conv2d(channels, out_channels, 1, bias=False)
-        self.bn3 = nn.BatchNorm2d(out_channels)
-        self.relu = nn.ReLU(inplace=True)
-        self.downsample = shortcut(in_channels, out_channels, stride)
-
-    def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b d h2 w2"]:
-        y = self.relu(self.bn1(self.conv1(x)))
-        y = self.relu(self.bn2(self.conv2(y)))
-        y = self.bn3(self.conv3(y))
+        if hasattr(self, "conv3"):
+            y = self.bn3(self.conv3(self.relu(y)))
         return self.relu(y + self.downsample(x))
 
 
@@ -94,15 +76,16 @@ def shortcut(in_channels: int, out_channels: int, stride: int) -> nn.Module:
     )
 
 
-# Block and number of blocks of each stage, by depth (He et al. 2016, Table 1).
-LAYOUTS = {18: (BasicBlock, (2, 2, 2, 2)), 50: (Bottleneck, (3, 4, 6, 3))}
+# Sides of a block's convolutions, how much wider its last one is, and the number of blocks of each
+# stage, by depth (He et al. 2016, Table 1).
+LAYOUTS = {18: ((3, 3), 1, (2, 2, 2, 2)), 50: ((1, 3, 1), 4, (3, 4, 6, 3))}
 
 
 class ResNet(nn.Module):
     """ResNet-18 or -50 that returns its four stages, at strides 4, 8, 16 and 32.
 
     ``depth`` is 18 or 50; ``width`` is the channels of the first stage (64 is the standard one).
-    ``weights`` and ``weights_sha256`` go to `load_weights`; with ``None`` it starts at random.
+    ``weights`` and ``weights_sha256`` go to `load_encoder`; with ``None`` it starts at random.
     ``channels`` holds the channels of the four outputs, and ``built_by`` the arguments that build
     one to be filled from a checkpoint. Raises `UserError` for another depth.
     """
@@ -120,8 +103,8 @@ class ResNet(nn.Module):
         if depth not in LAYOUTS:
             raise UserError(f"size.backbone_depth: {depth} is not one of {sorted(LAYOUTS)}")
 
-        block, repeats = LAYOUTS[depth]
-        self.channels = tuple(width * 2**stage * block.expansion for stage in range(4))
+        kernels, expansion, repeats = LAYOUTS[depth]
+        self.channels = tuple(width * 2**stage * expansion for stage in range(4))
         self.conv1 = nn.Conv2d(3, width, 7, 2, 3, bias=False)
         self.bn1 = nn.BatchNorm2d(width)
         self.relu = nn.ReLU(inplace=True)
@@ -129,21 +112,19 @@ class ResNet(nn.Module):
 
         in_channels = width
         for stage, repeat in enumerate(repeats):
+            channels = [width * 2**stage] * (len(kernels) - 1) + [self.channels[stage]]
             blocks = []
             for index in range(repeat):
                 stride = 2 if stage > 0 and index == 0 else 1
-                blocks.append(block(in_channels, width * 2**stage, stride))
-                in_channels = self.channels[stage]
+                blocks.append(Block(in_channels, channels, kernels, stride))
+                in_channels = channels[-1]
             self.add_module(f"layer{stage + 1}", nn.Sequential(*blocks))
 
-        self._initialise()
-        self.pixel_norm = PixelNorm()
-        load_weights(self, depth, weights, weights_sha256)
-
-    def _initialise(self) -> None:
         for module in self.modules():
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
+        self.pixel_norm = PixelNorm()
+        load_encoder(self, depth, weights, weights_sha256)
 
     def forward(self, image: Image) -> list[Float[Tensor, "b _ _ _"]]:
         """Returns four feature maps, finest first; the image is normalised here, on its device.

@@ -133,7 +133,10 @@ def load_weights(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> 
 
     Raises `UserError` for weights of another architecture.
     """
-    own, saved = (_shapes(each) for each in (module.state_dict(), state))
+    own, saved = (
+        {(name, tensor.shape) for name, tensor in each.items()}
+        for each in (module.state_dict(), state)
+    )
     # A name appears here once for each shape that only one of the two has.
     if different := sorted({name for name, _ in own ^ saved}):
         raise UserError(
@@ -141,7 +144,3 @@ def load_weights(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> 
             f"{different[0]} first); use the model and scale that it was trained with"
         )
     module.load_state_dict(state)
-
-
-def _shapes(state: Mapping[str, Tensor]) -> set[tuple[str, torch.Size]]:
-    return {(name, tensor.shape) for name, tensor in state.items()}

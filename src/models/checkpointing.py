@@ -48,7 +48,7 @@ def _forward(module: nn.Module, forward: Callable[..., Any], *inputs: Any) -> An
 
 
 def _state(norm: _BatchNorm) -> dict[str, Any]:
-    """Returns what a norm normalises with now, in tensors that no later batch changes."""
+    """Copies the mode and the running statistics of a norm, which later batches change."""
     buffers = {name: buffer.clone() for name, buffer in norm.named_buffers()}
     return {"training": norm.training, **buffers}
 

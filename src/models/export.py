@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from ..atomic import replacing
 from ..bounds import require_choice
-from ..errors import UserError, reason_of
+from ..errors import UserError, import_extra, reason_of
 from .history import History
 from .network import SkyOcc
 
@@ -97,12 +97,7 @@ def require_formats(formats: Sequence[str]) -> None:
 
 
 def _write_onnx(program: torch.export.ExportedProgram, path: Path) -> None:
-    try:
-        import onnxscript  # noqa: F401
-    except ImportError:
-        raise UserError(
-            "task.formats: onnx needs packages that are not here; pip install -e '.[export]'"
-        ) from None
+    import_extra("onnxscript", "export", "task.formats")
     names = {"input_names": INPUTS[: len(program.graph_signature.user_inputs)]}
     graph = torch.onnx.export(program, dynamo=True, verbose=False, output_names=OUTPUTS, **names)
     graph.save(str(path))
@@ -162,10 +157,7 @@ class ExportedStep:
 
 
 def _open_onnx(path: Path, threads: int) -> Run:
-    try:
-        import onnxruntime
-    except ImportError:
-        raise UserError(f"{path}: onnxruntime is not here; pip install -e '.[export]'") from None
+    onnxruntime = import_extra("onnxruntime", "export", str(path))
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])

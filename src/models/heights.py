@@ -7,15 +7,14 @@ from torch import Tensor, nn
 from .references import References
 from .tensors import Pillars
 
+# What is gathered at each height of the pillars, and the projections W_j of the heights.
+Gathered = Float[Tensor, "r dim"]
+Projections = Float[Tensor, "j dim dim"]
 
-def height_projections(
-    num_heights: int, dim: int, gain: float = 1.0, told: int | None = None
-) -> nn.Parameter:
-    """Returns ``[num_heights, told, dim]``, each as a linear layer would start, times a gain.
 
-    ``told`` is the width of what is gathered at a height, ``dim`` by default.
-    """
-    projections = nn.Parameter(torch.empty(num_heights, told or dim, dim))
+def height_projections(num_heights: int, dim: int, gain: float = 1.0) -> nn.Parameter:
+    """Returns a projection a height, each as a linear layer would start, times a gain."""
+    projections = nn.Parameter(torch.empty(num_heights, dim, dim))
     for weight in projections.data:
         nn.init.xavier_uniform_(weight, gain)
     return projections
@@ -31,21 +30,13 @@ def gain_of_mean(num_heights: int) -> float:
     return 2 * num_heights**0.5
 
 
-def projected_sum(
-    by_height: Float[Tensor, "bpj told"],
-    projections: Float[Tensor, "j told dim"],
-    batch_size: int,
-) -> Pillars:
+def projected_sum(by_height: Gathered, projections: Projections, batch_size: int) -> Pillars:
     """Returns ``sum_j f_pj W_j``: a plain sum would lose which height a feature came from."""
     by_pillar = by_height.view(batch_size, -1, projections.shape[:2].numel())
     return by_pillar @ projections.flatten(0, 1)
 
 
-def projected_mean(
-    sampled: Float[Tensor, "r told"],
-    projections: Float[Tensor, "j told dim"],
-    references: References,
-) -> Pillars:
+def projected_mean(sampled: Gathered, projections: Projections, references: References) -> Pillars:
     """Returns ``1/|J_p| sum_{j in J_p} f_pj W_j`` of the samples at ``references.in_view``.
 
     A pillar with no valid reference gets exactly zero.

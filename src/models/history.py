@@ -1,5 +1,6 @@
 """Pillars of past frames: aligned to the current frame (ego-motion), and attended to (Eq. 7)."""
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -34,6 +35,37 @@ class History(NamedTuple):
         before = slice(-1 - len(steps), -1)
         motion, valid = batch["occ_from_past_occ"][:, before], batch["history_valid"][:, before]
         return cls(torch.stack(list(steps), dim=1), motion, valid)
+
+
+class PillarMemory:
+    """Keeps the pillars of the last ``length`` steps, whose batches were consecutive frames.
+
+    Each place of the batch is a stream of its own (`data.batches.StreamBatches`). The batch's
+    ``history_valid`` says how far back it goes. The weights change between the steps, so older
+    pillars are those of older weights: the price of not computing them again.
+    """
+
+    def __init__(self, length: int) -> None:
+        self.steps: deque[Tensor] = deque(maxlen=length)
+
+    def clear(self) -> None:
+        """Forgets everything: at the start of an epoch."""
+        self.steps.clear()
+
+    def keep(self, pillars: Float[Tensor, "b p dim"]) -> None:
+        """Keeps what a step left behind, without its graph."""
+        self.steps.append(pillars.detach())
+
+    def history(self, batch: Mapping[str, Tensor]) -> History | None:
+        """Returns the history of a batch's current frames; ``None`` where nothing is kept.
+
+        Raises `RuntimeError` where the batch relies on steps that were never taken.
+        """
+        kept = len(self.steps)
+        older = batch["history_valid"][:, : -1 - kept]
+        if kept < self.steps.maxlen and older.any():
+            raise RuntimeError("a batch of a stream refers to steps that were never taken")
+        return History.of(self.steps, batch) if kept else None
 
 
 class AlignedHistory(NamedTuple):

@@ -1,7 +1,7 @@
 """Image encoders from the Hugging Face Hub, or at random from their configurations."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ..errors import UserError, reason_of
+from ..errors import UserError, import_extra, reason_of
 from .backbone import STRIDES, PixelNorm
 from .tensors import Image
 
@@ -53,10 +53,14 @@ class HuggingFaceBackbone(nn.Module):
                 "false with it"
             )
 
-        if config is not None:
-            self.model, self.called = _at_random(config), config["model_type"]
-        else:
+        if config is None:
             self.model, self.called = _by_name(name, pretrained, revision), name
+        else:
+            transformers = _transformers()
+            with _refusing(f"model.backbone.config: no backbone from {dict(config)}"):
+                described = transformers.AutoConfig.for_model(**config, out_indices=LAST_FOUR)
+                self.model = transformers.AutoBackbone.from_config(described)
+            self.called = config["model_type"]
 
         self.pixel_norm = PixelNorm()
         self.channels = tuple(level.shape[1] for level in _probe(self.model, self.called))
@@ -87,16 +91,9 @@ class HuggingFaceBackbone(nn.Module):
         return list(self.model(self.pixel_norm(image)).feature_maps)
 
 
-def import_transformers() -> ModuleType:
-    """Imports the optional library, only where it is used."""
-    try:
-        import transformers
-    except ImportError as error:
-        raise UserError(
-            "model.backbone: needs transformers; pip install -e '.[encoders]', or take "
-            "model/backbone=resnet"
-        ) from error
-    return transformers
+def _transformers() -> ModuleType:
+    instead = ", or take model/backbone=resnet"
+    return import_extra("transformers", "encoders", "model.backbone", instead)
 
 
 @contextmanager
@@ -109,15 +106,8 @@ def _refusing(what: str) -> Iterator[None]:
         raise UserError(f"{what}: {reason_of(error)}") from error
 
 
-def _at_random(config: Mapping[str, Any]) -> nn.Module:
-    transformers = import_transformers()
-    with _refusing(f"model.backbone.config: no backbone from {dict(config)}"):
-        described = transformers.AutoConfig.for_model(**config, out_indices=LAST_FOUR)
-        return transformers.AutoBackbone.from_config(described)
-
-
 def _by_name(name: str | None, pretrained: bool, revision: str) -> nn.Module:
-    transformers = import_transformers()
+    transformers = _transformers()
     if not name:
         raise UserError("model.backbone.name: none; give a model of the Hub, a folder, or a config")
     folder = _folder(name, revision, CONFIG_FILES + (WEIGHT_FILES if pretrained else []))
@@ -136,12 +126,17 @@ def _by_name(name: str | None, pretrained: bool, revision: str) -> nn.Module:
         how = {"use_safetensors": True, "dtype": torch.float32, "output_loading_info": True}
         model, loaded = kind.from_pretrained(folder, config=config, **how)
 
-    _require_all(name, loaded["missing_keys"])
+    # A classifier, whose weights are published, has no norms at the outputs.
+    if missing := sorted(key for key in loaded["missing_keys"] if "norm" not in key):
+        raise UserError(
+            f"model.backbone.name: the weights of {name} lack {missing[0]} and {len(missing) - 1} "
+            "more of the backbone; take another model, or model.backbone.pretrained=false"
+        )
     return model
 
 
 def _folder(name: str, revision: str, files: list[str]) -> Path:
-    """Returns where a model's files are on this machine, fetched if need be."""
+    """Returns the folder with a model's files on this machine, fetched if need be."""
     if Path(name).is_dir():
         return Path(name)
     from huggingface_hub import snapshot_download
@@ -153,19 +148,6 @@ def _folder(name: str, revision: str, files: list[str]) -> Path:
             f"model.backbone.name: cannot get {name} ({reason_of(error)}); check the name and the "
             "network, give a folder, or take model/backbone=resnet"
         ) from error
-
-
-def _require_all(name: str, missing: Iterable[str]) -> None:
-    """Raises `UserError` for parts without weights, but for the norms at the outputs.
-
-    A classifier, whose weights are published, has no such norms.
-    """
-    missing = sorted(key for key in missing if "norm" not in key)
-    if missing:
-        raise UserError(
-            f"model.backbone.name: the weights of {name} lack {missing[0]} and {len(missing) - 1} "
-            "more of the backbone; take another model, or model.backbone.pretrained=false"
-        )
 
 
 def _probe(model: nn.Module, name: str) -> list[Float[Tensor, "1 _ _ _"]]:

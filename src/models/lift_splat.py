@@ -58,7 +58,13 @@ class LiftSplat(nn.Module):
         self.near_m = near_m
         self.step_m = grid.voxel_m if step_m is None else step_m
         far_m = farthest_m(grid) if far_m is None else far_m
-        self.num_bins = _count_bins(near_m, far_m, self.step_m)
+        if not (0 < near_m < far_m and self.step_m > 0):
+            raise UserError(
+                f"model.encoder.lift.near_m: must be above 0 and below far_m, and step_m above 0; "
+                f"they are {near_m}, {far_m} and {self.step_m}"
+            )
+        # Rounding must not add a bin where the width divides the range.
+        self.num_bins = math.ceil((far_m - near_m) / self.step_m - 1e-6)
 
         self.context = nn.Linear(dim, dim)
         self.depth = nn.Linear(dim, self.num_bins)
@@ -98,7 +104,7 @@ class LiftSplat(nn.Module):
     def _points(
         self, references: References, width: int, height: int
     ) -> Float[Tensor, "b n bins 3"]:
-        """Returns where the level's pixels are in the grid's frame, at every bin's center."""
+        """Returns the places of the level's pixels in the grid's frame, at every bin's center."""
         chain = references.camera_from_volume
         bins = torch.arange(self.num_bins, dtype=chain.dtype, device=chain.device)
         depth_m = self.near_m + (bins + 0.5) * self.step_m
@@ -153,13 +159,3 @@ def splat_by_adding(
 def farthest_m(grid: VoxelGrid) -> float:
     """Returns the distance of the grid's farthest corner from the UAV."""
     return math.hypot(*(max(abs(l), abs(u)) for l, u in zip(grid.lower_m, grid.upper_m)))
-
-
-def _count_bins(near_m: float, far_m: float, step_m: float) -> int:
-    if not (0 < near_m < far_m and step_m > 0):
-        raise UserError(
-            f"model.encoder.lift.near_m: must be above 0 and below far_m, and step_m above 0; they "
-            f"are {near_m}, {far_m} and {step_m}"
-        )
-    # Rounding must not add a bin where the width divides the range.
-    return math.ceil((far_m - near_m) / step_m - 1e-6)

@@ -81,7 +81,12 @@ class Term(nn.Module):
         # A function that is no partial has no settings.
         self.function = getattr(function, "func", function)
         settings = dict(getattr(function, "keywords", {}))
-        self.weight = _weight(f"{key}.weight", settings.pop("weight", 1.0))
+        weight = settings.pop("weight", 1.0)
+        if type(weight) not in (int, float) or not 0 <= weight < math.inf:
+            raise UserError(
+                f"{key}.weight: {weight!r} is no weight; give a finite number, 0 or more"
+            )
+        self.weight = float(weight)
         _require_taken(key, self.function, settings)
 
         self.settings = {}
@@ -104,13 +109,6 @@ class Term(nn.Module):
         return value
 
 
-def _weight(key: str, weight: Any) -> float:
-    is_number = isinstance(weight, int | float) and not isinstance(weight, bool)
-    if not is_number or not 0 <= weight < math.inf:
-        raise UserError(f"{key}: {weight!r} is no weight; give a finite number, 0 or more")
-    return float(weight)
-
-
 def _require_taken(key: str, function: Callable, settings: Mapping[str, Any]) -> None:
     """Raises `UserError` for a setting that the function of a term does not take."""
     parameters = list(inspect.signature(function).parameters.values())[2:]
@@ -124,7 +122,7 @@ def _require_taken(key: str, function: Callable, settings: Mapping[str, Any]) ->
 
 
 def _of_counts(key: str, rule: Callable, class_counts: Sequence[float] | None) -> Any:
-    """Returns what a setting becomes once the training set is known."""
+    """Computes a setting from the class counts of the training set."""
     if class_counts is None:
         raise UserError(f"{key}: is computed from the training set's class counts; give them")
     try:

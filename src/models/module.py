@@ -5,16 +5,15 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
-from lightning import LightningModule, Trainer
+from lightning import LightningModule
 from torch import Tensor, nn
-from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 from torchmetrics import MeanMetric, Metric
 
 from ..data.truth import truth_of
 from ..errors import UserError
 from .checkpoint import FORMAT, Origin
-from .memory import PillarMemory
+from .history import PillarMemory
 from .network import Step
 from .sight import depth_error
 from .weights import ORIGIN
@@ -72,7 +71,7 @@ class OccupancyModule(LightningModule):
         return parts["total"]
 
     def training_output(self, batch: Mapping[str, Tensor]) -> Step:
-        """Returns what the network gives for a batch of the training loader, in whichever order."""
+        """Runs the network on a batch of the training loader, shuffled or of streams."""
         if self.memory is None:
             return self.network.step(batch, self.network.history_of(batch))
 
@@ -112,7 +111,9 @@ class OccupancyModule(LightningModule):
         optimizer = config["rule"](
             [{"params": decayed}, spared], lr=config["lr"], weight_decay=config["weight_decay"]
         )
-        return scheduled(optimizer, self.trainer, config["warmup"])
+        total = int(self.trainer.estimated_stepping_batches)
+        schedule = LambdaLR(optimizer, lambda step: rate_share(step, total, config["warmup"]))
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
     def _require_finite(self, parts: Mapping[str, Tensor], batch: Mapping[str, Tensor]) -> None:
         if torch.isfinite(parts["total"]):
@@ -125,13 +126,6 @@ class OccupancyModule(LightningModule):
             f"{self.global_step}, in the batch {frames}; checkpoints of earlier epochs are kept: "
             "look at these frames, or lower optimizer.lr"
         )
-
-
-def scheduled(optimizer: Optimizer, trainer: Trainer, warmup: float) -> dict:
-    """Returns an optimizer with the schedule of `rate_share`, in the form that Lightning takes."""
-    total = int(trainer.estimated_stepping_batches)
-    schedule = LambdaLR(optimizer, lambda step: rate_share(step, total, warmup))
-    return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
 
 def rate_share(step: int, total: int, warmup: float) -> float:

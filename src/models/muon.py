@@ -42,25 +42,19 @@ class Muon(AdamW):
                 loss = closure()
 
         for group in self.param_groups:
-            matrices = [
-                parameter
-                for parameter in group["params"]
-                if parameter.grad is not None and parameter.ndim in (2, 4)
-            ]
-            self._move(matrices, group["lr"], group["weight_decay"])
+            lr = group["lr"]
+            matrices = [p for p in group["params"] if p.grad is not None and p.ndim in (2, 4)]
+            directions = orthogonal([self._ahead(matrix).flatten(1) for matrix in matrices])
+            for matrix, direction in zip(matrices, directions):
+                scale = STEP_RMS * math.sqrt(max(direction.shape))
+                matrix.mul_(1 - lr * group["weight_decay"])
+                matrix.add_(direction.view_as(matrix), alpha=-lr * scale)
+                matrix.grad = None  # AdamW passes over what has no gradient
         super().step()
         return loss
 
-    def _move(self, parameters: Sequence[Tensor], lr: float, weight_decay: float) -> None:
-        directions = orthogonal([self._ahead(parameter).flatten(1) for parameter in parameters])
-        for parameter, direction in zip(parameters, directions):
-            scale = STEP_RMS * math.sqrt(max(direction.shape))
-            parameter.mul_(1 - lr * weight_decay)
-            parameter.add_(direction.view_as(parameter), alpha=-lr * scale)
-            parameter.grad = None  # AdamW passes over what has no gradient
-
     def _ahead(self, parameter: Tensor) -> Tensor:
-        """Returns where the gradient and its momentum point to (Nesterov)."""
+        """Returns the direction of the gradient and its momentum (Nesterov)."""
         state = self.state[parameter]
         if not state:
             # AdamW asks every state for its number of steps when it is read from a checkpoint.

@@ -20,12 +20,12 @@ from .metadata import Metadata
 from .neck import FPN
 from .references import References
 from .sight import Sight, SightHead
-from .tensors import Features, Image, Logits, Pillars
+from .tensors import Features, Logits, Pillars
 
 HistoryKind = Literal["queue", "recursive"]
 
 
-class Frame(NamedTuple):
+class EncodedFrame(NamedTuple):
     """One frame by itself: its feature maps, its references, and its pillars from these alone; and
     what its pixels see, where the network says it."""
 
@@ -92,8 +92,13 @@ class SkyOcc(nn.Module):
         # Only those of the current frame are measured, and a past one is lifted with its own.
         if metadata_first and encoder.num_frames > 1:
             raise UserError("model.metadata_first: true is without history; give data.frames=1")
+        if sight is not None and sight.stride not in encoder.reads_strides:
+            raise UserError(
+                f"model/sight: what pixels see is read off stride {sight.stride}, and model/lift "
+                f"reads {sorted(encoder.reads_strides)}; give model/sight=off, or "
+                f"model.encoder.lift.stride={sight.stride}"
+            )
         self.ground, self.sight = ground, sight
-        _require_fitting(sight, encoder)
         self.history, self.history_grad = history, history_grad
 
         self.to(memory_format=torch.channels_last)
@@ -107,13 +112,13 @@ class SkyOcc(nn.Module):
 
     @property
     def past_frames(self) -> int:
-        """Returns how many frames before the current one `step` takes as its history, at most."""
+        """The largest number of frames before the current one in the history of a `step`."""
         queue = self.encoder.num_frames - 1
         return min(queue, 1) if self.history == "recursive" else queue
 
     @property
     def device(self) -> torch.device:
-        """Returns where the parameters are."""
+        """The device of the parameters."""
         return self.encoder.query.device
 
     def forward(self, batch: Mapping[str, Tensor]) -> Logits:
@@ -125,7 +130,7 @@ class SkyOcc(nn.Module):
         return self.step(batch, self.history_of(batch)).logits
 
     def history_of(self, batch: Mapping[str, Tensor]) -> History | None:
-        """Returns what every past frame of the queue that exists leaves behind.
+        """Computes the history of a batch: the pillars of each past frame that exists in its queue.
 
         Batch normalisation uses its running statistics there: so a past frame's pillars are the
         ones that a stream would have cached, and each step updates the statistics once, from the
@@ -147,7 +152,7 @@ class SkyOcc(nn.Module):
         return History.of(steps[-self.past_frames :], batch)
 
     def step(self, batch: Mapping[str, Tensor], history: History | None) -> Step:
-        """Returns what a batch's current frames give."""
+        """Computes the logits of a batch's current frames, and the pillars for later ones."""
         frame = self.encode(batch, -1)
         fused = self.fuse(frame, history)
         logits = self.decode(fused, batch)
@@ -155,7 +160,7 @@ class SkyOcc(nn.Module):
 
     def encode(
         self, batch: Mapping[str, Tensor], at: int, rows: Tensor | slice = slice(None)
-    ) -> Frame:
+    ) -> EncodedFrame:
         """Returns frame ``at`` of the queue by itself, for some rows of the batch."""
         image, height_m = batch["image"][rows, at], None
         if self.ground is not None:
@@ -171,24 +176,20 @@ class SkyOcc(nn.Module):
             (image.shape[-1], image.shape[-2]),
             height_m,
         )
-        features, sight = self.features(image), None
+        features, sight = self.neck(self.backbone(image)), None
         if self.sight is not None:
             sight = self.sight(features[0], references, self.ground is not None)
         told = self._told(batch) if self.metadata_first else None
         pillars = self.encoder.frame(features, references, told)
-        return Frame(features, references, pillars, sight)
+        return EncodedFrame(features, references, pillars, sight)
 
-    def features(self, image: Image) -> Features:
-        """Returns the feature maps of a frame; ``None`` for a level that no lifting reads."""
-        return self.neck(self.backbone(image))
-
-    def fuse(self, frame: Frame, history: History | None) -> Pillars:
+    def fuse(self, frame: EncodedFrame, history: History | None) -> Pillars:
         """Returns the pillars of a frame and of what came before it."""
         if history is None and self.training:
             history = self.encoder.no_history(frame.pillars)
         return self.encoder.fuse(frame.pillars, frame.features, frame.references, history)
 
-    def carried(self, frame: Frame, fused: Pillars) -> Pillars:
+    def carried(self, frame: EncodedFrame, fused: Pillars) -> Pillars:
         """Returns the pillars that later frames take as their history."""
         return fused if self.history == "recursive" else frame.pillars
 
@@ -205,9 +206,9 @@ class SkyOcc(nn.Module):
     def _encode_past(
         self, batch: Mapping[str, Tensor], at: int, rows: Tensor, before: Sequence[Tensor]
     ) -> Pillars:
-        """Returns what frame ``at`` leaves behind in the rows of the batch that have one.
+        """Returns the pillars of frame ``at``, in the rows of the batch that have one.
 
-        In the others it is zero, and not computed.
+        In the others they are zero, and not computed.
         """
         pillars = self.encoder.query.new_zeros(len(batch["image"]), *self.pillar_shape)
         if len(rows) == 0:
@@ -222,7 +223,7 @@ class SkyOcc(nn.Module):
     def _state(
         self, batch: Mapping[str, Tensor], at: int, rows: Tensor, before: Sequence[Tensor]
     ) -> History | None:
-        """Returns what the frame before ``at`` left behind, for the recursive history."""
+        """Returns the pillars of the frame before ``at`` as a history, for the recursive kind."""
         if at == 0:
             return None
 
@@ -232,16 +233,6 @@ class SkyOcc(nn.Module):
             before[-1][rows, None],
             (inverse(occ_from_this) @ occ_from_last)[:, None],
             batch["history_valid"][rows, at - 1 : at],
-        )
-
-
-def _require_fitting(sight: SightHead | None, encoder: PillarEncoder) -> None:
-    """Raises `UserError` for a lifting that does not go with the head of the pixels."""
-    if sight is not None and sight.stride not in encoder.reads_strides:
-        raise UserError(
-            f"model/sight: what pixels see is read off stride {sight.stride}, and model/lift reads "
-            f"{sorted(encoder.reads_strides)}; give model/sight=off, or "
-            f"model.encoder.lift.stride={sight.stride}"
         )
 
 

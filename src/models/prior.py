@@ -15,7 +15,7 @@ from ..ontology import FREE, NUM_CLASSES, UNKNOWN
 # calls a voxel occupied where its odds exceed J, and J is at most 1.
 CANDIDATES = tuple(10 ** (-step / 4) for step in range(13))
 # Target, velocity in m/s, and the layer at which the target's lowest voxels lie.
-Frame = tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"], int]
+LabelledFrame = tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"], int]
 
 
 class VoxelPrior:
@@ -41,7 +41,7 @@ class VoxelPrior:
 
     @property
     def counts(self) -> Int[Tensor, "c X Y K"]:
-        """Returns how often each class was the label of each voxel."""
+        """The number of training frames in which each class was the label of each voxel."""
         return self._counts[:-1]
 
     def count(self, semantics: UInt8[Tensor, "X Y Z"], layer: int = 0) -> None:
@@ -84,7 +84,7 @@ class VoxelPrior:
 
     def fit(
         self,
-        frames: Iterable[Frame],
+        frames: Iterable[LabelledFrame],
         make_scores: Callable[[], Metric],
         candidates: Sequence[float] = CANDIDATES,
     ) -> dict[float, float]:

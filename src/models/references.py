@@ -125,7 +125,7 @@ class PillarReferences(nn.Module):
             return valid.flatten().nonzero()[:, 0]
         room = math.ceil(capacity * valid.shape[1])
         if room < valid.shape[1] and not torch.compiler.is_compiling():
-            _require_room(valid.sum(dim=1).max(), room, valid.shape[1])
+            _require_room(valid, room)
         return padded_index(valid, room)
 
 
@@ -160,9 +160,12 @@ def padded_index(valid: Bool[Tensor, "b n"], room: int) -> Int[Tensor, "b*{room}
     return index.scatter(1, slot, places)[:, :room].flatten()
 
 
-def _require_room(most: Int[Tensor, ""], room: int, total: int) -> None:
-    message = f"more references are in view than capacity has room for ({room}); raise it, or null"
+def _require_room(valid: Bool[Tensor, "b n"], room: int) -> None:
+    most, total = valid.sum(dim=1).max(), valid.shape[1]
     if most.is_cuda:
+        message = (
+            f"model.encoder.capacity: more than {room} references are in view; raise it, or null"
+        )
         torch._assert_async(most <= room, message)
     elif most > room:
         raise UserError(

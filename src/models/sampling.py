@@ -39,7 +39,8 @@ def summed_by_bags(levels, x, y, weight, frame) -> Float[Tensor, "r dim"]:
     """Computes `summed_samples` as one weighted sum of the rows of a table."""
     heads, points = x.shape[:2]
     sizes = [level.shape[1:3] for level in levels]
-    rows = bordered_rows(levels)
+    # One table of all levels, each with a border of zeros one cell wide.
+    rows = torch.cat([F.pad(each, (0, 0, 1, 1, 1, 1)).flatten(1, 2) for each in levels], dim=1)
     batch_size, table_size, dim = rows.shape
 
     # A table for each head and frame.
@@ -122,15 +123,10 @@ def _summed(rows, index, weights, offsets) -> Float[Tensor, "k d"]:
     )
 
 
-def bordered_rows(levels: Levels) -> Float[Tensor, "b s dim"]:
-    """Returns one table of all levels, each with a border of zeros one cell wide."""
-    return torch.cat([F.pad(level, (0, 0, 1, 1, 1, 1)).flatten(1, 2) for level in levels], dim=1)
-
-
 def bilinear_corners(
     x: Samples, y: Samples, sizes: Sequence[tuple[int, int]], base: Int[Tensor, "heads 1 1 r"]
 ) -> tuple[Int[Tensor, "heads 4 points levels r"], Float[Tensor, "heads 4 points levels r"]]:
-    """Returns rows of `bordered_rows` (int32) and weights of each place's four neighbours.
+    """Returns rows of the table (int32) and weights of each place's four neighbours.
 
     ``sizes`` are the levels' (height, width) without border; ``base`` is the row where the place's
     table starts. What lies outside a level falls on its border: zero.

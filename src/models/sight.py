@@ -85,7 +85,7 @@ class SightHead(nn.Module):
     def forward(
         self, feature: Float[Tensor, "b dim h w"], references: References, has_ground: bool
     ) -> Sight:
-        """Returns what the pixels of the finest level see."""
+        """Returns class and depth logits of the pixels of the finest level."""
         height, width = feature.shape[-2:]
         # Autocast would round geometry to 8 bits.
         with torch.autocast(feature.device.type, enabled=False):
@@ -118,8 +118,8 @@ def place_of(depth_m: Float[Tensor, "*n"], bins: int) -> Float[Tensor, "*n"]:
 def rays(
     references: References, width: int, height: int, stride: int, has_ground: bool
 ) -> tuple[Float[Tensor, "b 4 h w"], Float[Tensor, "b 1 h w"], Bool[Tensor, "b 1 h w"]]:
-    """Returns what the pixels of a level are told, the depth of the ground plane in metres, and
-    which rays meet it within `FAR_M`."""
+    """Returns the four inputs of each pixel of a level, the depth in metres at which its ray meets
+    the ground plane, and a mask of the rays that meet it within `FAR_M`."""
     volume_from_camera = inverse(references.camera_from_volume)
     pix = (stride * pixel_centers(width, height)).flatten(0, 1).to(volume_from_camera)
     points_camera = rays_camera(pix, references.pix_from_camera)

@@ -93,7 +93,7 @@ class SkyOccStream:
         return logits[0]
 
     def arguments(self, frame: StreamFrame) -> tuple[dict[str, Tensor], History | None]:
-        """Returns what the network's step would be called with; the stream stays as it is."""
+        """Returns the arguments of the network's step; the stream stays as it is."""
         frame = sound(frame)
         kept = self._still_valid(frame)
         chosen = [self._at(frame.time_s - age * self.step_s, kept) for age in self.ages]

@@ -26,7 +26,7 @@ ENCODER = "network.backbone."
 UNREADABLE = (AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError, UnpicklingError)
 
 
-def load_weights(
+def load_encoder(
     backbone: nn.Module, depth: int, weights: str | None, sha256: str | None = None
 ) -> None:
     """Loads a state dict with torchvision's names into a backbone; ``None`` leaves it as it is.

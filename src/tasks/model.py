@@ -9,7 +9,7 @@ from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..metrics.suite import ScoreSuite
 from ..models.checkpoint import Origin
-from ..models.memory import PillarMemory
+from ..models.history import PillarMemory
 from ..models.module import OccupancyModule
 from ..models.network import SkyOcc
 from ..models.prior import VoxelPrior
@@ -74,8 +74,8 @@ def require_buildable(cfg: DictConfig) -> None:
     drops them, so that what is wrong with them is refused before any data are generated or read."""
     if cfg.model.sight is not None and not cfg.data.pixels:
         raise UserError(
-            "data.pixels: model/sight=on learns from what pixels see; give data.pixels=true, or "
-            "model/sight=off"
+            "data.pixels: false, and model/sight=on learns from what pixels see; leave it to "
+            "model/sight, and give model/sight=off"
         )
 
     # The weights of the network to train are drawn later, from an untouched generator.

@@ -16,13 +16,13 @@ import pandas as pd
 import torch
 from omegaconf import OmegaConf
 
-from src.faults.damage import Damaged
 from src.loop.campaign import Campaign, Job
 from src.loop.flight import Moment
 from src.loop.stage import Stage
 from src.results.files import write_table
 from src.results.frame_scores import FrameScores
 from src.terminal import tracked
+from studies.foretelling.damaged import Damaged
 from studies.settings import composed, run
 from studies.tables import print_table
 

@@ -20,7 +20,7 @@ from lightning.fabric.utilities import move_data_to_device
 from omegaconf import DictConfig
 from torch import Tensor
 
-from src.models.memory import PillarMemory
+from src.models.history import PillarMemory
 from src.models.network import SkyOcc
 from src.models.sight import Sight
 from src.ontology import NUM_CLASSES

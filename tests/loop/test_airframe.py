@@ -27,28 +27,26 @@ def circle(seconds=8.0, radius_m=10.0, turn_radps=0.5):
 
 def flown(airframe, reference, wind_mps2=None):
     start = airframe.at_rest(np.array([0.0, 0.0, 5.0]), 0.0)
-    return airframe.follow(
-        start, reference, np.zeros((len(reference), 3)) if wind_mps2 is None else wind_mps2
-    )
+    still = np.zeros((len(reference), 3))
+    return airframe.follow(start, reference, still if wind_mps2 is None else wind_mps2)
 
 
-def test_it_follows_a_circle():
+def hovering(steps=400, x_m=0.0, yaw_rad=0.0):
+    return np.tile(np.r_[x_m, 0, 5, np.zeros(6), yaw_rad], (steps, 1))
+
+
+def test_it_follows_a_circle_with_rotations_and_hovers_level_where_nothing_is_asked():
     reference = circle()
-    error_m = np.linalg.norm(flown(CALM, reference)[:, POSITION] - reference[:, :3], axis=1)
+    states = flown(CALM, reference)
+    error_m = np.linalg.norm(states[:, POSITION] - reference[:, :3], axis=1)
     assert error_m.max() < 0.15
     assert np.sqrt((error_m**2).mean()) < 0.06
+    rotation = states[:, ROTATION].reshape(-1, 3, 3)
+    assert np.allclose(rotation @ rotation.swapaxes(1, 2), np.eye(3), atol=1e-9)
 
-
-def test_it_hovers_level_where_nothing_is_asked_of_it():
-    hover = np.tile(np.r_[0.0, 0, 5, np.zeros(7)], (400, 1))
-    states = flown(CALM, hover)
+    states = flown(CALM, hovering())
     assert np.allclose(states[:, POSITION], [0, 0, 5], atol=1e-9)
     assert np.allclose(states[-1, ROTATION].reshape(3, 3), np.eye(3), atol=1e-9)
-
-
-def test_rotations_stay_rotations():
-    rotation = flown(CALM, circle(30.0))[:, ROTATION].reshape(-1, 3, 3)
-    assert np.allclose(rotation @ rotation.swapaxes(1, 2), np.eye(3), atol=1e-9)
 
 
 def test_the_thrust_axis_lies_along_acceleration_plus_gravity_plus_drag():
@@ -65,10 +63,10 @@ def test_the_thrust_axis_lies_along_acceleration_plus_gravity_plus_drag():
 
 
 def test_tilt_and_rates_stay_below_their_limits():
-    jump = flown(CALM, np.tile(np.r_[50.0, 0, 5, np.zeros(7)], (400, 1)))
+    jump = flown(CALM, hovering(x_m=50.0))
     tilt_deg = np.degrees(np.arccos(jump[:, ROTATION].reshape(-1, 3, 3)[:, 2, 2]))
     assert 34 < tilt_deg.max() < 37
-    turn = flown(CALM, np.tile(np.r_[0.0, 0, 5, np.zeros(6), 1.5], (400, 1)))
+    turn = flown(CALM, hovering(yaw_rad=1.5))
     most = np.maximum(*(np.abs(states[:, RATES]).max(axis=0) for states in (jump, turn)))
     assert (most <= [3.5, 3.5, 1.5]).all()
     assert most[1] == pytest.approx(3.5, abs=0.2)
@@ -81,8 +79,8 @@ def test_wind_pushes_and_the_same_seed_blows_the_same():
     assert (wind[0] == wind[1]).all()
     assert not (wind[0] == wind[2]).all()
     assert (wind[0][:, 2] == 0).all()
-    hover = np.tile(np.r_[0.0, 0, 5, np.zeros(7)], (4000, 1))
-    away_m = np.linalg.norm(flown(windy, hover, wind[0])[:, POSITION] - [0, 0, 5], axis=1)
+    states = flown(windy, hovering(4000), wind[0])
+    away_m = np.linalg.norm(states[:, POSITION] - [0, 0, 5], axis=1)
     assert 0.02 < away_m.max() < 0.5
 
 

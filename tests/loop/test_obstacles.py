@@ -6,8 +6,9 @@ import pytest
 from src.loop.obstacles import REACH_M, Obstacles, _apart
 from src.ontology import CAR, THIN_STRUCTURE
 from src.sim.assets import upright
-from src.sim.scene import Scene, SceneActor, parts_of
+from src.sim.scene import Scene, parts_of
 from src.sim.solid import Solid
+from tests.loop.yard import box_actor
 
 LOWER_M, UPPER_M = np.full(3, -10.0), np.full(3, 10.0)
 WIRE = Solid("box", THIN_STRUCTURE, (0.03, 20.0, 0.03), upright(0.0, 0.0, 5.0), "metal")
@@ -31,11 +32,7 @@ def test_distances_are_those_of_densely_sampled_points():
         exact = _apart(triangle, start, end, np.inf)
         assert exact <= sampled(triangle, start, end) + 1e-9
         assert exact == pytest.approx(sampled(triangle, start, end), abs=0.06)
-
-
-def test_a_segment_through_a_triangle_is_at_no_distance():
-    triangle = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
-    assert _apart(triangle, np.array([0.0, 0, -5]), np.array([0.0, 0, 5]), np.inf) == 0
+        assert _apart(triangle, start, 2 * triangle.mean(axis=0) - start, np.inf) == 0, "through it"
 
 
 @pytest.mark.parametrize("speed_mps", [1.0, 6.0, 20.0])
@@ -54,22 +51,13 @@ def test_a_wire_of_3_cm_is_hit_and_one_a_centimetre_beyond_the_body_is_not(
     assert (nearest.distance_m < radius_m) == hits
     assert nearest.distance_m == pytest.approx(radius_m + beyond_m, abs=1e-9)
     assert (nearest.class_id, nearest.actor_id) == (THIN_STRUCTURE, 0)
-
-
-def test_where_nothing_is_near_there_is_no_class():
-    obstacles = Obstacles(Scene(parts_of([WIRE]), ()), LOWER_M, UPPER_M)
-    nearest = obstacles.nearest(np.array([0.0, 0, 0]), np.array([1.0, 0, 0]), (0, 0))
-    assert nearest == (REACH_M, 255, 0)
+    assert obstacles.nearest(np.zeros(3), np.array([1.0, 0, 0]), (0, 0)) == (REACH_M, 255, 0)
 
 
 def test_an_actor_is_met_on_its_way_from_step_to_step():
     """Between two steps it passes the whole of a UAV that stands: each end alone is 2 m away."""
-    plate = Solid("box", CAR, (0.02, 2.0, 2.0), upright(0.0, 0.0, 1.0), "metal")
-    position_m = np.array([[-2.5, 0.0, 0.0], [2.5, 0.0, 0.0]])
-    still, zero = np.zeros((2, 3)), np.zeros(2)
-    size_m = (0.02, 2.0, 2.0)
-    actor = SceneActor(7, "car", CAR, size_m, parts_of([plate]), position_m, zero, still)
-    obstacles = Obstacles(Scene((), (actor,)), LOWER_M, UPPER_M)
+    plate = box_actor(CAR, (0.02, 2.0, 2.0), [[-2.5, 0.0, 0.0], [2.5, 0.0, 0.0]], 1.0)
+    obstacles = Obstacles(Scene((), (plate,)), LOWER_M, UPPER_M)
     here_m = np.array([0.0, 0.0, 1.0])
-    assert obstacles.nearest(here_m, here_m, (0, 1)) == (0.0, CAR, 7)
+    assert obstacles.nearest(here_m, here_m, (0, 1)) == (0.0, CAR, 1)
     assert obstacles.nearest(here_m, here_m, (0, 0)).distance_m == REACH_M

@@ -7,8 +7,9 @@ from src.geometry import VoxelGrid
 from src.loop.true_occupancy import SPACING_M, TrueOccupancy, in_sight, points_on
 from src.ontology import BUILDING, CAR, FREE
 from src.sim.assets import upright
-from src.sim.scene import Scene, SceneActor, parts_of
+from src.sim.scene import Scene, parts_of
 from src.sim.solid import Solid
+from tests.loop.yard import box_actor
 
 GRID = VoxelGrid((0.0, -5.0, -5.0), (10.0, 5.0, 5.0), (20, 20, 20))
 CORNERS = np.full(3, -20.0), np.full(3, 20.0)
@@ -36,18 +37,14 @@ def test_a_wall_is_in_the_voxels_that_it_passes_and_in_no_other():
     occupied = np.argwhere(semantics != FREE)
     assert set(occupied[:, 0]) == {12}
     assert occupied[:, 1:].min(axis=0).tolist() == [6, 6]
-    assert occupied[:, 1:].max(axis=0).tolist() == [14, 14] or len(occupied) == 64
     assert set(semantics[semantics != FREE]) == {BUILDING}
     assert not moving.any()
 
 
 def test_actors_are_where_they_are_at_the_step():
-    box = Solid("box", CAR, (1.0, 1.0, 1.0), upright(0.0, 0.0, 0.5), "metal")
-    position_m = np.array([[2.2, 0.2, 0.0], [8.2, 0.2, 0.0]])
-    still, zero = np.zeros((2, 3)), np.zeros(2)
-    actor = SceneActor(1, "car", CAR, (1.0, 1.0, 1.0), parts_of([box]), position_m, zero, still)
+    actor = box_actor(CAR, (1.0, 1.0, 1.0), [[2.2, 0.2, 0.0], [8.2, 0.2, 0.0]], 0.5)
     truth = TrueOccupancy(Scene((), (actor,)), *CORNERS)
-    for step, x_m in enumerate(position_m[:, 0]):
+    for step, x_m in enumerate((2.2, 8.2)):
         semantics, moving = truth.at(step, np.eye(4), GRID)
         assert (moving == (semantics == CAR)).all()
         assert np.argwhere(moving)[:, 0].mean() == pytest.approx(2 * x_m - 0.5, abs=0.6)
@@ -60,6 +57,5 @@ def test_what_an_occupied_voxel_hides_is_not_in_sight():
     assert seen[:, 0, 0].tolist() == [True] * 5 + [False] * 5
     # The camera's own voxel would hide all.
     occupied[0] = True
-    assert (
-        in_sight(occupied, np.array([0.5, 0.5, 0.5]), np.array([[1.0, 0.0, 0.0]])) == seen
-    ).all()
+    again = in_sight(occupied, np.array([0.5, 0.5, 0.5]), np.array([[1.0, 0.0, 0.0]]))
+    assert (again == seen).all()

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from src.ontology import BUILDING, THIN_STRUCTURE
+from src.ontology import BUILDING, CLASSES, THIN_STRUCTURE
 from src.sim.assets import upright
 from src.sim.layout import GroundPatch, Path, Town
+from src.sim.scene import SceneActor, parts_of
 from src.sim.solid import Solid
 from src.sim.textures import CABLE
 
@@ -24,4 +25,15 @@ def build(_rng: np.random.Generator) -> Town:
         lanes=(),
         walks=(),
         corridors=(Path(np.array([[-100.0, -9.0], [100.0, -9.0]]), 3.0, 6.0, ()),),
+    )
+
+
+def box_actor(class_id, size_m, position_m, middle_m, velocity_mps=(0.0, 0.0, 0.0)) -> SceneActor:
+    """A box that is at a place at each step, and whose middle is so far above that."""
+    box = Solid("box", class_id, size_m, upright(0.0, 0.0, middle_m), "metal")
+    position_m = np.array(position_m)
+    velocity_mps = np.tile(velocity_mps, (len(position_m), 1))
+    yaw_rad = np.zeros(len(position_m))
+    return SceneActor(
+        1, CLASSES[class_id], class_id, size_m, parts_of([box]), position_m, yaw_rad, velocity_mps
     )

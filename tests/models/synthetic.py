@@ -80,18 +80,6 @@ def loss_of(network, batch, loss=None):
     return (loss or build_loss())(network(batch), batch["semantics"])["total"]
 
 
-def losses_while_training(network, batch, steps, lr):
-    """The loss of one batch before each of some steps of training on it."""
-    optimizer = torch.optim.AdamW(network.parameters(), lr)
-    losses = []
-    for _ in range(steps):
-        optimizer.zero_grad()
-        losses.append(loss_of(network, batch))
-        losses[-1].backward()
-        optimizer.step()
-    return losses
-
-
 def build_references(pix, valid, room=None):
     """References at ``pix`` [B, P, J, 2]; with ``room``, so many places a frame in ``in_view``."""
     in_view = valid.flatten().nonzero()[:, 0]

@@ -13,16 +13,20 @@ def random_image(width=96, height=64):
     return torch.randint(0, 256, (1, 3, height, width), generator=generator, dtype=torch.uint8)
 
 
-@pytest.mark.parametrize(("depth", "channels"), [(18, (8, 16, 32, 64)), (50, (32, 64, 128, 256))])
-def test_four_levels_at_strides_4_to_32(depth, channels):
-    features = ResNet(depth, width=8)(random_image())
-    assert [f.shape[1] for f in features] == list(channels)
+def require_levels(backbone, channels):
+    """Fails unless a backbone gives four levels of so many channels at strides 4 to 32."""
+    features = backbone(random_image())
+    assert backbone.channels == tuple(f.shape[1] for f in features) == channels
     assert [tuple(f.shape[2:]) for f in features] == [(16, 24), (8, 12), (4, 6), (2, 3)]
 
 
-@pytest.mark.parametrize(("depth", "parameters"), [(18, 11_176_512), (50, 23_508_032)])
-def test_the_standard_width_has_the_published_size(depth, parameters):
+@pytest.mark.parametrize(
+    ("depth", "channels", "parameters"),
+    [(18, (8, 16, 32, 64), 11_176_512), (50, (32, 64, 128, 256), 23_508_032)],
+)
+def test_four_levels_at_strides_4_to_32_and_the_published_size(depth, channels, parameters):
     """Known sizes, 11,689,512 and 25,557,032, less the classifier's 513,000 and 2,049,000."""
+    require_levels(ResNet(depth, width=8), channels)
     assert sum(p.numel() for p in ResNet(depth).parameters()) == parameters
 
 
@@ -49,14 +53,11 @@ def test_pixels_are_normalised_inside():
     require_normalised(backbone, backbone.conv1)
 
 
-@pytest.mark.parametrize("size", [(100, 64), (96, 48)])
-def test_sides_that_are_no_multiples_of_32_are_refused(size):
-    with pytest.raises(UserError, match="multiples of 32"):
-        ResNet(18, width=8)(random_image(*size))
-
-
-def test_an_unknown_depth_is_refused():
-    with pytest.raises(UserError, match="depth: 34"):
+def test_sides_that_are_no_multiples_of_32_and_unknown_depths_are_refused():
+    for size in ((100, 64), (96, 48)):
+        with pytest.raises(UserError, match=f"^image: {size[0]}x{size[1]} .*multiples of 32"):
+            ResNet(18, width=8)(random_image(*size))
+    with pytest.raises(UserError, match=r"^size\.backbone_depth: 34"):
         ResNet(34)
 
 
@@ -72,20 +73,15 @@ def save_weights(folder, name="net-{}.pth", without=None):
     return path, digest, state
 
 
-def test_weights_load_by_path_and_drop_the_classifier(tmp_path):
-    path, _, state = save_weights(tmp_path)
-    loaded = ResNet(18, 8, weights=str(path)).state_dict()
-    assert all(value.equal(state[name]) for name, value in loaded.items())
-
-
-def test_weights_load_by_url(tmp_path, monkeypatch):
+def test_weights_load_by_path_and_by_url_and_drop_the_classifier(tmp_path, monkeypatch):
     monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path / "hub"))
     path, digest, state = save_weights(tmp_path)
-    loaded = ResNet(18, 8, weights=path.as_uri(), weights_sha256=digest)
-    assert loaded.conv1.weight.equal(state["conv1.weight"])
+    url = path.as_uri()
+    loaded = [ResNet(18, 8, weights=str(path)), ResNet(18, 8, url, weights_sha256=digest)]
     path.unlink()
-    again = ResNet(18, 8, weights=path.as_uri())
-    assert again.conv1.weight.equal(state["conv1.weight"]), "kept after the download"
+    loaded.append(ResNet(18, 8, weights=url))  # kept after the download
+    for backbone in loaded:
+        assert all(value.equal(state[name]) for name, value in backbone.state_dict().items())
 
 
 def test_weights_with_another_hash_are_refused(tmp_path):
@@ -105,28 +101,27 @@ def test_weights_without_any_hash_are_refused_with_the_hash_to_set(tmp_path):
     assert ResNet(18, 8, weights=str(path), weights_sha256=digest)
 
 
-@pytest.mark.parametrize(("depth", "width"), [(18, 16), (50, 8)])
-def test_weights_of_another_architecture_are_refused(tmp_path, depth, width):
-    path, _, _ = save_weights(tmp_path)
-    with pytest.raises(UserError, match=f"does not fit a ResNet-{depth}"):
+@pytest.mark.parametrize(
+    ("depth", "width", "without", "named"),
+    [
+        (18, 16, None, "ResNet-18"),
+        (50, 8, None, "ResNet-50"),
+        (18, 8, "layer4.1.bn2.weight", r"layer4\.1\.bn2\.weight"),
+    ],
+)
+def test_weights_of_another_architecture_are_refused(tmp_path, depth, width, without, named):
+    path, _, _ = save_weights(tmp_path, without=without)
+    with pytest.raises(UserError, match=rf"^model\.backbone\.weights: {path.name} .*{named}"):
         ResNet(depth, width, weights=str(path))
 
 
-def test_weights_that_lack_a_name_are_refused(tmp_path):
-    path, _, _ = save_weights(tmp_path, without="layer4.1.bn2.weight")
-    with pytest.raises(UserError, match=r"layer4\.1\.bn2\.weight"):
-        ResNet(18, 8, weights=str(path))
-
-
-def test_weights_that_are_missing_or_out_of_reach_are_refused(tmp_path, monkeypatch):
+def test_weights_that_are_missing_out_of_reach_or_none_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path))
     with pytest.raises(UserError, match="no file"):
         ResNet(18, 8, weights=str(tmp_path / "none-00000000.pth"))
     with pytest.raises(UserError, match="cannot download"):
         ResNet(18, 8, weights=(tmp_path / "none-00000000.pth").as_uri())
 
-
-def test_a_file_that_is_no_state_dict_is_refused(tmp_path):
     path = tmp_path / "text.pth"
     path.write_text("no weights")
     digest = hashlib.sha256(path.read_bytes()).hexdigest()

@@ -6,8 +6,8 @@ import torch
 
 from src.errors import UserError
 from src.models.huggingface_backbone import HuggingFaceBackbone
-from tests.models.synthetic import LIFTS, build_batch, build_network, loss_of
-from tests.models.test_backbone import random_image, require_normalised
+from tests.models.synthetic import build_batch, build_network, loss_of
+from tests.models.test_backbone import random_image, require_levels, require_normalised
 
 pytest.importorskip("transformers")
 
@@ -48,10 +48,7 @@ def saved(tmp_path):
 @EACH
 def test_four_levels_at_strides_4_to_32(config):
     backbone = at_random(config)
-    features = backbone(random_image())
-    assert backbone.channels == (8, 16, 32, 64)
-    assert [f.shape[1] for f in features] == [8, 16, 32, 64]
-    assert [tuple(f.shape[2:]) for f in features] == [(16, 24), (8, 12), (4, 6), (2, 3)]
+    require_levels(backbone, (8, 16, 32, 64))
     assert all(module.training for module in backbone.modules())
 
 
@@ -60,8 +57,7 @@ def test_channels_are_what_comes_out_whatever_the_configuration_says():
     widths = {"stage_mid_channels": [4] * 4, "stage_out_channels": [16, 24, 32, 40]}
     counts = {"stage_num_blocks": [1] * 4, "stage_numb_of_layers": [1] * 4}
     config = {"model_type": "hgnet_v2", "hidden_sizes": [1, 2, 3, 4], **stages, **widths, **counts}
-    backbone = at_random(config)
-    assert backbone.channels == tuple(f.shape[1] for f in backbone(random_image()))
+    require_levels(at_random(config), (16, 24, 32, 40))
 
 
 def test_pixels_are_normalised_inside():
@@ -82,16 +78,11 @@ def test_weights_load_from_a_folder_and_drop_the_classifier(config, saved, tmp_p
     assert backbone.model.training
 
 
-def test_a_folder_can_be_taken_without_its_weights(saved, tmp_path):
-    saved(CONVNEXT)
-    (tmp_path / "model.safetensors").unlink()
-    assert HuggingFaceBackbone(str(tmp_path), pretrained=False).channels == (8, 16, 32, 64)
-
-
-def test_a_pickle_is_never_read(saved, tmp_path):
+def test_a_folder_without_safetensors_gives_a_random_model_and_no_pickle_is_read(saved, tmp_path):
     state = saved(CONVNEXT)
     (tmp_path / "model.safetensors").unlink()
     torch.save(state, tmp_path / "pytorch_model.bin")
+    assert HuggingFaceBackbone(str(tmp_path), pretrained=False).channels == (8, 16, 32, 64)
     with pytest.raises(UserError, match="safetensors"):
         HuggingFaceBackbone(str(tmp_path))
 
@@ -109,36 +100,28 @@ def test_weights_that_leave_a_part_at_random_are_refused(saved, tmp_path):
 @pytest.mark.parametrize("name", ["nobody/no-such-model", "no such name"])
 @pytest.mark.parametrize("pretrained", [True, False])
 def test_a_name_that_cannot_be_had_is_refused_in_one_line(name, pretrained):
-    with pytest.raises(UserError, match=rf"model\.backbone\.name: cannot get {name}") as error:
+    with pytest.raises(UserError, match=rf"^model\.backbone\.name: .*{name}.*\Z"):
         HuggingFaceBackbone(name, pretrained)
-    assert "\n" not in str(error.value)
 
 
-def test_no_name_and_a_random_model_with_weights_are_refused():
-    with pytest.raises(UserError, match=r"model\.backbone\.name"):
-        HuggingFaceBackbone()
-    with pytest.raises(UserError, match=r"model\.backbone\.pretrained=false"):
-        HuggingFaceBackbone(config=CONVNEXT)
+STRIDES = r": .* strides \[.*, not at \[4, 8, 16, 32\]"
 
 
 @pytest.mark.parametrize(
-    "config", [{"model_type": "nothing"}, {"model_type": "bert"}, {**RESNET, "depths": "x"}, {}]
-)
-def test_a_config_of_no_backbone_is_refused(config):
-    with pytest.raises(UserError, match=r"model\.backbone\.config"):
-        at_random(config)
-
-
-@pytest.mark.parametrize(
-    "config",
+    ("settings", "key"),
     [
-        {**RESNET, "downsample_in_first_stage": True},
-        {"model_type": "dinov2", "hidden_size": 16, "num_attention_heads": 2},
+        ({}, r"\.name"),
+        ({"config": CONVNEXT}, r"\.config: .*model\.backbone\.pretrained=false"),
+        *(
+            ({"pretrained": False, "config": config}, r"\.config")
+            for config in ({"model_type": "bert"}, {**RESNET, "depths": "x"}, {})
+        ),
+        ({"pretrained": False, "config": {**RESNET, "downsample_in_first_stage": True}}, STRIDES),
     ],
 )
-def test_stages_at_other_strides_are_refused(config):
-    with pytest.raises(UserError, match=r"strides \[.*, not at \[4, 8, 16, 32\]"):
-        at_random(config)
+def test_what_is_no_hierarchical_backbone_is_refused(settings, key):
+    with pytest.raises(UserError, match=rf"^model\.backbone{key}"):
+        HuggingFaceBackbone(**settings)
 
 
 def test_without_transformers_the_extra_is_named(monkeypatch):
@@ -147,7 +130,7 @@ def test_without_transformers_the_extra_is_named(monkeypatch):
         at_random(CONVNEXT)
 
 
-@pytest.mark.parametrize("lift", LIFTS)
+@pytest.mark.parametrize("lift", ["deformable", "lss"])
 @EACH
 def test_the_network_trains_on_them(config, lift):
     """With batch normalisation or without. All that is trained has a gradient, which several

@@ -4,12 +4,10 @@ import pytest
 import torch
 
 from src.data.batches import StreamBatches
-from src.data.clip import Clip
 from src.data.dataset import OccupancyDataset
 from src.geometry import VoxelGrid
-from src.models.memory import PillarMemory
+from src.models.history import PillarMemory
 from tests.models.synthetic import build_network
-from tests.synthetic import write_clip
 
 GRID = VoxelGrid(shape=(25, 25, 15))
 
@@ -23,13 +21,10 @@ def collated(samples):
 
 
 @pytest.mark.parametrize("history", ["queue", "recursive"])
-def test_with_weights_that_stand_still_the_memory_holds_what_the_queue_computes(tmp_path, history):
+def test_with_weights_that_stand_still_the_memory_holds_what_the_queue_computes(clips, history):
     """Each place at another point of its run, one of them at its beginning."""
-    for seed, name in enumerate(("a", "b")):
-        write_clip(tmp_path / "town" / name, seed=seed)
-    clips = {f"town/{name}": Clip(tmp_path / "town" / name) for name in ("a", "b")}
     samples = [(clip, frame) for clip in clips for frame in range(8)]
-    light, whole = (OccupancyDataset(clips, samples, 4, 0.4, images=i) for i in (False, True))
+    light, whole = (OccupancyDataset(clips, samples, 4, 0.2, images=i) for i in (False, True))
     network = build_network(grid=GRID, history=history).eval()
     memory = PillarMemory(3 if history == "queue" else 1)
     reached = set()
@@ -43,26 +38,18 @@ def test_with_weights_that_stand_still_the_memory_holds_what_the_queue_computes(
     assert reached == {0, 1, 2, 3}
 
 
-def window(*valid):
-    """The part of a batch of one frame that says how far back it goes."""
-    motion = torch.eye(4).expand(1, len(valid), 4, 4)
-    return {"history_valid": torch.tensor([valid]), "occ_from_past_occ": motion}
-
-
-def test_it_keeps_no_graph_and_no_more_than_its_length():
+def test_it_keeps_its_length_without_graph_and_notices_a_step_that_was_never_taken():
     memory = PillarMemory(2)
+    valid = torch.tensor([[True, True, True, True]])
+    window = {"history_valid": valid, "occ_from_past_occ": torch.eye(4).expand(1, 4, 4, 4)}
     for value in range(4):
         memory.keep(torch.full((1, 5, 3), float(value), requires_grad=True) * 1)
-    history = memory.history(window(True, True, True, True))
+    history = memory.history(window)
     assert not history.pillars.requires_grad
     assert history.pillars[0, :, 0, 0].tolist() == [2.0, 3.0]
     assert history.valid.shape == (1, 2)
 
-
-def test_a_step_that_was_never_taken_is_noticed():
-    memory = PillarMemory(3)
-    memory.keep(torch.zeros(1, 5, 3))
-    with pytest.raises(RuntimeError, match="never taken"):
-        memory.history(window(False, True, True, True))
     memory.clear()
-    assert memory.history(window(False, False, False, True)) is None
+    with pytest.raises(RuntimeError, match="never taken"):
+        memory.history(window)
+    assert memory.history({**window, "history_valid": valid & False}) is None

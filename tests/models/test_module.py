@@ -57,20 +57,6 @@ def make_scores():
     return OccupancyScores(VoxelGrid((0, 0, 0), (2, 2, 2), (2, 2, 2)), num_classes=2, free_index=1)
 
 
-class Seen(nn.Module):
-    """Keeps what it is asked to count, frame by frame."""
-
-    def __init__(self):
-        super().__init__()
-        self.frames = []
-
-    def update(self, preds, truth):
-        assert truth["size_pix"] == (64, 32)
-        assert preds.shape == (len(truth["clip"]), 2, 2, 2, 2)
-        right = (preds.argmax(dim=1) == truth["semantics"]).flatten(1).double().mean(dim=1)
-        self.frames += list(zip(truth["clip"], right.tolist()))
-
-
 def samples(count=8):
     return [
         {
@@ -78,18 +64,13 @@ def samples(count=8):
             "velocity_mps": torch.ones(3),
             "clip": "town/held" if index < 2 else "town/seen",
             "frame": index,
-            "visible": torch.ones(2, 2, 2, dtype=torch.bool),
-            "image": torch.zeros(1, 3, 32, 64, dtype=torch.uint8),
-            "occ_from_body": torch.eye(4)[None],
-            "body_from_camera": torch.eye(4),
-            "pix_from_camera": torch.eye(3)[None],
         }
         for index in range(count)
     ]
 
 
 def build(broken_calls=()):
-    return OccupancyModule(Shift(), MeanLogit(broken_calls), make_scores, OPTIMIZER, Seen())
+    return OccupancyModule(Shift(), MeanLogit(broken_calls), make_scores, OPTIMIZER, nn.Identity())
 
 
 def train(module, folder, epochs=3, *callbacks):
@@ -111,21 +92,15 @@ def train(module, folder, epochs=3, *callbacks):
     return trainer
 
 
-def test_training_lowers_the_loss(tmp_path):
-    module = build()
-    trainer = train(module, tmp_path)
-    assert module.network.shift.item() > 0.2
-    assert trainer.global_step == 3 * 4
-
-
-def test_the_rate_rises_over_the_warm_up_and_ends_at_zero(tmp_path):
-    rates = []
+def test_the_loss_falls_while_the_rate_rises_over_the_warm_up_and_ends_at_zero(tmp_path):
+    rates, module = [], build()
 
     class Recorder(lightning.Callback):
         def on_train_batch_start(self, trainer, module, batch, index):
             rates.append(trainer.optimizers[0].param_groups[0]["lr"])
 
-    train(build(), tmp_path, 5, Recorder())
+    train(module, tmp_path, 5, Recorder())
+    assert module.network.shift.item() > 0.2
     # A quarter of the 20 steps on a line up, then half a cosine.
     assert rates[:6] == pytest.approx([0.1 / 6 * n for n in range(1, 6)] + [0.1])
     assert rates[5:] == sorted(rates[5:], reverse=True)
@@ -143,52 +118,35 @@ def test_weight_decay_spares_biases_and_norms():
     assert spared["weight_decay"] == 0
 
 
-def test_every_test_frame_is_counted_once_with_its_clip(tmp_path):
-    module = build()
-    trainer = train(module, tmp_path, epochs=1)
-    with torch.no_grad():
-        module.network.shift.fill_(1.0)  # class 1 everywhere: right on the two held-out frames
-    trainer.test(module, DataLoader(samples(), batch_size=3), verbose=False)
-    held, seen = ("town/held", 1.0), ("town/seen", 0.0)
-    assert module.test_suite.frames == [held, held, *[seen] * 6]
-
-
-@pytest.mark.parametrize("total", range(1, 41))
 @pytest.mark.parametrize("warmup", [0.0, 0.05, 0.25, 0.96, 1.0])
-def test_the_schedule_holds_for_every_length(total, warmup):
-    shares = [rate_share(step, total, warmup) for step in range(total + 1)]
-    assert all(0 < share <= 1 for share in shares[:-1])
-    assert shares[-1] == pytest.approx(0)
+def test_the_schedule_holds_for_every_length(warmup):
+    for total in range(1, 41):
+        shares = [rate_share(step, total, warmup) for step in range(total + 1)]
+        assert all(0 < share <= 1 for share in shares[:-1])
+        assert shares[-1] == 0
 
 
 @pytest.mark.parametrize(
-    ("broken_call", "epoch", "step", "frames"),
+    ("broken_call", "where"),
     # An epoch is four calls in training and two in validation.
-    [(9, 1, 7, "town/seen:6, town/seen:7"), (10, 1, 8, "town/held:0, town/held:1")],
+    [
+        (9, "epoch 1, step 7, in the batch town/seen:6, town/seen:7;"),
+        (10, "epoch 1, step 8, in the batch town/held:0, town/held:1;"),
+        (0, "epoch 0, step 0, "),
+    ],
 )
-def test_a_loss_that_is_not_finite_stops_and_names_the_batch(
-    tmp_path, broken_call, epoch, step, frames
-):
+def test_a_loss_that_is_not_finite_stops_and_names_the_batch(tmp_path, broken_call, where):
     module = build(broken_calls=(broken_call,))
-    with pytest.raises(UserError) as caught:
+    with pytest.raises(UserError, match=rf"^.*total=nan.*{where}.*$"):
         train(module, tmp_path)
-    message = str(caught.value)
-    assert f"epoch {epoch}, step {step}, in the batch {frames};" in message
-    assert "total=nan" in message
-    assert "\n" not in message
-    kept = build()
+    assert module.network.shift.isfinite().all()
+    if broken_call == 0:
+        assert (module.network.shift.item(), list(tmp_path.iterdir())) == (0, [])
+        return
     content = read_content(tmp_path / "last.ckpt")
-    load_weights(kept, content["state_dict"], tmp_path / "last.ckpt")
-    assert content["epoch"] == epoch - 1
-    assert kept.network.shift.isfinite().all()
-
-
-def test_the_weights_are_not_touched_by_a_broken_batch(tmp_path):
-    module = build(broken_calls=(0,))
-    with pytest.raises(UserError, match="epoch 0, step 0"):
-        train(module, tmp_path)
-    assert module.network.shift.item() == 0
-    assert not list(tmp_path.iterdir())
+    load_weights(build(), content["state_dict"], tmp_path / "last.ckpt")
+    assert content["epoch"] == 0
+    assert all(value.isfinite().all() for value in content["state_dict"].values())
 
 
 @pytest.mark.parametrize("other", [nn.Linear(4, 3), nn.Linear(2, 3, bias=False)])

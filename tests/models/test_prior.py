@@ -31,25 +31,20 @@ def make_scores():
     return OccupancyScores(GRID)
 
 
-def fitted(prior, *rows, make_scores=make_scores, **candidates):
+def fitted(prior, *rows, **candidates):
     """Every candidate's score on frames at 1 m/s in each direction."""
     frames = [(frame, torch.ones(3), 0) for frame in frames_of(*rows)]
     return prior.fit(frames, make_scores, **candidates)
 
 
-def test_counts_accumulate_over_calls_and_leave_out_the_unknown():
+def test_the_majority_of_what_is_known_wins():
     prior = prior_of([BUILDING, CAR, FREE, UNKNOWN], [BUILDING, FREE, FREE, UNKNOWN])
     prior.count(frames_of([BUILDING, CAR, UNKNOWN, UNKNOWN])[0])
     expected = torch.zeros(9, *GRID.shape, dtype=torch.int32)
     expected[BUILDING, 0], expected[CAR, 1], expected[FREE, 1], expected[FREE, 2] = 3, 2, 1, 2
     assert torch.equal(prior.counts, expected)
-
-
-def test_the_majority_wins_and_what_was_never_labelled_is_free():
-    prior = prior_of(*[[BUILDING, CAR, FREE, UNKNOWN]] * 2, [CAR, FREE, CAR, UNKNOWN])
-    assert labels_of(prior) == [BUILDING, CAR, FREE, FREE]
-    assert prior.labels().dtype == torch.uint8
-    assert prior.labels().shape == GRID.shape
+    assert labels_of(prior) == [BUILDING, CAR, FREE, FREE], "free what was never labelled"
+    assert (prior.labels().dtype, prior.labels().shape) == (torch.uint8, GRID.shape)
 
 
 def test_a_rare_class_wins_only_when_free_weighs_little():
@@ -57,10 +52,9 @@ def test_a_rare_class_wins_only_when_free_weighs_little():
     assert labels_of(prior, free_weight=1.0) == [FREE] * 4
     assert labels_of(prior, free_weight=0.12) == [FREE] * 4
     assert labels_of(prior, free_weight=0.11) == [THIN] * 4
-
-
-def test_no_weight_invents_an_occupied_voxel():
-    assert labels_of(prior_of([FREE, UNKNOWN, FREE, CAR]), free_weight=0.0) == [FREE] * 3 + [CAR]
+    # And none invents an occupied voxel.
+    only_free = prior_of([FREE, UNKNOWN, FREE, CAR])
+    assert labels_of(only_free, free_weight=0.0) == [FREE] * 3 + [CAR]
 
 
 def training_rows():
@@ -82,25 +76,16 @@ def test_validation_chooses_the_weight_that_scores_best():
 
 
 def test_the_results_are_the_scores_of_the_labels():
-    prior = prior_of(*training_rows())
+    prior, made = prior_of(*training_rows()), []
     target, velocity = frames_of([CAR, FREE, FREE, CAR]), torch.tensor([[9.0, 1.0, 0.0]])
-    results = prior.fit([(target[0], velocity[0], 0)], make_scores)
+    results = prior.fit(
+        [(target[0], velocity[0], 0)], lambda: made.append(make_scores()) or made[-1]
+    )
     for weight, kar_miou in results.items():
         scores = make_scores()
         scores.update(prior.labels(weight)[None], target, velocity)
         assert kar_miou == float(scores.compute()["kar_miou"])
-    assert len(set(results.values())) == 3
-
-
-def test_predictions_that_are_the_same_are_scored_once():
-    made = []
-
-    def make_counted():
-        made.append(make_scores())
-        return made[-1]
-
-    fitted(prior_of(*training_rows()), [CAR] * 4, make_scores=make_counted)
-    assert len(made) == 3
+    assert len(set(results.values())) == len(made) == 3, "what is the same is scored once"
 
 
 def test_equal_scores_keep_the_larger_weight():
@@ -130,13 +115,9 @@ def by_height(*frames):
     return prior
 
 
-def test_frames_are_counted_where_they_are_above_the_ground():
-    prior = by_height(([BUILDING, FREE], 3), ([FREE, CAR], 4), ([THIN, FREE], 6))
-    assert prior.labels().flatten().tolist() == [BUILDING, FREE, CAR, THIN, FREE]
-
-
 def test_each_height_sees_its_part_and_one_beyond_the_nearest():
     labels = by_height(([BUILDING, FREE], 3), ([FREE, CAR], 4), ([THIN, FREE], 6)).labels()
+    assert labels.flatten().tolist() == [BUILDING, FREE, CAR, THIN, FREE]
     seen = {layer: seen_from(labels, layer - 3, 2).flatten().tolist() for layer in range(1, 9)}
     assert seen[3] == seen[2] == seen[1] == [BUILDING, FREE]
     assert (seen[4], seen[5]) == ([FREE, CAR], [CAR, THIN])

@@ -60,27 +60,28 @@ def test_a_grid_on_the_ground_is_seen_from_above():
     assert on_ground.in_view.equal(below.in_view)
 
 
-def test_valid_is_inside_the_image_and_before_the_camera():
+def test_valid_is_inside_the_image_and_before_the_camera_also_under_autocast():
     references = PillarReferences(GRID, 4, "attitude")
     seen = seen_by(references, 0.1, 0.1)
     u, v = seen.pix.unbind(-1)
     inside = (u >= 0) & (u < SIZE[0]) & (v >= 0) & (v < SIZE[1]) & (seen.depth_m > 0.1)
     assert seen.valid.equal(inside)
     assert 0.2 < seen.valid.float().mean() < 0.9
-
-
-def test_bfloat16_autocast_does_not_blur_the_pixels():
-    references = PillarReferences(GRID, 4, "attitude")
-    plain = seen_by(references, 0.1, 0.1)
     with torch.autocast("cpu", dtype=torch.bfloat16):
-        mixed = seen_by(references, 0.1, 0.1)
-    assert mixed.pix.equal(plain.pix)
+        assert seen_by(references, 0.1, 0.1).pix.equal(seen.pix)
 
 
+@pytest.mark.parametrize(
+    ("settings", "key"),
+    [
+        ({"projection": "tilted"}, "projection: 'tilted'"),
+        *(({"capacity": share}, f"capacity: {share} ") for share in (0.0, -0.5, 1.1)),
+    ],
+)
 @pytest.mark.usefixtures("unchecked")
-def test_an_unknown_projection_is_refused():
-    with pytest.raises(UserError, match=r"model\.encoder\.projection: 'tilted'; there are"):
-        PillarReferences(GRID, 4, "tilted")
+def test_settings_that_cannot_be_are_refused(settings, key):
+    with pytest.raises(UserError, match=rf"^model\.encoder\.{key}"):
+        PillarReferences(GRID, 4, **{"projection": "attitude", **settings})
 
 
 @pytest.mark.parametrize("share", [1.0, 0.7])
@@ -97,12 +98,6 @@ def test_more_in_view_than_the_capacity_is_refused():
     references = PillarReferences(GRID, 4, "attitude", capacity=0.1)
     with pytest.raises(UserError, match=r"capacity: 2\d\d of 400 .* room for 40; give 0\.\d+ or"):
         seen_by(references, 0.0, 0.0)
-
-
-@pytest.mark.parametrize("share", [0.0, -0.5, 1.1])
-def test_a_capacity_that_is_no_share_is_refused(share):
-    with pytest.raises(UserError, match="capacity"):
-        PillarReferences(GRID, 4, "attitude", capacity=share)
 
 
 def test_padded_index_holds_each_rows_first_places():

@@ -28,7 +28,8 @@ COLUMNS = [
 
 
 def config(tmp_path, *overrides):
-    paths = f"paths.data={tmp_path}/data", f"paths.runs={tmp_path}/runs"
+    # The missions are drawn once for all tests.
+    paths = f"paths.data={tmp_path.parent}/missions", f"paths.runs={tmp_path}/runs"
     return sound_config(*YARD, *paths, *overrides)
 
 
@@ -126,10 +127,11 @@ def test_the_flights_that_are_drawn_follow_a_rule():
 
 
 def test_a_mission_through_a_wall_is_refused(tmp_path):
-    row = dict(
-        flight="a", stratum="conflict", town="tests.loop.yard", seed=0, index=0, weather="clear",
-        x_m=-30.0, y_m=0.0, yaw_rad=0.0, length_m=60.0, height_m=4.0, truth_s=12.0,
-    )  # fmt: skip
+    row = {
+        **{"flight": "a", "stratum": "conflict", "town": "tests.loop.yard", "weather": "clear"},
+        **{"seed": 0, "index": 0, "x_m": -30.0, "y_m": 0.0, "yaw_rad": 0.0, "truth_s": 12.0},
+        **{"length_m": 60.0, "height_m": 4.0},
+    }
     path = tmp_path / "missions.csv"
     pd.DataFrame([row]).to_csv(path, index=False)
     with pytest.raises(UserError, match=r"task.missions: .*yard-0/000 begins or ends in a wall"):

@@ -36,7 +36,7 @@ def test_what_pixels_see_is_learnt_measured_and_scored_beside_its_floor(config):
 
 def test_data_without_depth_are_refused_with_both_ways_out(config):
     (root_of(config()) / "downtown/clip00" / AUX).unlink()
-    with pytest.raises(UserError, match=r"^data\.pixels: .*sim\.save_aux=true.*model/sight=off"):
+    with pytest.raises(UserError, match=r"^model/sight: .*sim\.save_aux=true.*model/sight=off"):
         fit(config())
     assert not Path(config().paths.run).exists()
 

@@ -8,21 +8,24 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 from PIL import Image, ImageFilter
 
-from ..bounds import require_at_least, require_choice
-from ..errors import UserError
-from ..geometry import VoxelGrid, rotation_from_quat
-from ..loop.belief import Belief
-from ..loop.perception import Perception
-from ..loop.true_occupancy import TrueOccupancy
-from ..models.frame import StreamFrame
-from ..sim.staging import generator_for
+from src.bounds import require_at_least, require_choice
+from src.errors import UserError
+from src.geometry import rotation_from_quat
+from src.loop.belief import Belief
+from src.loop.perception import Perception
+from src.loop.true_occupancy import TrueOccupancy
+from src.models.frame import StreamFrame
+from src.sim.solid import Rng
+from src.sim.staging import generator_for
 
 Rgb = UInt8[np.ndarray, "h w 3"]
+# What a fault keeps from frame to frame of a flight, by name.
+Kept = dict[str, np.ndarray]
 DIRT_RGB, DIRT_SHARE_OF_WIDTH = 70, 0.06
 
 
 @dataclass
-class Faulty:
+class Faulty(Perception):
     """Another ``perception``, whose frames have one ``fault`` of an ``amount``.
 
     - ``dark``: exposed by so many EV too little;
@@ -37,8 +40,6 @@ class Faulty:
     amount out of range.
     """
 
-    name: str
-    grid: VoxelGrid
     perception: Callable[..., Perception]
     fault: str
     amount: float
@@ -59,41 +60,35 @@ class Faulty:
     def begin(self, truth: TrueOccupancy, flight: str) -> None:
         self._inner.begin(truth, flight)
         self._rng = generator_for(self.seed, "fault", flight)
-        self._kept: dict[str, np.ndarray] = {}
+        self._kept: Kept = {}
 
     def __call__(self, frame: StreamFrame) -> Belief:
         return self._inner(FAULTS[self.fault](frame, self.amount, self._rng, self._kept))
 
 
-def _dark(frame: StreamFrame, amount_ev: float, *_: object) -> StreamFrame:
+def dark(frame: StreamFrame, amount_ev: float, *_: object) -> StreamFrame:
     return _seen(frame, _rgb(frame) * 2.0**-amount_ev)
 
 
-def _noise(
-    frame: StreamFrame, amount: float, rng: np.random.Generator, _: dict[str, np.ndarray]
-) -> StreamFrame:
+def noise(frame: StreamFrame, amount: float, rng: Rng, _: Kept) -> StreamFrame:
     rgb = _rgb(frame)
     return _seen(frame, rgb + rng.normal(0.0, amount, rgb.shape))
 
 
-def _defocus(frame: StreamFrame, amount_mrad: float, *_: object) -> StreamFrame:
+def defocus(frame: StreamFrame, amount_mrad: float, *_: object) -> StreamFrame:
     focal_pix = float(frame.pix_from_camera[0, 0])
     blur = ImageFilter.GaussianBlur(amount_mrad / 1000 * focal_pix)
     return _seen(frame, np.asarray(Image.fromarray(_rgb(frame)).filter(blur)))
 
 
-def _dirt(
-    frame: StreamFrame, share: float, rng: np.random.Generator, kept: dict[str, np.ndarray]
-) -> StreamFrame:
+def dirt(frame: StreamFrame, share: float, rng: Rng, kept: Kept) -> StreamFrame:
     rgb = _rgb(frame)
     if "dirt" not in kept:
         kept["dirt"] = _discs(rgb.shape[:2], share, rng)
     return _seen(frame, np.where(kept["dirt"][..., None], DIRT_RGB, rgb))
 
 
-def _discs(
-    size: tuple[int, int], share: float, rng: np.random.Generator
-) -> Bool[np.ndarray, "h w"]:
+def _discs(size: tuple[int, int], share: float, rng: Rng) -> Bool[np.ndarray, "h w"]:
     """Returns discs at random that cover the share of an image."""
     height, width = size
     covered, (v, u) = np.zeros(size, dtype=bool), np.indices(size)
@@ -103,18 +98,14 @@ def _discs(
     return covered
 
 
-def _lost(
-    frame: StreamFrame, share: float, rng: np.random.Generator, kept: dict[str, np.ndarray]
-) -> StreamFrame:
+def lost(frame: StreamFrame, share: float, rng: Rng, kept: Kept) -> StreamFrame:
     # The first frame always comes.
     if rng.random() >= share or "image" not in kept:
         kept["image"] = np.asarray(frame.image)
     return frame._replace(image=kept["image"])
 
 
-def _attitude(
-    frame: StreamFrame, amount_deg: float, rng: np.random.Generator, kept: dict[str, np.ndarray]
-) -> StreamFrame:
+def attitude(frame: StreamFrame, amount_deg: float, rng: Rng, kept: Kept) -> StreamFrame:
     if "axis" not in kept:
         angle = rng.uniform(0, 2 * math.pi)
         kept["axis"] = np.array([math.cos(angle), math.sin(angle), 0.0])
@@ -125,14 +116,7 @@ def _attitude(
     return frame._replace(world_from_body=matrix)
 
 
-FAULTS = {
-    "dark": _dark,
-    "noise": _noise,
-    "defocus": _defocus,
-    "dirt": _dirt,
-    "lost": _lost,
-    "attitude": _attitude,
-}
+FAULTS = {fault.__name__: fault for fault in (dark, noise, defocus, dirt, lost, attitude)}
 
 
 def _rgb(frame: StreamFrame) -> Rgb:

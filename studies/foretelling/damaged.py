@@ -1,30 +1,33 @@
 """The truth in sight, damaged: which loss of it lets a UAV collide?"""
 
+from collections.abc import Set
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Int
 
-from ..bounds import require_at_least, require_choice
-from ..errors import UserError
-from ..geometry import VoxelGrid
-from ..loop.belief import Belief
-from ..loop.perception import MOVABLE, Truth, seen_by
-from ..loop.true_occupancy import TrueOccupancy
-from ..models.frame import StreamFrame
-from ..ontology import CLASSES, FREE, GENERAL, GROUND
-from ..sim.staging import generator_for
+from src.bounds import require_at_least, require_choice
+from src.errors import UserError
+from src.jit import njit
+from src.loop.belief import Belief
+from src.loop.perception import MOVABLE, Perception, Truth, seen_by
+from src.loop.true_occupancy import ClassIds, TrueOccupancy
+from src.loop.vectors import Points, Semantics
+from src.models.frame import StreamFrame
+from src.ontology import CLASSES, FREE, GENERAL, GROUND
+from src.sim.staging import generator_for
 
 # Damages of a share, from 0 to 1, and those of a length in metres.
 SHARES = ("voxels", "objects", *CLASSES[:FREE], "phantoms")
 LENGTHS = ("near", "far", "ahead", "grown")
-
-Semantics = UInt8[np.ndarray, "X Y Z"]
+# Points of one class in touching cells of this side are one object.
+OBJECT_CELL_M = 0.5
 
 
 @dataclass
-class Damaged:
+class Damaged(Perception):
     """`Truth` in sight, with one ``kind`` of damage to an ``amount``.
 
     - ``voxels``: that share of the occupied voxels is lost, in each frame anew;
@@ -38,12 +41,9 @@ class Damaged:
     amount out of range.
     """
 
-    name: str
-    grid: VoxelGrid
     kind: str
     amount: float
     seed: int
-    wants_image = False
     _truth: Truth = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -56,9 +56,9 @@ class Damaged:
     def begin(self, truth: TrueOccupancy, flight: str) -> None:
         self._rng = generator_for(self.seed, "damage", flight)
         if self.kind == "objects":
-            truth = truth.without(self._rng, self.amount, {*range(FREE)} - {GROUND})
+            truth = without(truth, self._rng, self.amount, {*range(FREE)} - {GROUND})
         elif self.kind in CLASSES:
-            truth = truth.without(self._rng, self.amount, {CLASSES.index(self.kind)})
+            truth = without(truth, self._rng, self.amount, {CLASSES.index(self.kind)})
         self._truth.begin(truth, flight)
 
     def __call__(self, frame: StreamFrame) -> Belief:
@@ -77,7 +77,7 @@ class Damaged:
             drawn = self._rng.random(semantics.shape) < self.amount
             return np.where(drawn & (semantics == FREE), np.uint8(GENERAL), semantics)
         if self.kind in ("near", "far"):
-            near = distances_m(self.grid) < self.amount
+            near = self.grid.centers().norm(dim=-1).numpy() < self.amount
             return np.where(near == (self.kind == "near"), free, semantics)
 
         cells = round(self.amount / self.grid.voxel_m)
@@ -93,6 +93,50 @@ class Damaged:
         return semantics
 
 
-def distances_m(grid: VoxelGrid) -> Float[np.ndarray, "X Y Z"]:
-    """Returns the distance of every voxel's center from the UAV."""
-    return grid.centers().norm(dim=-1).numpy()
+def without(
+    truth: TrueOccupancy, rng: np.random.Generator, share: float, classes: Set[int]
+) -> TrueOccupancy:
+    """Returns the truth without some of the objects of these classes, each lost with a chance.
+
+    An object is an actor, or all points of one class that are connected.
+    """
+    points_m, class_id = truth.static[:2]
+    objects = connected(points_m, class_id)
+    lost = rng.random(objects.max(initial=-1) + 1) < share
+    drawn = [rng.random() < share for _ in truth.actors]
+    return truth.only(
+        ~(lost[objects] & np.isin(class_id, list(classes))),
+        [not (loses and each[0].class_id in classes) for loses, each in zip(drawn, truth.actors)],
+    )
+
+
+def connected(points_m: Points, class_id: ClassIds) -> Int[np.ndarray, "n"]:
+    """Returns a number for each point, the same for those of one connected object: one class, in
+    cells of `OBJECT_CELL_M` that touch, be it by a corner."""
+    cell = np.floor(points_m / OBJECT_CELL_M).astype(np.int64)
+    cell -= cell.min(axis=0, initial=0) - 1
+    _, rows, layers = cell.max(axis=0, initial=0) + 2
+    columns = (class_id * (cell[:, 0].max(initial=0) + 2) + cell[:, 0]) * rows + cell[:, 1]
+    keys, index = np.unique(columns * layers + cell[:, 2], return_inverse=True)
+
+    parent = np.arange(len(keys))
+    sides = np.array([(i * rows + j) * layers + k for i, j, k in product((-1, 0, 1), repeat=3)])
+    for step in sides[sides > 0]:
+        at = np.searchsorted(keys, keys + step).clip(max=len(keys) - 1)
+        touching = np.flatnonzero(keys[at] == keys + step)
+        _join(parent, touching, at[touching])
+    return np.unique(parent, return_inverse=True)[1][index]
+
+
+@njit
+def _join(parent, ones, others):
+    """Joins the sets of pairs; in the end every member knows the first one of its set."""
+    for n in range(len(ones)):
+        a, b = ones[n], others[n]
+        while parent[a] != a:
+            a = parent[a]
+        while parent[b] != b:
+            b = parent[b]
+        parent[max(a, b)] = min(a, b)
+    for n in range(len(parent)):
+        parent[n] = parent[parent[n]]

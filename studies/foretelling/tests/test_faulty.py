@@ -1,34 +1,19 @@
 """What each fault does to a frame, in its own unit; none of an amount of zero."""
 
 import math
-from dataclasses import dataclass, field
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 import torch
 
 from src.errors import UserError
-from src.faults.faulty import FAULTS, Faulty
 from src.geometry import VoxelGrid, euler_from_rotation
 from src.models.frame import StreamFrame
+from studies.foretelling.faulty import FAULTS, Faulty
 
 GRID = VoxelGrid((0.0, -12.5, -10.0), (25.0, 12.5, 5.0), (50, 50, 30))
 FOCAL_PIX = 50.0
-
-
-@dataclass
-class Recorder:
-    """A perception that keeps what it is shown."""
-
-    grid: VoxelGrid
-    shown: list = field(default_factory=list)
-    wants_image = True
-
-    def begin(self, truth, flight):
-        self.shown.clear()
-
-    def __call__(self, frame):
-        self.shown.append(frame)
 
 
 def frames(count=12, level=120):
@@ -40,12 +25,14 @@ def frames(count=12, level=120):
         yield StreamFrame(image, n / 5, np.eye(4), still, lens, torch.eye(4))
 
 
-def shown(fault, amount, seed=0, **changes):
-    faulty = Faulty("mine", GRID, Recorder, fault, amount, seed)
+def shown(fault, amount, seed=0, images=None, **changes):
+    """The frames that a perception is shown of those that are given."""
+    shown = Mock(wants_image=True)
+    faulty = Faulty("mine", GRID, Mock(return_value=shown), fault, amount, seed)
     faulty.begin(None, "any")
-    for frame in frames(**changes):
+    for frame in frames(**changes) if images is None else images:
         faulty(frame)
-    return faulty._inner.shown
+    return [call.args[0] for call in shown.call_args_list]
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -79,14 +66,10 @@ def test_noise_has_its_grey_levels_and_is_of_each_frame_its_own():
 
 def test_defocus_blurs_by_its_angle():
     """A point becomes a Gaussian of so many pixels."""
-    faulty = Faulty("mine", GRID, Recorder, "defocus", 40.0, 0)
-    faulty.begin(None, "any")
     point = np.zeros((3, 48, 64), dtype=np.uint8)
     point[:, 24, 32] = 255
-    faulty(next(iter(frames()))._replace(image=point))
-    (frame,) = faulty._inner.shown
-    weight = frame.image[0].astype(float)
-    rows = np.arange(48) - 24
+    (frame,) = shown("defocus", 40.0, images=[next(frames())._replace(image=point)])
+    weight, rows = frame.image[0].astype(float), np.arange(48) - 24
     spread_pix = math.sqrt((weight.sum(1) * rows**2).sum() / weight.sum())
     assert spread_pix == pytest.approx(40e-3 * FOCAL_PIX, rel=0.2)
 
@@ -122,4 +105,4 @@ def test_the_attitude_is_off_by_its_angle_in_one_direction():
 )
 def test_what_is_no_fault_is_refused(fault, amount, match):
     with pytest.raises(UserError, match=match):
-        Faulty("mine", GRID, Recorder, fault, amount, 0)
+        shown(fault, amount)

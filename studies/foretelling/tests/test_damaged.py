@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from src.errors import UserError
-from src.faults.damage import LENGTHS, SHARES, Damaged, distances_m
 from src.geometry import VoxelGrid
-from src.loop.true_occupancy import TrueOccupancy, connected
+from src.loop.true_occupancy import TrueOccupancy
 from src.models.frame import StreamFrame
 from src.ontology import BUILDING, GROUND, THIN_STRUCTURE, VRU
 from src.sim.assets import upright
-from src.sim.scene import Scene, SceneActor, parts_of
+from src.sim.scene import Scene, parts_of
 from src.sim.solid import Solid
+from studies.foretelling.damaged import LENGTHS, SHARES, Damaged, connected
+from tests.loop.yard import box_actor
 
 GRID = VoxelGrid((0.0, -5.0, -5.0), (10.0, 5.0, 5.0), (20, 20, 20))
 CORNERS = np.full(3, -20.0), np.full(3, 20.0)
@@ -26,11 +27,7 @@ def scene():
     """Fifteen posts of three classes in turns, ground below them, and a person."""
     classes = (BUILDING, THIN_STRUCTURE, GROUND)
     solids = [post(classes[n % 3], *place) for n, place in enumerate(PLACES_M)]
-    box = Solid("box", VRU, (0.4, 0.4, 1.6), upright(0.0, 0.0, 0.8), "metal")
-    places_m, still, zero = np.array([[6.7, 0.2, 2.1]] * 2), np.zeros((2, 3)), np.zeros(2)
-    person = SceneActor(
-        1, "pedestrian", VRU, (0.4, 0.4, 1.6), parts_of([box]), places_m, zero, still
-    )
+    person = box_actor(VRU, (0.4, 0.4, 1.6), [[6.7, 0.2, 2.1]] * 2, 0.8)
     return Scene(parts_of(solids), (person,))
 
 
@@ -51,54 +48,51 @@ def occupied(truth, kind, amount, seed=0):
     return perception(frame()).occupied > 0
 
 
+@pytest.fixture(scope="module")
 def whole(truth):
     return occupied(truth, "voxels", 0.0)
 
 
-def test_nothing_is_lost_to_no_damage(truth):
-    for kind in (*SHARES, *(each for each in LENGTHS if each != "far")):
-        assert (occupied(truth, kind, 0.0) == whole(truth)).all()
-    assert (occupied(truth, "far", 99.0) == whole(truth)).all()
+def test_nothing_is_lost_to_no_damage(truth, whole):
+    for kind in (*SHARES, *LENGTHS):
+        assert (occupied(truth, kind, 99.0 if kind == "far" else 0.0) == whole).all()
 
 
-def test_objects_are_lost_whole_but_for_the_ground(truth):
+def test_objects_are_lost_whole_but_for_the_ground(truth, whole):
     semantics, moving = truth.at(0, np.eye(4), GRID)
     assert (occupied(truth, "objects", 1.0) == (semantics == GROUND)).all()
     half = occupied(truth, "objects", 0.5)
     for x_m, y_m in PLACES_M:
         column = tuple(np.floor((np.array([x_m, y_m]) - GRID.lower_m[:2]) / 0.5).astype(int))
-        left = half[column].sum() / whole(truth)[column].sum()
+        left = half[column].sum() / whole[column].sum()
         assert left in (0.0, 1.0)
-    assert 0 < half.sum() < whole(truth).sum()
+    assert 0 < half.sum() < whole.sum()
     assert moving.any()
 
 
 @pytest.mark.parametrize(("name", "class_id"), [("thin_structure", THIN_STRUCTURE), ("vru", VRU)])
-def test_a_class_is_lost_and_no_other(name, class_id, truth):
+def test_a_class_is_lost_and_no_other(name, class_id, truth, whole):
     semantics, _ = truth.at(0, np.eye(4), GRID)
-    lost = whole(truth) & ~occupied(truth, name, 1.0)
+    lost = whole & ~occupied(truth, name, 1.0)
     assert (lost == (semantics == class_id)).all()
 
 
-def test_shares_of_voxels_and_of_phantoms(truth):
-    left = occupied(truth, "voxels", 0.6).sum() / whole(truth).sum()
+def test_shares_of_voxels_and_of_phantoms_and_all_that_is_near_or_far(truth, whole):
+    left = occupied(truth, "voxels", 0.6).sum() / whole.sum()
     assert left == pytest.approx(0.4, abs=0.12)
     more = occupied(truth, "phantoms", 0.02)
-    assert (more | whole(truth) == more).all()
-    assert (more & ~whole(truth)).mean() == pytest.approx(0.02, abs=0.005)
-
-
-def test_near_and_far_share_the_truth_between_them(truth):
+    assert (more | whole == more).all()
+    assert (more & ~whole).mean() == pytest.approx(0.02, abs=0.005)
     near, far = occupied(truth, "near", 6.0), occupied(truth, "far", 6.0)
-    assert (near ^ far == whole(truth)).all()
-    assert distances_m(GRID)[near].min() >= 6.0
+    assert (near ^ far == whole).all()
+    assert GRID.centers().norm(dim=-1).numpy()[near].min() >= 6.0
 
 
-def test_ahead_moves_and_grown_thickens(truth):
-    assert (occupied(truth, "ahead", 1.0)[2:] == whole(truth)[:-2]).all()
+def test_ahead_moves_and_grown_thickens(truth, whole):
+    assert (occupied(truth, "ahead", 1.0)[2:] == whole[:-2]).all()
     thick = occupied(truth, "grown", 0.5)
-    assert (thick | whole(truth) == thick).all()
-    assert 2 < thick.sum() / whole(truth).sum() < 27
+    assert (thick | whole == thick).all()
+    assert 2 < thick.sum() / whole.sum() < 27
 
 
 def test_the_seed_and_the_flight_decide_whatever_flew_before(truth):

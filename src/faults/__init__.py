@@ -1,1 +1,0 @@
-"""What is at fault with sensors, of flights and of frames."""
