@@ -28,7 +28,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from src.failures import quiet_libraries, told_in_one_line
-from src.settings import add_named_weathers, require_sound
+from src.settings import add_named_weathers, adopted, require_sound
 
 # Hydra would print its own errors over many lines and swallow the rest.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
@@ -39,12 +39,10 @@ def run(cfg: DictConfig) -> None:
     """Calls the configured task with the composed configuration."""
     # In here as well as below, or Hydra adds lines of its own.
     with told_in_one_line():
-        overrides = HydraConfig.get().overrides
-        require_sound(cfg, overrides.task, overrides.hydra)
-        add_named_weathers(cfg, overrides.hydra)
-        from src.tasks.session import adopted  # only now: Lightning takes seconds to import
-
-        instantiate(cfg.task)(adopted(cfg, overrides.task))
+        of_hydra = HydraConfig.get()
+        require_sound(cfg, of_hydra)
+        add_named_weathers(cfg, of_hydra)
+        instantiate(cfg.task)(adopted(cfg, of_hydra.overrides.task))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from .provenance import digest_of
 SOURCE = Path(__file__).parent
 # Files that change no byte, weight or score: errors, checks of settings, writing, processes, names.
 NEUTRAL = {
-    *("atomic.py", "bounds.py", "errors.py", "jit.py", "locks.py", "provenance.py"),
+    *("atomic.py", "dotted.py", "errors.py", "jit.py", "limits.py", "locks.py", "provenance.py"),
     *("run_folder.py", "terminal.py", "used_code.py", "worker_pool.py"),
     *("data/files.py", "data/manifest.py", "data/shards.py", "tasks/scoring.py"),
 }

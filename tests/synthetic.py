@@ -63,10 +63,10 @@ def sound_config(*overrides, folder=None):
     """The same, once it is found to be sound; ``folder`` holds files of the user's own."""
     where = [f"hydra.searchpath=[file://{folder}]"] if folder else []
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        cfg = compose("config", [*overrides, *where])
-        require_sound(cfg, overrides, where)
-        add_named_weathers(cfg, where)
-    return cfg
+        cfg = compose("config", [*overrides, *where], return_hydra_config=True)
+        require_sound(cfg, cfg.hydra)
+        add_named_weathers(cfg, cfg.hydra)
+    return OmegaConf.masked_copy(cfg, [key for key in cfg if key != "hydra"])
 
 
 def mini_overrides(folder, *more):

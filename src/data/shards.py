@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from ..atomic import replacing
+from ..dotted import differences, short
 from ..errors import UserError
-from .manifest import DatasetSpec, different_setting
+from .manifest import DatasetSpec
 
 T = TypeVar("T")
 
@@ -44,16 +45,17 @@ def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
     _write_first(path, joining)
 
     try:
-        changed = _difference(json.loads(path.read_text()), joining)
+        changed = next(differences(_named(json.loads(path.read_text())), _named(joining)), None)
     except FileNotFoundError:
         return  # The others have just finished.
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise UserError(f"{path}: cannot be read ({error}); delete it") from error
 
     if changed:
+        setting, old, new = changed
         raise UserError(
-            f"{changed}; give all shards of a dataset the same, or delete {path} if no other is "
-            "to be finished"
+            f"{setting}: this shard has {short(new)}, and the shards under way have {short(old)}; "
+            f"give all shards of a dataset the same, or delete {path} if no other is to be finished"
         )
 
 
@@ -83,10 +85,7 @@ def _write_first(path: Path, record: dict) -> None:
         candidate.unlink()
 
 
-def _difference(under_way: dict, joining: dict) -> str | None:
-    """Says in which setting two records differ, in the number of shards, or in the code."""
-    for key, name in (("sim", "sim"), ("shards", "sim.shards"), ("generator", "code of sim")):
-        if changed := different_setting({name: under_way[key]}, {name: joining[key]}):
-            setting, old, new = changed
-            return f"{setting}: this shard has {new}, and the shards under way have {old}"
-    return None
+def _named(record: dict) -> dict:
+    """Returns what a record holds, under the names of its settings."""
+    names = {"sim": "sim", "shards": "sim.shards", "generator": "the code of sim"}
+    return {name: record[key] for key, name in names.items()}

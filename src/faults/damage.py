@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 
-from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..limits import require_at_least, require_choice
 from ..loop.belief import Belief
 from ..loop.perception import MOVABLE, Truth, seen_by
 from ..loop.true_occupancy import TrueOccupancy

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 from PIL import Image, ImageFilter
 
-from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid, rotation_from_quat
+from ..limits import require_at_least, require_choice
 from ..loop.belief import Belief
 from ..loop.perception import Perception
 from ..loop.true_occupancy import TrueOccupancy

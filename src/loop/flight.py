@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..bounds import require_at_least
 from ..data.rates import STEP_HZ as SCENE_HZ
 from ..errors import UserError
 from ..geometry import world_from_occ
+from ..limits import require_at_least
 from ..models.frame import StreamFrame
 from .airframe import POSITION, STEP_HZ, Airframe, States
 from .belief import Belief, BeliefMap

@@ -9,9 +9,9 @@ from typing import Literal, NamedTuple, Protocol, get_args
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..jit import njit
+from ..limits import require_at_least, require_choice
 from .belief import LEAST, MOST, BeliefMap
 from .distance_field import apart, distance_at, distances
 

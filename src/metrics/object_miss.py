@@ -8,9 +8,9 @@ import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
-from ..bounds import require_positive
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..limits import require_positive
 from ..ontology import GROUND
 from . import functional as F
 from .safety import swept_tube

@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ..bounds import require_positive
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..limits import require_positive
 from . import functional as F
 from .tables import VoxelMetric
 

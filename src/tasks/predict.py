@@ -6,11 +6,11 @@ from pathlib import Path
 import torch
 from omegaconf import DictConfig
 
-from ..bounds import require_choice
 from ..data.predictions import Frame, Predictions, save_predictions
 from ..data.split import held_out_clips
 from ..data.truth import PARTS
 from ..errors import UserError
+from ..limits import require_choice
 from ..terminal import say, tracked
 from .session import Session
 from .trainer import predictor
