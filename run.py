@@ -1,5 +1,6 @@
 """Composes the configuration and calls the task: ``python run.py +experiment=skyocc``."""
 
+import gc
 import os
 import sys
 
@@ -21,14 +22,14 @@ def _interrupted(kind: type, error: BaseException, trace: object) -> None:
 
 
 sys.excepthook = _interrupted
+gc.disable()  # until the task begins: nothing that is imported or composed is garbage
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from src.failures import quiet_libraries, told_in_one_line
-from src.settings import add_named_weathers, adopted, require_sound
+from src.settings import do_task, require_sound
 
 # Hydra would print its own errors over many lines and swallow the rest.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
@@ -41,8 +42,7 @@ def run(cfg: DictConfig) -> None:
     with told_in_one_line():
         of_hydra = HydraConfig.get()
         require_sound(cfg, of_hydra)
-        add_named_weathers(cfg, of_hydra)
-        instantiate(cfg.task)(adopted(cfg, of_hydra.overrides.task))
+        do_task(cfg, of_hydra)
 
 
 if __name__ == "__main__":

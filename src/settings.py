@@ -1,9 +1,6 @@
-"""A composed configuration: checked before any work starts, and completed.
+"""A composed configuration: checked, completed and handed to its task."""
 
-Weathers of the user's own are added, and a checkpoint brings the configuration that it was trained
-with.
-"""
-
+import gc
 from collections.abc import Collection, Sequence
 from functools import cache
 from pathlib import Path
@@ -11,6 +8,7 @@ from pathlib import Path
 from hydra import compose
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import MissingConfigException
+from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from .data.batches import ORDERS
@@ -154,6 +152,19 @@ def _require_image(cfg: DictConfig) -> None:
             "data.batch_size: a single image of 32x32 pixels has one pixel in the deepest feature "
             "map, too few for batch normalization; give 2 or more, or a larger sim.image"
         )
+
+
+def do_task(cfg: DictConfig, hydra: DictConfig) -> object:
+    """Does the configured task with all weathers that it names and `adopted` settings.
+
+    ``hydra`` is Hydra's own part of the composition. Must be called inside Hydra's application.
+    """
+    add_named_weathers(cfg, hydra)
+    task, cfg = instantiate(cfg.task), adopted(cfg, hydra.overrides.task)
+    # What is imported and composed by now stays: no search for garbage looks through it again.
+    gc.freeze()
+    gc.enable()
+    return task(cfg)
 
 
 def add_named_weathers(cfg: DictConfig, hydra: DictConfig) -> None:

@@ -8,12 +8,11 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from hydra.core.hydra_config import HydraConfig
-from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from .errors import UserError
 from .failures import one_line, quiet_libraries
-from .settings import TRAINING, add_named_weathers, adopted, require_sound, search_path
+from .settings import TRAINING, do_task, require_sound, search_path
 from .terminal import say
 
 FINISHED = "finished"
@@ -62,10 +61,8 @@ def do_job(cfg: DictConfig) -> Outcome:
     quiet_libraries()
     try:
         of_hydra = HydraConfig.get()
-        words = list(of_hydra.overrides.task)
-        add_named_weathers(cfg, of_hydra)
-        with _as_if_alone([*search_path(of_hydra), *words]):
-            return Outcome(instantiate(cfg.task)(adopted(cfg, words)) or FINISHED)
+        with _as_if_alone([*search_path(of_hydra), *of_hydra.overrides.task]):
+            return Outcome(do_task(cfg, of_hydra) or FINISHED)
     except Exception as error:
         message = one_line(error)
         if message is None:
