@@ -1,5 +1,6 @@
 """Composes the configuration and calls the task: ``python run.py +experiment=skyocc``."""
 
+import gc
 import os
 import sys
 
@@ -21,14 +22,14 @@ def _interrupted(kind: type, error: BaseException, trace: object) -> None:
 
 
 sys.excepthook = _interrupted
+gc.disable()  # until the task begins: nothing that is imported or composed is garbage
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from src.failures import quiet_libraries, told_in_one_line
-from src.settings import add_named_weathers, require_sound
+from src.settings import do_task, require_sound
 
 # Hydra would print its own errors over many lines and swallow the rest.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
@@ -39,12 +40,9 @@ def run(cfg: DictConfig) -> None:
     """Calls the configured task with the composed configuration."""
     # In here as well as below, or Hydra adds lines of its own.
     with told_in_one_line():
-        overrides = HydraConfig.get().overrides
-        require_sound(cfg, overrides.task, overrides.hydra)
-        add_named_weathers(cfg, overrides.hydra)
-        from src.tasks.session import adopted  # only now: Lightning takes seconds to import
-
-        instantiate(cfg.task)(adopted(cfg, overrides.task))
+        of_hydra = HydraConfig.get()
+        require_sound(cfg, of_hydra)
+        do_task(cfg, of_hydra)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,12 @@
 """The keys that a configuration may have, and the types of their values."""
 
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Sequence
 
 from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 
+from .dotted import differences, is_listed
 from .errors import UserError, closest
 
 TARGET = "_target_"
@@ -13,79 +14,63 @@ TARGET = "_target_"
 UNITS = ("_m", "_s", "_hz", "_deg", "_mps")
 
 
-def require_set_soundly(before: DictConfig, cfg: DictConfig, files: str) -> None:
-    """Raises `UserError` where files have added a key that nothing reads, or changed the type of a
-    value. Where they build another class than before, all of its keys are taken.
+def require_keys(before: DictConfig, cfg: DictConfig, typed: Sequence[str], files: str) -> None:
+    """Raises `UserError` where a command adds a key that nothing reads, or changes the type of a
+    value.
 
-    ``before`` is the configuration without these files, which the message names by ``files``.
+    ``before`` is the configuration without the keys that are ``typed`` and without ``files``,
+    which the message names where the mistake is theirs. A class reads its arguments, and a loss
+    the weight of each term.
     """
-    trees = (OmegaConf.to_container(node, resolve=False) for node in (before, cfg))
-    for key, is_new in _changed(*trees):
+    for key, _, _ in differences(*(OmegaConf.to_container(node) for node in (before, cfg))):
+        if is_listed(key, ["hydra"]):
+            continue
         try:
-            if is_new:
-                require_known(key, before, cfg)
-            else:
-                require_type(key, before, cfg)
+            _require_sound(key, before, cfg)
         except UserError as error:
+            if any(is_listed(key, [word]) or is_listed(word, [key]) for word in typed):
+                raise
             raise UserError(f"{files}: {error}") from None
 
 
-def _changed(before: Mapping, after: Mapping, prefix: str = "") -> Iterator[tuple[str, bool]]:
-    """Yields each dotted key that is new or has another value, and whether it is new."""
-    for name, value in after.items():
-        key, old = f"{prefix}{name}", before.get(name)
-        if name not in before:
-            yield key, True
-        elif isinstance(value, dict) and isinstance(old, dict):
-            # The arguments of another class have nothing to be compared with.
-            if value.get(TARGET) == old.get(TARGET):
-                yield from _changed(old, value, f"{key}.")
-        elif value != old:
-            yield key, False
+def _require_sound(key: str, before: DictConfig, cfg: DictConfig) -> None:
+    """Checks a key that differs: where it, or a group that it lies in, is new or belongs to another
+    class, that something reads it; elsewhere its type."""
+    names = key.split(".")
+    for depth, name in enumerate(names):
+        old, new = (OmegaConf.select(node, ".".join(names[:depth])) for node in (before, cfg))
+        if name not in new:
+            return  # The command removes it.
+        if name not in old or new.get(TARGET) != old.get(TARGET):
+            return _require_read(".".join(names[: depth + 1]), before, cfg)
+    _require_type(key, *(plain(OmegaConf.select(node, key)) for node in (before, cfg)))
 
 
-def require_known(key: str, before: DictConfig, cfg: DictConfig) -> None:
-    """Raises `UserError` for a key of ``cfg`` that ``before`` lacks, unless something reads it.
+def _require_read(key: str, before: DictConfig, cfg: DictConfig) -> None:
+    """Raises `UserError` for a new key that nothing reads.
 
     A class reads its arguments, and a loss the weight of each term. A group that holds only
     classes, such as ``callbacks``, ``loss.terms`` or ``suite.metrics``, takes another class.
     """
-    new = _first_new(key, before)
-    if new is None:
+    group, _, name = key.rpartition(".")
+    old, new = (OmegaConf.select(node, group) or {} for node in (before, cfg))
+    known = list(map(str, old))
+    if TARGET in new:
+        arguments = _arguments(new[TARGET])
+        if arguments is None or name.startswith("_"):
+            return
+        # The loss itself takes the weight of a term, before it calls the term's function.
+        known += arguments + ["weight"] * group.startswith("loss.terms.")
+    elif not old:
+        return
+    elif group and _is_class(new[name]) and all(map(_is_class, old.values())):
+        for argument in new[name]:
+            _require_read(f"{key}.{argument}", before, cfg)
         return
 
-    parent, _, name = new.rpartition(".")
-    node = OmegaConf.select(before, parent) if parent else before
-    known = list(map(str, node)) if isinstance(node, DictConfig) else []
-
-    if _is_class(node):
-        arguments = _arguments(node[TARGET])
-        # The loss itself takes the weight of a term, before it calls the term's function.
-        is_weight = name == "weight" and parent.startswith("loss.terms.")
-        if arguments is None or name in arguments or is_weight:
-            return
-        known += [argument for argument in arguments if argument not in known]
-    elif isinstance(node, DictConfig):
-        holds_classes = parent and all(_is_class(node[sibling]) for sibling in node)
-        if not node or (holds_classes and _is_class(OmegaConf.select(cfg, new))):
-            return
-
-    raise UserError(
-        f"{new}: nothing reads this key{closest(name, known)} there are {', '.join(known)}"
-    )
-
-
-def _first_new(key: str, before: DictConfig) -> str | None:
-    """Returns the shortest beginning of a dotted key that a configuration lacks, if it lacks any.
-
-    It is ``loss.terms.mine`` for ``loss.terms.mine.weight`` where no term has that name yet.
-    """
-    node, names = before, key.split(".")
-    for depth, name in enumerate(names, start=1):
-        if not isinstance(node, DictConfig) or name not in node:
-            return ".".join(names[:depth])
-        node = node[name]
-    return None
+    if name not in known:
+        there = ", ".join(dict.fromkeys(known))
+        raise UserError(f"{key}: nothing reads this key{closest(name, known)} there are {there}")
 
 
 def _is_class(node: object) -> bool:
@@ -103,11 +88,9 @@ def _arguments(target: str) -> list[str] | None:
     return [parameter.name for parameter in parameters]
 
 
-def require_type(key: str, before: DictConfig, cfg: DictConfig) -> None:
-    """Raises `UserError` for a value that is of another type than it was before."""
-    old, new = (plain(OmegaConf.select(node, key)) for node in (before, cfg))
+def _require_type(key: str, old: object, new: object) -> None:
+    """Raises `UserError` for a value that is of another type than the default."""
     group = key.partition(".")[0]
-
     # Lightning takes several types of devices, and null as its own default; it checks both itself.
     if key == "trainer.devices" or (new is None and (old is None or group == "trainer")):
         return
@@ -120,28 +103,27 @@ def require_type(key: str, before: DictConfig, cfg: DictConfig) -> None:
         old = old[:1] * len(new)
 
     if wanted := _mismatch(old, new):
-        raise UserError(f"{key}: {new!r} is not {wanted}; the configuration has {old!r}")
+        raise UserError(f"{key}: {new!r} is not {wanted}; the default is {old!r}")
 
 
 def _mismatch(old: object, new: object) -> str | None:
     """Says what a value should have been, or returns ``None`` where it has the right type."""
-    if isinstance(old, bool):
-        return None if isinstance(new, bool) else "true or false"
-    if isinstance(old, int | float):
-        kinds = int if isinstance(old, int) else int | float
-        is_number = isinstance(new, kinds) and not isinstance(new, bool)
-        return None if is_number else ("an integer" if kinds is int else "a number")
-    if isinstance(old, dict):
-        return None if isinstance(new, dict) else "a group of keys"
-
-    if isinstance(old, list):
-        if not isinstance(new, list):
+    match old:
+        case bool():
+            return None if isinstance(new, bool) else "true or false"
+        case int() | float():
+            kinds = int if isinstance(old, int) else int | float
+            is_number = isinstance(new, kinds) and not isinstance(new, bool)
+            return None if is_number else ("an integer" if kinds is int else "a number")
+        case dict():
+            return None if isinstance(new, dict) else "a group of keys"
+        case list() if not isinstance(new, list):
             return "a list"
-        if old and all(isinstance(item, int | float) for item in old):
+        case [int() | float(), *_]:
             same = len(new) == len(old) and not any(map(_mismatch, old, new))
             return None if same else f"a list of {len(old)} numbers of that type"
-    if isinstance(old, str) and isinstance(new, dict | list | None):
-        return "a word"
+        case str() if isinstance(new, dict | list | None):
+            return "a word"
     return None
 
 

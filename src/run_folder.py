@@ -3,7 +3,7 @@
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import yaml
 
 from .atomic import replacing
 from .data.manifest import NOT_SHAPING
+from .dotted import differences
 from .errors import UserError
 from .locks import locked, telling
 from .provenance import digest_of
@@ -56,11 +57,6 @@ KEYS = {
     # What a training begins with; its checkpoints hold what became of that.
     "start": ("model.backbone.weights", "model.backbone.weights_sha256"),
 }
-
-
-def is_listed(key: str, listed: Iterable[str]) -> bool:
-    """Whether a key, or a group that it lies in, is among those listed."""
-    return any(key == known or key.startswith(f"{known}.") for known in listed)
 
 
 class RunFolder:
@@ -201,7 +197,7 @@ def require_same_config(
     what the training began with. Raises `UserError` that names the first key that differs.
     """
     way_out = "or another ckpt_path" if keys else "or drop ckpt_path to start anew"
-    for key in keys or before.keys() | config.keys():
+    for key in keys or sorted(before.keys() | config.keys()):
         for dotted, old, new in differences({key: before.get(key)}, {key: config.get(key)}):
             if not (keys and dotted in KEYS["start"]):
                 raise UserError(
@@ -242,15 +238,3 @@ def shaping(config: dict) -> dict:
         return node.removeprefix(run) if isinstance(node, str) else node
 
     return kept(config, "")
-
-
-def differences(before: dict, after: dict, prefix: str = "") -> list[tuple[str, object, object]]:
-    """Returns the dotted keys whose values differ, with both values."""
-    changed = []
-    for key in sorted(before.keys() | after.keys()):
-        old, new = before.get(key), after.get(key)
-        if isinstance(old, dict) and isinstance(new, dict):
-            changed += differences(old, new, f"{prefix}{key}.")
-        elif old != new:
-            changed.append((prefix + key, old, new))
-    return changed

@@ -1,65 +1,104 @@
-"""A composed configuration: checked before any work starts, and weathers of one's own added."""
+"""A composed configuration: checked, completed and handed to its task."""
 
-from collections.abc import Sequence
+import gc
+from collections.abc import Collection, Sequence
 from functools import cache
 from pathlib import Path
 
 from hydra import compose
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
 from hydra.errors import MissingConfigException
+from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from .bounds import require_at_least, require_choice, require_count, require_some
-from .data.dataset import history_stride, require_loading
+from .data.batches import ORDERS
+from .data.dataset import HISTORY, history_stride
 from .data.rates import require_rates
+from .dotted import is_listed
 from .errors import UserError
 from .geometry import VoxelGrid
-from .keys import plain, require_known, require_set_soundly, require_type
-from .models.network import require_size
+from .keys import plain, require_keys
+from .limits import require_at_least, require_choice, require_count
+from .run_folder import KEYS
 
 GROUPS = Path(__file__).parent.parent / "conf"
-TRAINING = "src.tasks.fit.fit"
+TRAINING, LOOK = "src.tasks.fit.fit", "src.tasks.look.look"
 # Geometry is computed in fp32, so the network has no pure half or double precision.
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
+CHOICES = {
+    "trainer.precision": ("auto", *PRECISIONS),
+    "gpu_precision": PRECISIONS,
+    "data.order": ORDERS,
+    "data.history": HISTORY,
+}
+AT_LEAST = (
+    (0, "sim", ("seed",)),
+    (0, "optimizer", ("lr", "weight_decay", "warmup")),
+    (1, "trainer", ("max_epochs",)),
+    (1, "data", ("batch_size", "frames", "run_frames")),
+    (0, "data", ("workers",)),
+    (1, "size", ("backbone_width", "dim", "layers", "heads", "heights", "points")),
+    (0, "size", ("blocks",)),
+)
 
 
-def search_path(hydra_overrides: Sequence[str]) -> list[str]:
+def search_path(hydra: DictConfig) -> list[str]:
     """Returns the overrides of Hydra itself that name folders with groups of one's own."""
-    return [override for override in hydra_overrides if override.startswith("hydra.searchpath=")]
+    return [line for line in hydra.overrides.hydra if line.startswith("hydra.searchpath=")]
 
 
-def require_sound(
-    cfg: DictConfig, overrides: Sequence[str], hydra_overrides: Sequence[str] = ()
-) -> None:
+def require_sound(cfg: DictConfig, hydra: DictConfig) -> None:
     """Raises `UserError` that names the key, for what would otherwise fail late or do nothing.
 
-    ``overrides`` are those of the command line. Neither they nor a file that they add, such as an
-    experiment's, may add a key that nothing reads or change the type of a value.
-    ``hydra_overrides`` set Hydra itself. Must be called inside Hydra's application.
+    Neither the command line nor a file that it adds, such as an experiment's, may add a key that
+    nothing reads or change the type of a value. ``hydra`` is Hydra's own part of the composition.
+    Must be called inside Hydra's application.
     """
-    parsed = OverridesParser.create().parse_overrides(list(overrides))
-    groups = [override for override in parsed if (GROUPS / override.key_or_group).is_dir()]
-    before = _require_sound_files(groups, search_path(hydra_overrides))
-    for override in parsed:
-        if override not in groups and not override.is_delete():
-            key = override.key_or_group
-            if override.is_add() or override.is_force_add():
-                require_known(key, before, cfg)
-            require_type(key, before, cfg)
+    typed = OverridesParser.create().parse_overrides(list(hydra.overrides.task))
+    groups = [word for word in typed if (GROUPS / word.key_or_group).is_dir()]
+    # Those that may set any key: the scale's, and the added ones.
+    files = [*(word.get_key_element().lstrip("+") for word in groups if word.is_add()), "scale"]
+    files = {group: hydra.runtime.choices[group] for group in files}
+    before = _composed_without(files, hydra)
 
-    _require_training(cfg)
-    require_loading(cfg.data)
-    require_size(cfg.size)
-    require_rates(cfg.sim)
-    history_stride(cfg.data.history_step_s, cfg.sim.capture_hz)
+    for group, choice in files.items():
+        if group in cfg and group not in before.hydra.runtime.choices:
+            line = "# @package _global_"
+            raise UserError(f"{group}={choice}: the file {choice}.yaml must begin with {line!r}")
+    names = ", ".join(f"{group}={choice}" for group, choice in files.items())
+    keys = [word.key_or_group for word in typed if word not in groups]
+    require_keys(before, cfg, keys, names)
+
+    _require_values(cfg)
     _require_grids(cfg)
     _require_image(cfg)
 
 
-def _require_training(cfg: DictConfig) -> None:
-    """Checks name, seeds, processes, optimizer and trainer, which no class of this project
-    checks."""
+def _composed_without(files: Collection[str], hydra: DictConfig) -> DictConfig:
+    """Composes the options that a command chooses, without files that may set any key and without
+    the keys of the command line."""
+    choices = {group: each for group, each in hydra.runtime.choices.items() if group not in files}
+    # A task may bring groups of its own.
+    words = [f"task={choices['task']}", *search_path(hydra)]
+    before = _composed(*words)
+
+    defaults = before.hydra.runtime.choices
+    others = [
+        f"{'' if group in defaults else '+'}{group}={choice}"
+        for group, choice in choices.items()
+        if not group.startswith("hydra/") and choice != defaults.get(group)
+    ]
+    return _composed(*words, *others) if others else before
+
+
+@cache
+def _composed(*words: str) -> DictConfig:
+    """A composition that the commands of one process share: not to be changed."""
+    return compose("config", list(words), return_hydra_config=True)
+
+
+def _require_values(cfg: DictConfig) -> None:
+    """Checks values of which no class of this project says what they may be."""
     # Or the run's folder would lie elsewhere, or be that of all runs of the scale.
     if not cfg.name or cfg.name.startswith(".") or {"/", "\\"} & {*cfg.name}:
         raise UserError(
@@ -68,20 +107,25 @@ def _require_training(cfg: DictConfig) -> None:
         )
     if cfg.seed < 0:
         raise UserError(f"seed: {cfg.seed} is too small; give 0 or more")
-    require_at_least(0, "sim", cfg.sim, "seed")
-    require_count("threads", cfg.threads)
-    require_count("sim.workers", cfg.sim.workers)
+    for least, group, names in AT_LEAST:
+        require_at_least(least, group, cfg[group], *names)
+    for key, choices in CHOICES.items():
+        require_choice(key, OmegaConf.select(cfg, key), choices)
+    for key in ("threads", "sim.workers"):
+        require_count(key, OmegaConf.select(cfg, key))
 
-    require_at_least(0, "optimizer", cfg.optimizer, "lr", "weight_decay", "warmup")
     if cfg.optimizer.warmup > 1:
         raise UserError(f"optimizer.warmup: {cfg.optimizer.warmup} is no share; give 0 to 1")
-
-    require_choice("trainer.precision", cfg.trainer.get("precision"), ("auto", *PRECISIONS))
-    require_choice("gpu_precision", cfg.gpu_precision, PRECISIONS)
-    require_at_least(1, "trainer", cfg.trainer, "max_epochs")
     for part in ("train", "val", "test"):
-        name = f"limit_{part}_batches"
-        require_some(f"trainer.{name}", cfg.trainer.get(name))
+        key = f"trainer.limit_{part}_batches"
+        if OmegaConf.select(cfg, key) == 0:
+            raise UserError(f"{key}: 0 leaves nothing; give a number of batches, or a share")
+    if cfg.data.order == "streams" and cfg.data.frames == 1:
+        raise UserError(
+            "data.order: streams keep a past, and data.frames=1 has none; give 2 or more"
+        )
+    require_rates(cfg.sim)
+    history_stride(cfg.data.history_step_s, cfg.sim.capture_hz)
 
 
 def _require_grids(cfg: DictConfig) -> None:
@@ -110,49 +154,23 @@ def _require_image(cfg: DictConfig) -> None:
         )
 
 
-def _require_sound_files(groups: Sequence[Override], where: Sequence[str]) -> DictConfig:
-    """Checks the files that may set any key, which are the scale's and the added ones, and returns
-    the configuration of all chosen files.
+def do_task(cfg: DictConfig, hydra: DictConfig) -> object:
+    """Does the configured task with all weathers that it names and `adopted` settings.
 
-    They may set only keys that there are, to values of their type. ``where`` says in which folders
-    there are more files.
+    ``hydra`` is Hydra's own part of the composition. Must be called inside Hydra's application.
     """
-    chosen = [override.input_line for override in groups]
-    composed = compose("config", [*chosen, *where], return_hydra_config=True)
-    before = OmegaConf.masked_copy(composed, [key for key in composed if key != "hydra"])
-    choices = composed.hydra.runtime.choices
-    # A task may bring groups of its own.
-    task = f"task={choices['task']}"
-    defaults = _default_choices(task)
-
-    files = {each.key_or_group: choices[each.key_or_group] for each in groups if each.is_add()}
-    for group, choice in files.items():
-        if group in before and group not in defaults:
-            line = "# @package _global_"
-            raise UserError(f"{group}={choice}: the file {choice}.yaml must begin with {line!r}")
-
-    files["scale"] = choices["scale"]
-    factors = [
-        f"{'' if group in defaults else '+'}{group}={choice}"
-        for group, choice in choices.items()
-        if group not in files and not group.startswith("hydra/") and choice != defaults.get(group)
-    ]
-    names = ", ".join(f"{group}={choice}" for group, choice in files.items())
-    require_set_soundly(compose("config", [task, *factors, *where]), before, names)
-    return before
+    add_named_weathers(cfg, hydra)
+    task, cfg = instantiate(cfg.task), adopted(cfg, hydra.overrides.task)
+    # What is imported and composed by now stays: no search for garbage looks through it again.
+    gc.freeze()
+    gc.enable()
+    return task(cfg)
 
 
-@cache
-def _default_choices(task: str) -> dict[str, str]:
-    """Returns the option of every group where the command line chooses none but the task."""
-    return dict(compose("config", [task], return_hydra_config=True).hydra.runtime.choices)
-
-
-def add_named_weathers(cfg: DictConfig, of_hydra: Sequence[str]) -> None:
+def add_named_weathers(cfg: DictConfig, hydra: DictConfig) -> None:
     """Adds to ``sim.weather`` what ``sim.weathers`` names and no file lists in its defaults.
 
-    ``of_hydra`` are the overrides that set Hydra itself, such as the folders with groups of one's
-    own. A name without a file is left to the generator, which knows all weathers that there are.
+    A name without a file is left to the generator, which knows all weathers that there are.
     Must be called inside Hydra's application.
     """
     for name in cfg.sim.weathers:
@@ -160,8 +178,49 @@ def add_named_weathers(cfg: DictConfig, of_hydra: Sequence[str]) -> None:
             continue
         package = f"sim.weather.{name}"
         try:
-            added = compose("config", [f"+sim/weather@{package}={name}", *search_path(of_hydra)])
+            added = compose("config", [f"+sim/weather@{package}={name}", *search_path(hydra)])
         except MissingConfigException:
             continue
         with open_dict(cfg):
             cfg.sim.weather[name] = added.sim.weather[name]
+
+
+def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
+    """Returns the configuration to work with: the checkpoint's, where a command names the file of
+    one and nothing that shapes a model, else ``cfg``.
+
+    ``overrides`` are those of the command line. task=look shows other flights than those that the
+    weights were trained on: which, its own configuration says. Raises `UserError` as
+    `Checkpoint.read` does.
+    """
+    # An override of the model names another rung, whose configuration must then be given whole.
+    parsed = OverridesParser.create().parse_overrides(list(overrides))
+    keys = [override.key_or_group for override in parsed]
+    flights = KEYS["flights"] if cfg.task._target_ == LOOK else ()
+    says_nothing = (*KEYS["place"], *KEYS["machine"], *KEYS["scoring"], *flights)
+    neutral = all(is_listed(key, says_nothing) for key in keys)
+    if cfg.ckpt_path in (None, "best", "last") or not neutral:
+        return cfg
+
+    from .metrics.protocol import without_former  # only here: these take seconds to import
+    from .models.checkpoint import Checkpoint
+
+    own = Checkpoint.read(cfg.ckpt_path).origin.config
+    adopted, taken = cfg.copy(), own.keys() - set(KEYS["machine"])
+    OmegaConf.set_struct(adopted, False)
+    for key in taken:
+        adopted[key] = own[key]
+    # The trainer is this machine's, but scores depend on the precision.
+    adopted.trainer.precision = own["trainer"]["precision"]
+    # A metric that is newer than the checkpoint, and its settings, are of the command's suite.
+    suite = without_former(own["suite"])
+    adopted.suite = OmegaConf.merge({}, cfg.suite, suite)
+    # Arguments of metrics refer to shared settings, which the command may set: not their values.
+    adopted.suite.metrics = OmegaConf.merge(suite.get("metrics", {}), cfg.suite.metrics)
+
+    # What the checkpoint does not say, or the command says itself.
+    unsaid = [key for key in KEYS["place"] if key.partition(".")[0] in taken]
+    for key in (*unsaid, *flights, *keys):
+        if "." in key:
+            OmegaConf.update(adopted, key, OmegaConf.select(cfg, key))
+    return adopted

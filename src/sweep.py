@@ -8,12 +8,11 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from hydra.core.hydra_config import HydraConfig
-from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from .errors import UserError
 from .failures import one_line, quiet_libraries
-from .settings import TRAINING, add_named_weathers, require_sound, search_path
+from .settings import TRAINING, do_task, require_sound, search_path
 from .terminal import say
 
 FINISHED = "finished"
@@ -35,8 +34,8 @@ def require_sound_jobs(jobs: Sequence[DictConfig]) -> None:
     """
     overrides = [list(cfg.hydra.overrides.task) for cfg in jobs]
     first_in: dict[str, str] = {}
-    for cfg, of_job, label in zip(jobs, overrides, labels_of(overrides)):
-        require_sound(cfg, of_job, cfg.hydra.overrides.hydra)
+    for cfg, label in zip(jobs, labels_of(overrides)):
+        require_sound(cfg, cfg.hydra)
         if cfg.task._target_ not in (*SCORING, TRAINING):
             continue
 
@@ -59,14 +58,11 @@ def do_job(cfg: DictConfig) -> Outcome:
 
     A failure is told at once, as `told_in_one_line` would, but ends this job alone.
     """
-    from .tasks.session import adopted  # only here: Lightning takes seconds to import
-
     quiet_libraries()
     try:
-        overrides = HydraConfig.get().overrides
-        add_named_weathers(cfg, overrides.hydra)
-        with _as_if_alone([*search_path(overrides.hydra), *overrides.task]):
-            return Outcome(instantiate(cfg.task)(adopted(cfg, overrides.task)) or FINISHED)
+        of_hydra = HydraConfig.get()
+        with _as_if_alone([*search_path(of_hydra), *of_hydra.overrides.task]):
+            return Outcome(do_task(cfg, of_hydra) or FINISHED)
     except Exception as error:
         message = one_line(error)
         if message is None:

@@ -18,7 +18,7 @@ from .provenance import digest_of
 SOURCE = Path(__file__).parent
 # Files that change no byte, weight or score: errors, checks of settings, writing, processes, names.
 NEUTRAL = {
-    *("atomic.py", "bounds.py", "errors.py", "jit.py", "locks.py", "provenance.py"),
+    *("atomic.py", "dotted.py", "errors.py", "jit.py", "limits.py", "locks.py", "provenance.py"),
     *("run_folder.py", "terminal.py", "used_code.py", "worker_pool.py"),
     *("data/files.py", "data/manifest.py", "data/shards.py", "tasks/scoring.py"),
 }
@@ -67,7 +67,7 @@ def different_file(before: Mapping[str, str], now: Mapping[str, str]) -> str:
 @cache
 def file_digest(source: str) -> str:
     """Returns a digest of what Python code does."""
-    return digest_of(_meaning(ast.parse(source)))
+    return digest_of(_meaning(_tree(source)))
 
 
 class _Module(NamedTuple):
@@ -129,7 +129,7 @@ def _place_of(top: str) -> Path | None:
 def _imported(text: str, package: str) -> tuple[str, ...]:
     """Returns the dotted name of all that a file of ``package`` imports, absolute."""
     names = []
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(_tree(text)):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -137,6 +137,11 @@ def _imported(text: str, package: str) -> tuple[str, ...]:
             base = ".".join([*above, *filter(None, [node.module])])
             names += [f"{base}.{alias.name}" for alias in node.names]
     return tuple(names)
+
+
+@cache
+def _tree(source: str) -> ast.Module:
+    return ast.parse(source)
 
 
 def _meaning(node: object) -> object:

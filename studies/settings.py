@@ -11,7 +11,8 @@ from src.failures import quiet_libraries, told_in_one_line
 from src.heap import keep_freed_memory
 from src.provenance import machine
 from src.settings import GROUPS
-from src.tasks.dataset import data_of, finished_dataset
+from src.tasks.dataset import finished_dataset
+from src.tasks.session import data_of
 
 
 def composed(overrides: Sequence[str]) -> DictConfig:

@@ -1,6 +1,7 @@
 """A very small dataset from the real generator, made once for all tests that need one."""
 
 import errno
+import gc
 import logging
 import os
 import runpy
@@ -80,5 +81,7 @@ def run_py(monkeypatch, capsys, unchecked):
 
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
     yield called
+    gc.enable()
+    gc.unfreeze()
     GlobalHydra.instance().clear()
     logging.disable(logging.NOTSET)

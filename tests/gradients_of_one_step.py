@@ -7,7 +7,8 @@ import torch
 from lightning.pytorch.callbacks import Callback
 
 from src.failures import quiet_libraries
-from src.tasks.dataset import data_of, root_of
+from src.tasks.dataset import root_of
+from src.tasks.session import data_of
 from src.tasks.trainer import trainer_of
 from tests.synthetic import compose_config, untrained
 

@@ -4,12 +4,16 @@ They have the format, the geometry and the labels of generated ones, and need no
 """
 
 import math
+import pickle
+from functools import cache
 from pathlib import Path
 
 import pandas as pd
 import torch
 from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import OmegaConf, open_dict
 
 from src.data.clip import ACTOR_COLUMNS, CLIP_SECONDS, ClipMeta, ClipWriter, poses_of
 from src.data.manifest import write_manifest
@@ -53,20 +57,45 @@ GENERATED = (
 """Two clips of 30 frames, too, of which the generator makes all that it can make."""
 
 
+@cache
+def _composed(*options):
+    """The composition of options, in bytes: each test loads a copy of its own."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return pickle.dumps(compose("config", list(options), return_hydra_config=True))
+
+
+def _config(overrides, composed=_composed, where=()):
+    """What Hydra composes, its own part included; the options of a command only once a session."""
+    words = OverridesParser.create().parse_overrides(list(overrides))
+    options = [word for word in words if (CONF / word.key_or_group).is_dir()]
+    cfg = pickle.loads(composed(*(option.input_line for option in options), *where))
+    values = [word for word in words if word not in options]
+    ConfigLoaderImpl._apply_overrides_to_config(values, cfg)
+    cfg.hydra.overrides.task = list(overrides)
+    return cfg
+
+
+def _without_hydra(cfg):
+    with open_dict(cfg):
+        del cfg.hydra
+    return cfg
+
+
 def compose_config(*overrides):
     """The configuration of a command line, without Hydra's application."""
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return compose("config", list(overrides))
+    return _without_hydra(_config(overrides))
 
 
 def sound_config(*overrides, folder=None):
     """The same, once it is found to be sound; ``folder`` holds files of the user's own."""
-    where = [f"hydra.searchpath=[file://{folder}]"] if folder else []
+    if folder:  # whose files another test may have changed
+        cfg = _config(overrides, _composed.__wrapped__, [f"hydra.searchpath=[file://{folder}]"])
+    else:
+        cfg = _config(overrides)
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        cfg = compose("config", [*overrides, *where])
-        require_sound(cfg, overrides, where)
-        add_named_weathers(cfg, where)
-    return cfg
+        require_sound(cfg, cfg.hydra)
+        add_named_weathers(cfg, cfg.hydra)
+    return _without_hydra(cfg)
 
 
 def mini_overrides(folder, *more):

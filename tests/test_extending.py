@@ -17,8 +17,8 @@ from src.sim.layout import Town
 from src.sim.towns import build_town, town_names
 from src.sim.weather import Weather
 from src.sim.world import Rendering
-from src.tasks.dataset import data_of
 from src.tasks.generate import generate
+from src.tasks.session import data_of
 from tests.synthetic import mini_overrides, sound_config, untrained, write_dataset
 
 PAGE = (Path(__file__).parents[1] / "docs/extending.md").read_text(encoding="utf-8")

@@ -25,10 +25,10 @@ from src.results.files import SCORES, read_results
 from src.run_folder import ANCHORS
 from src.tasks import evaluate
 from src.tasks.compare import compare
-from src.tasks.dataset import data_of
 from src.tasks.fit import fit
 from src.tasks.predict import predict
 from src.tasks.score import score as score_predictions
+from src.tasks.session import data_of
 from src.tasks.test import test as score
 from tests.sessions import python
 from tests.synthetic import compose_config, mini_overrides, untrained, write_dataset

@@ -9,12 +9,12 @@ import pytest
 import yaml
 
 from src import run_folder
+from src.dotted import differences
 from src.errors import UserError
 from src.run_folder import (
     ANCHORS,
     KEYS,
     RunFolder,
-    differences,
     read_config,
     recorded_code,
     require_same_config,
@@ -244,7 +244,7 @@ def test_metrics_of_sessions_are_joined(tmp_path, sessions, joined):
 
 def test_differences_are_dotted_keys():
     before, after = {"a": {"b": 1, "c": 2}, "d": 1}, {"a": {"b": 1, "c": 3}, "e": None, "d": 1}
-    assert differences(before, after) == [("a.c", 2, 3)]
+    assert [*differences(before, after)] == [("a.c", 2, 3)]
 
 
 def test_places_are_no_part_of_what_shapes_a_run(tmp_path):

@@ -3,7 +3,8 @@
 import pytest
 from omegaconf import OmegaConf
 
-from src.data.manifest import DatasetSpec, different_setting, require_same_data, write_manifest
+from src.data.manifest import DatasetSpec, require_same_data, write_manifest
+from src.dotted import differences
 from src.errors import UserError
 from src.sim.plan import plan_clips
 from src.sim.weather import Weather
@@ -46,7 +47,7 @@ def test_only_the_values_of_weathers_in_use_shape_the_data():
     spec, other, same = (spec_of(compose_config("scale=tiny", change)) for change in changes)
     assert set(spec.sim["weather"]) == {"clear", "cloudy", "rain"}
     assert spec.digest == same.digest != other.digest
-    assert different_setting(spec.sim, other.sim) == ("weather.rain.rain", "4", "5")
+    assert [*differences(spec.sim, other.sim)] == [("weather.rain.rain", 4, 5)]
 
 
 def test_older_data_whose_manifest_names_its_weathers_alone_may_be_used(tmp_path):

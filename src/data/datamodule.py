@@ -10,9 +10,9 @@ from lightning import LightningDataModule
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
-from ..bounds import require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..limits import require_choice
 from ..terminal import tracked
 from .batches import ALONE, ORDERS, BatchesInOrder, Rank, StreamBatches, TrainingBatches
 from .clip import AUX, Clip

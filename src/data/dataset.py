@@ -8,11 +8,11 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from ..bounds import require_at_least, require_choice
 from ..errors import UserError
+from ..limits import require_choice
 from ..ontology import FREE, SKY
 from .batch import Batch, ego_motion, mirrored
-from .batches import ORDERS, Key
+from .batches import Key
 from .clip import Clip
 from .split import part_of_time
 
@@ -107,18 +107,6 @@ def pixel_labels(clip: Clip, frame: int) -> dict[str, Tensor]:
         "pixel_class": torch.from_numpy(np.where(class_id == SKY, FREE, class_id)),
         "pixel_depth_m": torch.from_numpy(depth_m.copy()),
     }
-
-
-def require_loading(data: Mapping) -> None:
-    """Raises `UserError` for settings of ``data`` that no loader can have."""
-    require_at_least(1, "data", data, "batch_size", "frames", "run_frames")
-    require_at_least(0, "data", data, "workers")
-    require_choice("data.order", data.get("order"), ORDERS)
-    require_choice("data.history", data.get("history"), HISTORY)
-    if data["order"] == "streams" and data["frames"] == 1:
-        raise UserError(
-            "data.order: streams keep a past, and data.frames=1 has none; give 2 or more"
-        )
 
 
 def history_stride(history_step_s: float, capture_hz: float) -> int:

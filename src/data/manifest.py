@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from ..atomic import replacing
+from ..dotted import differences, short
 from ..errors import UserError
 from ..provenance import digest_of
 from ..used_code import code_of
@@ -121,26 +122,11 @@ def require_same_data(root: Path, spec: DatasetSpec) -> None:
         made.pop("weather", None)
         wanted.pop("weather", None)
 
-    if changed := different_setting(made, wanted):
-        key, old, new = changed
+    for key, old, new in differences(made, wanted):
         raise UserError(
-            f"{root}: was made with sim.{key}={old}, and this run asks for {new}; set sim.{key} to "
-            "match, or drop paths.dataset to generate the data asked for"
+            f"{root}: was made with sim.{key}={short(old)}, and this run asks for {short(new)}; "
+            f"set sim.{key} to match, or drop paths.dataset to generate the data asked for"
         )
-
-
-def different_setting(
-    before: Mapping, after: Mapping, prefix: str = ""
-) -> tuple[str, str, str] | None:
-    """Returns the first dotted key whose values differ and both values, shortened, if any do."""
-    for key in sorted(before.keys() | after.keys()):
-        old, new = before.get(key), after.get(key)
-        if isinstance(old, Mapping) and isinstance(new, Mapping):
-            if changed := different_setting(old, new, f"{prefix}{key}."):
-                return changed
-        elif old != new:
-            return prefix + key, _short(old), _short(new)
-    return None
 
 
 def _plain(value: object) -> object:
@@ -150,8 +136,3 @@ def _plain(value: object) -> object:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from ..atomic import replacing
+from ..dotted import differences, short
 from ..errors import UserError
-from .manifest import DatasetSpec, different_setting
+from .manifest import DatasetSpec
 
 T = TypeVar("T")
 
@@ -45,17 +46,17 @@ def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
     _write_first(path, joining)
 
     try:
-        changed = different_setting(dict(json.loads(path.read_text())), joining)
+        changed = next(differences(json.loads(path.read_text()), joining), None)
     except FileNotFoundError:
         return  # The others have just finished.
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, ValueError, TypeError, AttributeError) as error:
         raise UserError(f"{path}: cannot be read ({error}); delete it") from error
 
     if changed:
-        key, old, new = changed
+        setting, old, new = changed
         raise UserError(
-            f"{key}: this shard has {new}, and the shards under way have {old}; give all shards "
-            f"of a dataset the same, or delete {path} if no other is to be finished"
+            f"{setting}: this shard has {short(new)}, and the shards under way have {short(old)}; "
+            f"give all shards of a dataset the same, or delete {path} if no other is to be finished"
         )
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import torch
 
-from ..bounds import require_choice
 from ..geometry import VoxelGrid, camera_from_occ, inverse, world_from_occ
+from ..limits import require_choice
 from .batch import Batch
 from .clip import Clip
 from .dataset import velocity_world_mps

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..bounds import require_at_least
 from ..jit import njit
+from ..limits import require_at_least
 from ..sim.attitude_dynamics import GRAVITY_MPS2, ornstein_uhlenbeck
 from .vectors import Matrix, Points, Vector, dot
 

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..bounds import require_at_least, require_positive
 from ..data.rates import STEP_HZ as SCENE_HZ
 from ..errors import UserError
 from ..geometry import world_from_occ
+from ..limits import require_at_least, require_finite
 from ..models.frame import StreamFrame
 from .airframe import POSITION, STEP_HZ, Airframe, States
 from .belief import Belief, BeliefMap
@@ -64,8 +64,8 @@ class Rules:
                 f"task.rules.plan_hz: {self.plan_hz} does not divide the simulation's {SCENE_HZ} "
                 "Hz; take 5, 2.5 or 2"
             )
-        above = ("forget_s", "stuck_s", "late_s")
-        require_positive({f"task.rules.{name}": numbers[name] for name in above})
+        for name in ("forget_s", "stuck_s", "late_s"):
+            require_finite(f"task.rules.{name}", numbers[name])
 
 
 @dataclass(frozen=True)

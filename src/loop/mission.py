@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..bounds import require_at_least
 from ..errors import UserError
+from ..limits import require_at_least
 from ..sim.rays import spread_directions
 from ..sim.solid import Rng
 from ..sim.staging import Place, generator_for, place_of

@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.polynomial.polynomial import polyder
 
-from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..jit import njit
+from ..limits import require_at_least, require_choice
 from .belief import LEAST, MOST, BeliefMap
 from .distance_field import distance_at, distances
 from .vectors import Vector, apart, dot

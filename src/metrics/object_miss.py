@@ -7,8 +7,8 @@ import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
-from ..bounds import require_finite
 from ..geometry import VoxelGrid
+from ..limits import require_finite
 from ..ontology import GROUND
 from . import functional as F
 from .count_metric import NamedCounts, Scores, VoxelMetric

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from ..bounds import require_finite
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..limits import require_finite
 from . import functional as F
 from .count_metric import VoxelMetric
 

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import pandas as pd
-
+from ..dotted import differences
 from ..errors import UserError
 from ..geometry import VoxelGrid
 
@@ -83,15 +82,9 @@ class Protocol:
     def difference(self, other: "Protocol") -> tuple[str, object, object] | None:
         """Returns the first key in which two protocols differ, and both values; ``None`` if they
         are equal."""
-        plain = (json.loads(each.to_json()) for each in (self, other))
-        # One row with dotted keys each, such as ``metric.horizon_s``.
-        first, second = (pd.json_normalize(each).to_dict("records")[0] for each in plain)
-
+        changed = differences(*(json.loads(each.to_json()) for each in (self, other)))
         # Last what a metric says of itself: a shared setting is named where it is set.
-        for key in sorted(first | second, key=lambda key: (key.startswith("suite.metrics."), key)):
-            if first.get(key) != second.get(key):
-                return key, first.get(key), second.get(key)
-        return None
+        return min(changed, key=lambda each: each[0].startswith("suite.metrics."), default=None)
 
 
 def without_former(suite: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,9 +7,9 @@ from jaxtyping import Bool, Float, Int, Int64, UInt8
 from torch import Tensor
 from torch.nn.functional import max_pool3d
 
-from ..bounds import require_finite
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..limits import require_finite
 from ..ontology import THIN_STRUCTURE
 from . import functional as F
 from .count_metric import NamedCounts, Scores

@@ -12,8 +12,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ..atomic import replacing
-from ..bounds import require_choice
 from ..errors import UserError, import_extra, reason_of
+from ..limits import require_choice
 from .history import History
 from .network import SkyOcc
 

@@ -8,9 +8,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ..bounds import require_at_least, require_choice
 from ..errors import UserError
 from ..geometry import inverse
+from ..limits import require_choice
 from .checkpointing import recompute_in_backward, running_statistics
 from .decoder import PillarDecoder
 from .encoder import PillarEncoder
@@ -234,10 +234,3 @@ class SkyOcc(nn.Module):
             (inverse(occ_from_this) @ occ_from_last)[:, None],
             batch["history_valid"][rows, at - 1 : at],
         )
-
-
-def require_size(size: Mapping) -> None:
-    """Raises `UserError` for settings of ``size`` that leave a part of the network empty."""
-    names = ("backbone_width", "dim", "layers", "heads", "heights", "points")
-    require_at_least(1, "size", size, *names)
-    require_at_least(0, "size", size, "blocks")

@@ -7,9 +7,9 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
-from ..bounds import require_choice
 from ..errors import UserError
 from ..geometry import VoxelGrid, camera_from_occ, in_image, project
+from ..limits import require_choice
 from .backbone import STRIDES
 from .ground import occ_from_ground
 

@@ -5,9 +5,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, combinations
 from typing import TypeVar
 
+from ..dotted import differences
 from ..results.render import Table
 from ..results.runs import ScoredRun, value_at
-from ..run_folder import differences, shaping
+from ..run_folder import shaping
 from .ladder import PAPER, Ladder
 
 SEED, PRECISION = "seed", "precision"

@@ -4,10 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import lightning
 from omegaconf import DictConfig, OmegaConf
 
-from ..data.datamodule import SkyShieldData
 from ..data.manifest import (
     MANIFEST,
     DatasetSpec,
@@ -123,11 +121,3 @@ def _finishing(lock: Path, shards: int) -> Iterator[bool]:
     else:
         with locked(lock, telling(f"{lock.parent}: another process is finishing this dataset")):
             yield True
-
-
-def data_of(cfg: DictConfig, root: Path, allow_missing: bool = False) -> SkyShieldData:
-    """Opens the loaders of a finished dataset; seeds everything that training draws from."""
-    # Here, because every task that draws at random opens the data first.
-    lightning.seed_everything(cfg.seed, workers=True, verbose=False)
-    settings = OmegaConf.to_container(cfg.data, resolve=True)
-    return SkyShieldData(root, seed=cfg.seed, allow_missing=allow_missing, **settings)

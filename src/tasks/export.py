@@ -13,9 +13,9 @@ from rich.table import Table
 from torch import Tensor
 
 from ..atomic import replacing_folder
-from ..bounds import require_at_least
 from ..errors import UserError
 from ..geometry import front_mount, pinhole, rigid, rotation_from_euler
+from ..limits import require_at_least
 from ..models.export import FORMATS, ExportedStep, export_step, require_formats
 from ..models.frame import StreamFrame
 from ..models.stream import SkyOccStream

@@ -9,9 +9,9 @@ import pandas as pd
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
-from ..bounds import require_count
 from ..data.manifest import NOT_SHAPING, TOWNS
 from ..errors import UserError
+from ..limits import require_count
 from ..loop.campaign import ROUTE, Campaign, Job
 from ..loop.mission import ROOM_M, in_the_open
 from ..provenance import digest_of

@@ -8,12 +8,12 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 from torch import Tensor
 
-from ..bounds import require_choice
 from ..data.occ3d import MASKS, Occ3DFolder
 from ..data.predictions import FACTS, Inventory, Predictions
 from ..data.truth import SkyShieldTruth
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..limits import require_choice
 from ..metrics.protocol import SUPERVISED, VISIBLE
 from .dataset import root_of
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import torch
 from omegaconf import DictConfig
 
-from ..bounds import require_choice
 from ..data.predictions import PredictedFrame, Predictions, save_predictions
 from ..data.split import PARTS, held_out_clips
 from ..errors import UserError
+from ..limits import require_choice
 from ..terminal import say, tracked
 from .session import Session
 from .trainer import predictor

@@ -1,24 +1,19 @@
 """The session of a task: the run's folder, the data, the trainer and the checkpoint."""
 
-from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 
 import lightning
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import DictConfig, OmegaConf
 
 from ..data.datamodule import SkyShieldData
 from ..errors import UserError
-from ..metrics.protocol import without_former
 from ..models.checkpoint import Checkpoint
 from ..models.network import SkyOcc
 from ..provenance import git_commit
-from ..run_folder import KEYS, RunFolder, is_listed, require_same_config
-from .dataset import data_of, finished_dataset, ready_dataset, root_of
+from ..run_folder import KEYS, RunFolder, require_same_config
+from .dataset import finished_dataset, ready_dataset, root_of
 from .trainer import trainer_of
-
-LOOK = "src.tasks.look.look"
 
 
 class Session:
@@ -78,39 +73,9 @@ class Session:
         }
 
 
-def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
-    """Returns the configuration to work with: the checkpoint's, where a command names the file of
-    one and nothing that shapes a model, else ``cfg``.
-
-    ``overrides`` are those of the command line. task=look shows other flights than those that the
-    weights were trained on: which, its own configuration says. Raises `UserError` as
-    `Checkpoint.read` does.
-    """
-    # An override of the model names another rung, whose configuration must then be given whole.
-    parsed = OverridesParser.create().parse_overrides(list(overrides))
-    keys = [override.key_or_group for override in parsed]
-    flights = KEYS["flights"] if cfg.task._target_ == LOOK else ()
-    says_nothing = (*KEYS["place"], *KEYS["machine"], *KEYS["scoring"], *flights)
-    neutral = all(is_listed(key, says_nothing) for key in keys)
-    if cfg.ckpt_path in (None, "best", "last") or not neutral:
-        return cfg
-
-    own = Checkpoint.read(cfg.ckpt_path).origin.config
-    adopted, taken = cfg.copy(), own.keys() - set(KEYS["machine"])
-    OmegaConf.set_struct(adopted, False)
-    for key in taken:
-        adopted[key] = own[key]
-    # The trainer is this machine's, but scores depend on the precision.
-    adopted.trainer.precision = own["trainer"]["precision"]
-    # A metric that is newer than the checkpoint, and its settings, are of the command's suite.
-    suite = without_former(own["suite"])
-    adopted.suite = OmegaConf.merge({}, cfg.suite, suite)
-    # Arguments of metrics refer to shared settings, which the command may set: not their values.
-    adopted.suite.metrics = OmegaConf.merge(suite.get("metrics", {}), cfg.suite.metrics)
-
-    # What the checkpoint does not say, or the command says itself.
-    unsaid = [key for key in KEYS["place"] if key.partition(".")[0] in taken]
-    for key in (*unsaid, *flights, *keys):
-        if "." in key:
-            OmegaConf.update(adopted, key, OmegaConf.select(cfg, key))
-    return adopted
+def data_of(cfg: DictConfig, root: Path, allow_missing: bool = False) -> SkyShieldData:
+    """Opens the loaders of a finished dataset; seeds everything that training draws from."""
+    # Here, because every task that draws at random opens the data first.
+    lightning.seed_everything(cfg.seed, workers=True, verbose=False)
+    settings = OmegaConf.to_container(cfg.data, resolve=True)
+    return SkyShieldData(root, seed=cfg.seed, allow_missing=allow_missing, **settings)

@@ -12,7 +12,6 @@ from ..data.rates import frames_per_clip
 from ..terminal import duration, say
 from ..worker_pool import default_workers
 from .dataset import root_of, split_of
-from .trainer import kind_of_device
 
 # Seconds of a core that generating takes, as measured in studies/world.
 GENERATION = {"pixel": 1.0e-6, "voxel": 6.5e-8, "frame": 0.003, "clip": 7.6, "town": 6.0}
@@ -63,6 +62,8 @@ def generation(cfg: DictConfig) -> Stage:
 
 def stages_of_training(cfg: DictConfig, epochs_done: int) -> list[Stage]:
     """Returns the stages of a run that has finished some epochs before."""
+    from .trainer import kind_of_device  # only here: Lightning takes seconds to import
+
     split, epochs = split_of(cfg, _clip_ids(cfg)), cfg.trainer.max_epochs - epochs_done
     share = cfg.trainer.get("limit_train_batches") or 1.0
     frames = len(split["train"])

@@ -10,11 +10,11 @@ import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
-from src.bounds import require_choice
 from src.data.batch import Batch
 from src.data.clip import AUX, Clip
 from src.errors import UserError
 from src.geometry import VoxelGrid, pixel_centers, transform, unproject
+from src.limits import require_choice
 from src.ontology import FREE, SKY
 
 By = Literal["image", "pixel"]

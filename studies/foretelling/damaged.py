@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from jaxtyping import Int
 
-from src.bounds import require_at_least, require_choice
 from src.errors import UserError
 from src.jit import njit
+from src.limits import require_at_least, require_choice
 from src.loop.belief import Belief
 from src.loop.perception import MOVABLE, Perception, Truth, seen_by
 from src.loop.true_occupancy import ClassIds, TrueOccupancy

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 from PIL import Image, ImageFilter
 
-from src.bounds import require_at_least, require_choice
 from src.errors import UserError
 from src.geometry import rotation_from_quat
+from src.limits import require_at_least, require_choice
 from src.loop.belief import Belief
 from src.loop.perception import Perception
 from src.loop.true_occupancy import TrueOccupancy

@@ -11,10 +11,10 @@ import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 
 from src.atomic import replacing
-from src.bounds import require_at_least
 from src.data.clip import Clip
 from src.data.manifest import missing_clips, read_manifest, require_same_data
 from src.errors import UserError
+from src.limits import require_at_least
 from src.provenance import git_commit, machine
 from src.sim.clip_maker import ClipMaker, ClipPlan
 from src.sim.plan import plan_clips

@@ -11,8 +11,9 @@ from torch.utils.data import default_collate
 from src.errors import UserError
 from src.models.checkpoint import Checkpoint
 from src.ontology import FREE, UNKNOWN
-from src.tasks.dataset import data_of, root_of
-from src.tasks.session import adopted
+from src.settings import adopted
+from src.tasks.dataset import root_of
+from src.tasks.session import data_of
 from tests.synthetic import compose_config, write_dataset
 
 

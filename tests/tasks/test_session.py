@@ -13,11 +13,12 @@ from src.errors import UserError
 from src.models.checkpoint import Checkpoint
 from src.models.export import DESCRIPTION, FORMATS
 from src.models.stream import SkyOccStream
+from src.settings import adopted
 from src.tasks.dataset import root_of
 from src.tasks.export import export, made_up_flight
 from src.tasks.predict import predict
 from src.tasks.scoring import score_settings
-from src.tasks.session import Session, adopted
+from src.tasks.session import Session
 from studies.attitude.task import attitude
 from tests.synthetic import compose_config
 

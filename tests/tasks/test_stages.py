@@ -43,7 +43,7 @@ def test_a_training_tells_its_frames_and_what_is_there_already(tmp_path):
 def test_of_other_scales_and_devices_no_time_is_told(tmp_path, monkeypatch):
     words = mini_overrides(tmp_path, "trainer.accelerator=cpu")
     assert stages_of_training(compose_config(*words, "scale_name=huge"), 0)[1].seconds is None
-    monkeypatch.setattr("src.tasks.stages.kind_of_device", lambda accelerator: "cuda")
+    monkeypatch.setattr("src.tasks.trainer.kind_of_device", lambda accelerator: "cuda")
     assert stages_of_training(compose_config(*words), 0)[1].seconds is None
 
 

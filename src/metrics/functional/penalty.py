@@ -14,9 +14,9 @@ import torch
 from jaxtyping import Float, Int, Int64
 from torch import Tensor
 
-from ...bounds import require_finite
 from ...errors import UserError
 from ...geometry import VoxelGrid
+from ...limits import require_finite
 from .codes import Velocity
 
 FIXED_POINT = 2**24

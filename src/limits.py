@@ -38,9 +38,3 @@ def require_choice(key: str, value: object, choices: Collection[str]) -> None:
     """Raises `UserError` for a value that is not one of the choices."""
     if value not in choices:
         raise UserError(f"{key}: {value!r}; there are {', '.join(choices)}")
-
-
-def require_some(key: str, batches: float | None) -> None:
-    """Raises `UserError` where an epoch is limited to no batch at all."""
-    if batches == 0:
-        raise UserError(f"{key}: 0 leaves nothing; give a number of batches, or a share")

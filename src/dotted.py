@@ -1,0 +1,28 @@
+"""Nested settings by their dotted keys."""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+
+
+def is_listed(key: str, listed: Iterable[str]) -> bool:
+    """Whether a key, or a group that it lies in, is among those listed."""
+    return any(key == known or key.startswith(f"{known}.") for known in listed)
+
+
+def differences(
+    before: Mapping, after: Mapping, prefix: str = ""
+) -> Iterator[tuple[str, object, object]]:
+    """Yields the dotted keys whose values differ, sorted, with both values; ``None`` is the value
+    of a key that is not there."""
+    for key in sorted(before.keys() | after.keys()):
+        old, new = before.get(key), after.get(key)
+        if isinstance(old, Mapping) and isinstance(new, Mapping):
+            yield from differences(old, new, f"{prefix}{key}.")
+        elif old != new:
+            yield f"{prefix}{key}", old, new
+
+
+def short(value: object) -> str:
+    """Returns a value as JSON, of at most 60 characters."""
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."
