@@ -160,12 +160,10 @@ def test_a_map_with_no_route_in_conflict_is_refused(tmp_path):
         (["task.rules.plan_hz=3.0"], "task.rules.plan_hz: 3.0 does not divide"),
         (["task.rules.late_s=0.0"], "task.rules.late_s"),
         (["mission.conflict=0", "mission.clear=0"], "leaves no flight"),
-        (["planner.threshold=0"], "planner.threshold"),
         (["planner.unknown=maybe"], "planner.unknown"),
         (["perception=learned"], "ckpt_path: this perception needs a checkpoint"),
         (["perception=faulty"], "ckpt_path: this perception needs a checkpoint"),
         (["perception=all_free", "perception.occupied=2"], "perception.occupied"),
-        (["airframe.wind_mps2=-1"], "airframe.wind_mps2"),
     ],
 )
 def test_mistakes_are_told_in_one_line(overrides, match, tmp_path):
