@@ -146,7 +146,10 @@ def test_a_scale_holds_together(scale):
     with pytest.raises(UserError, match=r"^model\.ground\.grid\.shape: .*grid\.shape"):
         sound_config(f"scale={scale}", "model.ground.grid.shape=[5,5,5]")
 
-    # Table 5 of the paper.
+
+def test_the_metric_has_the_papers_parameters():
+    """Table 5 of the paper."""
+    cfg = sound_config()
     parameters = {"horizon_s": 5.0, "decay_per_s": 0.5, "penalty_scale": 2.0, "min_speed_mps": 5.0}
     assert {name: cfg.metric[name] for name in parameters} == parameters
 

@@ -43,7 +43,7 @@ def test_the_last_shard_writes_one_manifest_of_all_clips(config, capsys):
     assert root_of(second) == root
     generate(first)
     assert re.search("shard 0 of 2, 2 clips .* 4 clips 2 ", flat(capsys))
-    assert json.loads(record.read_text())["shards"] == 2
+    assert json.loads(record.read_text())["sim.shards"] == 2
     assert not (root / MANIFEST).exists()
     generate(second)
     assert re.search("shard 1 of 2, 2 clips .* 4 clips all", flat(capsys))
