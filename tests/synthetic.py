@@ -3,7 +3,9 @@
 They have the format, the geometry and the labels of generated ones, and need no simulator.
 """
 
+import copy
 import math
+from functools import cache
 from pathlib import Path
 
 import pandas as pd
@@ -55,6 +57,14 @@ GENERATED = (
 
 def compose_config(*overrides):
     """The configuration of a command line, without Hydra's application."""
+    paths = [override for override in overrides if override.startswith("paths.")]
+    cfg = copy.deepcopy(composed_once(*(each for each in overrides if each not in paths)))
+    cfg.merge_with_dotlist(paths)
+    return cfg
+
+
+@cache
+def composed_once(*overrides):
     with initialize_config_dir(str(CONF), version_base="1.3"):
         return compose("config", list(overrides))
 
