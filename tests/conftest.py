@@ -13,6 +13,7 @@ from pathlib import Path
 import jaxtyping
 import pytest
 import torch
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import OmegaConf
 
@@ -21,7 +22,8 @@ from tests.sessions import ROOT
 
 check_annotations()  # before anything of src is imported
 
-load_yaml = OmegaConf.load
+load_yaml, load_configuration = OmegaConf.load, ConfigLoaderImpl.load_configuration
+compositions = {}
 
 
 @cache
@@ -29,14 +31,25 @@ def read_once(path, size, changed_ns):
     return load_yaml(path)
 
 
-def load_from_memory(file):
+def read_from_memory(file):
     """Reads a file of a configuration as `OmegaConf.load` does, but parses it only once."""
     path = Path(file.name if hasattr(file, "read") else file)
     status = path.stat()
     return copy.deepcopy(read_once(path, status.st_size, status.st_mtime_ns))
 
 
-OmegaConf.load = staticmethod(load_from_memory)
+def compose_from_memory(loader, **words):
+    """Composes a configuration as Hydra does, but the same one only once."""
+    key = f"{Path.cwd()} {loader.get_search_path()} {words}"
+    if "searchpath" in key:  # a folder whose files a test may change
+        return load_configuration(loader, **words)
+    if key not in compositions:
+        compositions[key] = load_configuration(loader, **words)
+    return copy.deepcopy(compositions[key])
+
+
+OmegaConf.load = staticmethod(read_from_memory)
+ConfigLoaderImpl.load_configuration = compose_from_memory
 
 if "OMP_NUM_THREADS" not in os.environ:
     # The threads of two processes on two cores would wait for each other most of the time.

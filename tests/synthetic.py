@@ -3,9 +3,7 @@
 They have the format, the geometry and the labels of generated ones, and need no simulator.
 """
 
-import copy
 import math
-from functools import cache
 from pathlib import Path
 
 import pandas as pd
@@ -58,15 +56,11 @@ GENERATED = (
 def compose_config(*overrides):
     """The configuration of a command line, without Hydra's application."""
     paths = [override for override in overrides if override.startswith("paths.")]
-    cfg = copy.deepcopy(composed_once(*(each for each in overrides if each not in paths)))
+    # Without the folders, which are others in every test, so that few are composed anew.
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        cfg = compose("config", [override for override in overrides if override not in paths])
     cfg.merge_with_dotlist(paths)
     return cfg
-
-
-@cache
-def composed_once(*overrides):
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return compose("config", list(overrides))
 
 
 def sound_config(*overrides, folder=None):
