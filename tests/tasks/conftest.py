@@ -1,10 +1,10 @@
 """A trained run of the full model, made once for all tasks that need a checkpoint."""
 
 import shutil
-from unittest.mock import Mock
 
 import pytest
 
+from src.tasks import evaluate
 from src.tasks.fit import fit
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
@@ -18,14 +18,14 @@ WORDS = (
 def trained(made_once, tmp_path_factory):
     """The words of a run of four epochs on the synthetic dataset: it predicts more than free.
 
-    The run is a copy, in which tasks may write, and has no scores.
+    The run is a copy, in which tasks may write.
     """
 
     def train(folder):
         cfg = compose_config(*mini_overrides(folder, *WORDS))
         write_dataset(cfg)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("src.tasks.fit.evaluate", Mock())
+            patch.setattr(evaluate, "SHOWN_FRAMES", 1)
             fit(cfg)
 
     made = made_once("trained", train)
