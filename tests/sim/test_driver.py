@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from src.sim.actor import HABITS
-from src.sim.driver import DECISION_S, EMERGENCY_MPS2, drive
-from src.sim.pilot import STEP_S
+from src.sim.driver import EMERGENCY_MPS2, drive
 from tests.sim.roads import SIZES_M, road_user, way
 
 LANE = way((-50, -2), (100, -2))
@@ -41,16 +40,6 @@ def test_who_crosses_is_waited_for():
     aside = road_user("pedestrian", [crossing], 20.0, 0.05)
     passed = drive([*line_up((70, 9.0)), aside], 5.0)
     assert passed.arc_m[-1, 0] > 105
-
-
-def test_motion_is_sampled_at_every_decision_and_continuous_between_them():
-    motion = drive(line_up((10, 9.0), (30, 2.0)), 6.0)
-    assert len(motion.arc_m) == round(6.0 / DECISION_S) + 1
-    time_s = np.arange(300) * STEP_S
-    arc_m = motion.arc_at(time_s)
-    assert arc_m[::5] == pytest.approx(motion.arc_m[:60])
-    assert np.diff(arc_m, axis=0).min() > -1e-9
-    assert np.abs(np.diff(arc_m, 2, axis=0)).max() / STEP_S**2 < 10
 
 
 @pytest.mark.parametrize("name", SIZES_M)

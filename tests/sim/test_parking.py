@@ -5,11 +5,10 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from src.ontology import CAR, LARGE_VEHICLE
 from src.sim.layout import GroundPatch, Path
 from src.sim.solid import Solid
 from src.sim.towns.network import LANE_HALF_WIDTH_M, WALK_HALF_WIDTH_M, Profile
-from src.sim.towns.parking import AISLE_M, BAY_RISE_M, DRIVE_RISE_M, LOT_RISE_M, drives, lot, park
+from src.sim.towns.parking import BAY_RISE_M, DRIVE_RISE_M, LOT_RISE_M, drives, lot, park
 from src.sim.towns.polyline import Spot
 from src.sim.towns.streetscape import Streetscape
 from tests.sim.roads import ring
@@ -81,21 +80,6 @@ def test_it_is_headed_as_the_traffic_beside_it():
         assert turned == pytest.approx([np.cos(bay.yaw_rad), np.sin(bay.yaw_rad)])
 
 
-def test_cars_and_trucks_have_the_classes_of_those_that_drive():
-    classes = [{solid.class_id for solid in vehicle} for vehicle in parked_along(1.0).vehicles]
-    cars, trucks = classes.count({CAR}), classes.count({LARGE_VEHICLE})
-    assert cars > 5 * trucks > 0
-    assert cars + trucks == len(classes)
-
-
-def test_the_share_says_how_many_places_are_taken_and_there_are_none_without_a_pavement():
-    none, some, every = (len(parked_along(share).vehicles) for share in (0.0, 0.4, 1.0))
-    assert none == 0
-    assert 0.25 * every < some < 0.6 * every
-    gravel = Profile(4.0, "gravel", 0.0, "gravel", None, 2.4, 6.0)
-    assert parked_along(1.0, profile=gravel).vehicles == []
-
-
 @pytest.mark.parametrize("place", ["kerb", "drive", "lot"])
 def test_every_vehicle_stands_on_a_paved_patch_of_its_own(place):
     site = Ring(seed=3)
@@ -121,14 +105,3 @@ def covers(patch: GroundPatch, point: np.ndarray, slack_m: float = 0.1) -> bool:
     cos, sin = np.cos(patch.yaw_rad), np.sin(patch.yaw_rad)
     along, across = np.array([[cos, sin], [-sin, cos]]) @ (point[:2] - patch.origin_m)
     return abs(along) < patch.length_m / 2 + slack_m and abs(across) < patch.width_m / 2 + slack_m
-
-
-@pytest.mark.parametrize("kind", ["car", "truck"])
-def test_a_full_lot_has_two_rows_with_an_aisle_between_them(kind):
-    site = Ring(seed=1)
-    lot(site, Spot(80.0, 45.0, 0.0), columns=5, share=1.0, kind=kind)
-    class_id = {"car": CAR, "truck": LARGE_VEHICLE}[kind]
-    assert [{s.class_id for s in vehicle} for vehicle in site.vehicles] == 10 * [{class_id}]
-    across_m = np.array([corners_m(vehicle)[:, 1] - 45.0 for vehicle in site.vehicles])
-    assert (across_m.min(axis=1) > AISLE_M[kind] / 2 - 0.3).sum() == 5
-    assert (across_m.max(axis=1) < 0.3 - AISLE_M[kind] / 2).sum() == 5

@@ -7,12 +7,11 @@ import torch
 from src.geometry import rotation_from_euler
 from src.ontology import ACTOR_TYPES
 from src.sim.actor import HABITS
-from src.sim.driver import drive
 from src.sim.layout import Town
 from src.sim.pilot import STEP_S
 from src.sim.route import Route, chain
 from src.sim.towns import build_town
-from src.sim.traffic import TrafficConfig, simulate_traffic, size_of
+from src.sim.traffic import TrafficConfig, simulate_traffic
 from tests.sim.roads import SIZES_M, overlapping, way
 
 
@@ -116,16 +115,6 @@ def test_the_same_seed_moves_the_same(busy):
     assert first == again != other
 
 
-def test_sizes_come_from_the_shapes():
-    assert size_of("car", 3) == size_of("car", 3)
-    length_m, width_m, height_m = size_of("bus", 1)
-    assert length_m > 9 > height_m > width_m > 2
-
-
-def test_where_nobody_is_asked_for_there_is_nobody():
-    assert traffic(0, car=0) == ()
-
-
 def test_in_a_real_town_actors_stop_and_turn_and_never_overlap():
     """Around a flight of 12 s through streets with traffic lights."""
     rng = np.random.default_rng(1)
@@ -142,17 +131,3 @@ def test_in_a_real_town_actors_stop_and_turn_and_never_overlap():
     assert ((speed_mps[:, 0] > 2) & (speed_mps.min(axis=1) < 0.1)).sum() >= 3
     turned_rad = np.array([np.ptp(np.unwrap(actor.yaw_rad)) for actor in downtown])
     assert (turned_rad > 1).sum() >= 2
-
-
-def test_nobody_reacts_to_what_was_left_out(monkeypatch):
-    """Of those that meet the UAV the others know nothing: they drive again without them."""
-    # The number of actors of every attempt.
-    driven = []
-
-    def recorded(travellers, *args):
-        driven.append(len(travellers))
-        return drive(travellers, *args)
-
-    monkeypatch.setattr("src.sim.traffic.drive", recorded)
-    actors = traffic(0, uav_m=np.tile([60.0, -2.0, 1.0], (600, 1)), car=12)
-    assert driven[0] > driven[-1] == len(actors)
