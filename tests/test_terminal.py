@@ -41,14 +41,6 @@ def test_the_time_left_follows_from_the_mean_speed(clock):
     assert meter.left_s == 0
 
 
-def test_nothing_is_foretold_too_early_or_without_a_total(clock):
-    endless, early = Meter("drawing", total=None), Meter("reading", total=9)
-    early.advance()
-    clock[0] += 1
-    assert str(endless) == "drawing: after 1 s"
-    assert str(early) == "reading: 11 % after 1 s"
-
-
 def test_a_file_gets_lines_while_the_work_goes_on_even_if_nothing_is_finished(monkeypatch, capsys):
     monkeypatch.setattr(terminal, "LINE_S", 0.01)
     with metered("generating", total=4) as meter:
