@@ -2,7 +2,6 @@
 
 import queue
 import threading
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -14,7 +13,6 @@ from src.run_folder import (
     ANCHORS,
     KEYS,
     RunFolder,
-    differences,
     read_config,
     recorded_code,
     require_same_config,
@@ -206,13 +204,6 @@ def test_an_unreadable_config_is_named(tmp_path, content):
     assert "object is not" not in str(caught.value), "the words of Python"
 
 
-def test_a_checkpoint_is_named_or_a_file(tmp_path):
-    folder = half_done(tmp_path / "seed0")
-    assert folder.checkpoint("last") == folder.last_checkpoint
-    assert folder.checkpoint("best") == folder.best_checkpoint
-    assert folder.checkpoint("some/file.ckpt") == Path("some/file.ckpt")
-
-
 @pytest.mark.parametrize(
     ("sessions", "joined"),
     [
@@ -240,11 +231,6 @@ def test_metrics_of_sessions_are_joined(tmp_path, sessions, joined):
         log.write_text("" if rows is None else pd.DataFrame(rows).to_csv(index=False))
     folder.merge_metrics()
     assert pd.read_csv(folder.metrics).to_dict("list") == joined
-
-
-def test_differences_are_dotted_keys():
-    before, after = {"a": {"b": 1, "c": 2}, "d": 1}, {"a": {"b": 1, "c": 3}, "e": None, "d": 1}
-    assert differences(before, after) == [("a.c", 2, 3)]
 
 
 def test_places_are_no_part_of_what_shapes_a_run(tmp_path):

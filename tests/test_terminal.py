@@ -10,7 +10,7 @@ import threading
 import pytest
 
 from src import terminal
-from src.terminal import Meter, duration, metered, say, tracked
+from src.terminal import Meter, duration, metered
 from tests.sessions import ROOT
 
 
@@ -56,13 +56,6 @@ def test_a_file_gets_lines_while_the_work_goes_on_even_if_nothing_is_finished(mo
     assert capsys.readouterr().out == "", "it is silent when the work has ended"
 
 
-def test_short_work_leaves_no_line_in_a_file(capsys):
-    say("begun")
-    capsys.readouterr()
-    assert list(tracked("abc", "spelling")) == ["a", "b", "c"]
-    assert capsys.readouterr().out == ""
-
-
 def test_a_row_of_short_works_is_not_silent(monkeypatch, capsys):
     """Each ends before a line is due, and the next one tells it instead."""
     monkeypatch.setattr(terminal, "LINE_S", 0.05)
@@ -70,13 +63,6 @@ def test_a_row_of_short_works_is_not_silent(monkeypatch, capsys):
         with metered(f"scoring {n}"):
             threading.Event().wait(0.03)
     assert 2 <= len(capsys.readouterr().out.splitlines()) <= 6
-
-
-def test_the_lines_end_with_a_work_that_fails():
-    before = threading.active_count()
-    with pytest.raises(RuntimeError), metered("failing"):
-        raise RuntimeError
-    assert threading.active_count() == before
 
 
 def test_a_terminal_shows_a_bar_that_is_gone_in_the_end():

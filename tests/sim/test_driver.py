@@ -55,20 +55,6 @@ def test_everyone_slows_down_for_a_turn_in_time(name):
     assert motion.acceleration_mps2.max() <= habits.accelerate_mps2
 
 
-def test_a_path_s_limit_is_kept():
-    slow = way((0, 0), (150, 0), speed_mps=5.0)
-    motion = drive([road_user("car", [slow], 10.0, 13.0)], 8.0)
-    assert motion.speed_mps.max() < 5.05
-    assert motion.speed_mps[-1, 0] == pytest.approx(5.0, abs=0.1)
-
-
-def test_who_starts_close_behind_another_starts_calmly():
-    motion = drive(line_up((20, 9.0), (28, 0.5)), 10.0)
-    assert motion.speed_mps[0, 0] < 6
-    assert motion.acceleration_mps2.min() >= -HABITS["car"].brake_mps2 - 1e-9
-    assert (motion.arc_m[:, 1] - motion.arc_m[:, 0]).min() > SIZES_M["car"][0] + 1
-
-
 def test_people_who_meet_pass_each_other_but_no_one_walks_into_another():
     walk, back = way((0, 0), (40, 0)), way((40, 0), (0, 0))
     meeting = [road_user("pedestrian", [path], 15.0, 1.4, left_m=-0.35) for path in (walk, back)]

@@ -131,13 +131,6 @@ def test_all_get_over_a_busy_junction_and_nobody_overlaps(paths, seed):
     assert (np.diff(entered_s[2:].reshape(4, 3)) > 0).all()
 
 
-def test_who_is_on_a_junction_at_the_start_goes_on():
-    cars = [wheels(EAST, STRAIGHT, 52.0), wheels(NORTH, STRAIGHT, 40.0)]
-    motion, entered_s, left_s = driven(cars, 15.0)
-    assert motion.speed_mps[:, 0].min() > 5
-    assert left_s[0] <= entered_s[1] < np.inf
-
-
 def test_people_and_cars_wait_for_each_other():
     # The walker is on the crossing before the car comes.
     _, entered_s, left_s = driven([wheels(EAST, start_m=8.0), walker(4.5)], 25.0)

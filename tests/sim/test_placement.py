@@ -91,16 +91,6 @@ def test_they_start_with_room_around_them_until_there_is_none():
     assert not overlapping(rooms)
 
 
-def test_they_start_more_often_where_more_is_seen_of_them():
-    """Of cars that come the other way, those are seen longest that come from afar."""
-    town = Town("one lane", TOWN.terrain, (), (), LANES[5:], (), ())
-    placer = Placer(town, np.random.default_rng(0), flight(start_m=(-50.0, 0.0)), 90.0, REACH_M)
-    placed = [placer.place("car", CAR_M, []) for _ in range(200)]
-    ahead_m = np.array([one.start[0][0] for one in placed]) + 50
-    near, far = (np.abs(ahead_m - middle_m) < 10 for middle_m in (10, 55))
-    assert far.sum() > 3 * near.sum() > 0
-
-
 def test_cars_take_lanes_and_people_walks_as_wide_as_they_may():
     for one in filled("car"):
         assert starts_on(one, LANES)

@@ -25,16 +25,6 @@ def test_a_chain_takes_every_way_on_but_never_turns_back():
     assert {tuple(last.points_m[-1]) for _, last in chains} == {(100, 0), (50, 60)}
 
 
-def test_a_right_angle_is_cut_by_as_much_as_documented():
-    corner_m = 5.0
-    route = Route.through(TURN, corner_m)
-    cut_m = np.linalg.norm(route.points_m - (50, 0), axis=1).min()
-    assert cut_m == pytest.approx(0.56 * corner_m, rel=0.03)
-    even = route.shifted(np.zeros(len(route.points_m)))
-    assert 1 / even.sharpness().max() == pytest.approx(0.89 * corner_m, rel=0.05)
-    assert np.degrees(even.heading_rad[[0, -1]]) == pytest.approx([0, 90], abs=0.1)
-
-
 def test_left_is_left_and_the_arc_is_the_true_length():
     straight = Route.through(STRAIGHT, 1.0)
     assert straight.shifted(np.full(len(straight.points_m), 2.0)).points_m[:, 1] == pytest.approx(2)

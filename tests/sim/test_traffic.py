@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-import torch
 
-from src.geometry import rotation_from_euler
 from src.ontology import ACTOR_TYPES
 from src.sim.actor import HABITS
 from src.sim.layout import Town
@@ -88,14 +86,6 @@ def test_actors_face_where_they_go_and_turn_smoothly():
         assert np.abs(apart[speed_mps > 0.3]).max() < 0.3
         assert np.abs(np.diff(speed_mps)).max() / STEP_S < 10
     assert max(turned_rad) > 1
-
-
-def test_actors_stand_upright_on_their_places(busy):
-    for actor in busy[:3]:
-        yaw_rad = torch.from_numpy(actor.yaw_rad)
-        rotation = rotation_from_euler(*torch.zeros(2, len(yaw_rad)), yaw_rad)
-        assert actor.world_from_actor[:, :3, :3] == pytest.approx(rotation.numpy())
-        assert (actor.world_from_actor[:, :3, 3] == actor.position_m).all()
 
 
 def test_what_comes_near_the_uav_is_left_out():

@@ -15,17 +15,6 @@ from tests.synthetic import compose_config
 MISSING = object()
 
 
-def test_the_light_is_a_unit_vector_from_above_and_says_everything():
-    keys = {"lightDirection", "lightColor", "shadow"}
-    keys |= {f"light{kind}Coeff" for kind in ("Ambient", "Diffuse", "Specular")}
-    for weather in WEATHERS.values():
-        light = weather.light()
-        assert set(light) == keys
-        assert light["lightDirection"] == list(weather.towards)
-        assert np.linalg.norm(light["lightDirection"]) == pytest.approx(1)
-        assert light["lightDirection"][2] > 0
-
-
 def test_the_light_is_where_its_angles_say():
     north = replace(WEATHERS["clear"], light_elevation_rad=0.0, light_azimuth_rad=np.pi / 2)
     assert north.towards == pytest.approx((0, 1, 0))
