@@ -13,7 +13,6 @@ from pathlib import Path
 import jaxtyping
 import pytest
 import torch
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import OmegaConf
 
@@ -22,8 +21,7 @@ from tests.sessions import ROOT
 
 check_annotations()  # before anything of src is imported
 
-load_yaml, load_configuration = OmegaConf.load, ConfigLoaderImpl.load_configuration
-compositions = {}
+load_yaml = OmegaConf.load
 
 
 @cache
@@ -38,18 +36,7 @@ def read_from_memory(file):
     return copy.deepcopy(read_once(path, status.st_size, status.st_mtime_ns))
 
 
-def compose_from_memory(loader, **words):
-    """Composes a configuration as Hydra does, but the same one only once."""
-    key = f"{Path.cwd()} {loader.get_search_path()} {words}"
-    if "searchpath" in key:  # a folder whose files a test may change
-        return load_configuration(loader, **words)
-    if key not in compositions:
-        compositions[key] = load_configuration(loader, **words)
-    return copy.deepcopy(compositions[key])
-
-
 OmegaConf.load = staticmethod(read_from_memory)
-ConfigLoaderImpl.load_configuration = compose_from_memory
 
 if "OMP_NUM_THREADS" not in os.environ:
     # The threads of two processes on two cores would wait for each other most of the time.

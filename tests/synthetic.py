@@ -55,12 +55,8 @@ GENERATED = (
 
 def compose_config(*overrides):
     """The configuration of a command line, without Hydra's application."""
-    paths = [override for override in overrides if override.startswith("paths.")]
-    # Without the folders, which are others in every test, so that few are composed anew.
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        cfg = compose("config", [override for override in overrides if override not in paths])
-    cfg.merge_with_dotlist(paths)
-    return cfg
+        return compose("config", list(overrides))
 
 
 def sound_config(*overrides, folder=None):
