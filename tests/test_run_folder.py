@@ -13,6 +13,7 @@ from src.run_folder import (
     ANCHORS,
     KEYS,
     RunFolder,
+    differences,
     read_config,
     recorded_code,
     require_same_config,
@@ -231,6 +232,11 @@ def test_metrics_of_sessions_are_joined(tmp_path, sessions, joined):
         log.write_text("" if rows is None else pd.DataFrame(rows).to_csv(index=False))
     folder.merge_metrics()
     assert pd.read_csv(folder.metrics).to_dict("list") == joined
+
+
+def test_differences_are_dotted_keys():
+    before, after = {"a": {"b": 1, "c": 2}, "d": 1}, {"a": {"b": 1, "c": 3}, "e": None, "d": 1}
+    assert differences(before, after) == [("a.c", 2, 3)]
 
 
 def test_places_are_no_part_of_what_shapes_a_run(tmp_path):
