@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from src.sim.layout import GroundPatch
-from src.sim.mesh import ROUND_SIDES, SKIRT_M, mesh_of_patch, mesh_of_solid
+from src.sim.mesh import ROUND_SIDES, mesh_of_solid
 from src.sim.rays import RayScene
 from tests.sim.scenery import solid
 
@@ -75,25 +74,3 @@ def test_rays_find_the_surface_where_the_solid_says(shape):
     assert not body.contains(ends_m, margin_m=-0.2 * min(SIZE_M)).any()
     middle = body.contains(origins_m, margin_m=-0.25 * min(SIZE_M))
     assert hit[middle].all()
-
-
-def test_a_patch_follows_the_terrain_and_has_a_skirt():
-    def terrain(x, y):
-        return 0.3 * np.sin(x / 9) + 0.2 * np.cos(y / 7)
-
-    patch = GroundPatch((5.0, -3.0), 0.4, 20.0, 6.0, 0.16, "asphalt")
-    mesh = mesh_of_patch(patch, terrain)
-    x, y, z = mesh.vertices_m.T
-    above_m = z - terrain(x, y) - patch.rise_m
-    assert above_m.max() == pytest.approx(0, abs=1e-9)
-    assert above_m.min() == pytest.approx(-SKIRT_M)
-    along = np.cos(0.4) * (x - 5) + np.sin(0.4) * (y + 3)
-    across = -np.sin(0.4) * (x - 5) + np.cos(0.4) * (y + 3)
-    assert (np.abs(along).max(), np.abs(across).max()) == pytest.approx((10, 3))
-    a, b, c = triangles(mesh).transpose(1, 0, 2)
-    normals = np.cross(b - a, c - a)
-    walls = np.abs(normals[:, 2]) < 1e-9
-    assert (normals[~walls, 2] > 0).all()
-    outward = ((a + b + c) / 3 - (5, -3, 0)) * normals
-    assert walls.sum() >= 8
-    assert (outward[walls, :2].sum(axis=1) > 0).all()
