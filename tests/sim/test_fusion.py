@@ -1,7 +1,10 @@
 """Fusion: the loops over rays and points against slow references, and thinning."""
 
 import numpy as np
+import pytest
 
+from src.ontology import BUILDING, THIN_STRUCTURE, VRU
+from src.sim.fusion import POINT_CUBE_M, PointSet
 from src.sim.voxel_kernels import Lattice, carve, count_votes
 
 SHAPE, CELL_M, LOWER_M = (20, 16, 12), 0.5, np.array([-3.0, 2.0, -1.0])
@@ -71,3 +74,19 @@ def test_a_point_just_below_the_grid_is_outside():
     count_votes(votes, Lattice(np.zeros(3), 1.0), np.eye(4), points_m, np.zeros(4, np.uint8))
     assert votes[..., 0].nonzero()[0].tolist() == [0, 1]
     assert votes.sum() == 2
+
+
+@pytest.mark.parametrize("gathered", [0, 20_000, 500_000])
+def test_the_first_point_of_a_class_in_a_cube_is_kept(monkeypatch, gathered):
+    monkeypatch.setattr("src.sim.fusion.GATHERED", gathered)
+    rng = np.random.default_rng(0)
+    points_m = rng.uniform(-1.2, 1.3, (60_000, 3))
+    class_id = rng.choice([BUILDING, THIN_STRUCTURE, VRU], 60_000).astype(np.uint8)
+    kept = PointSet()
+    for part in np.array_split(np.arange(60_000), 7):
+        kept.add(points_m[part], class_id[part])
+    cubes = np.c_[np.floor(points_m / POINT_CUBE_M).astype(int), class_id]
+    expected = np.sort(np.unique(cubes, axis=0, return_index=True)[1])
+    assert 10_000 < len(expected) < 50_000
+    np.testing.assert_array_equal(kept.points()[0], points_m[expected])
+    np.testing.assert_array_equal(kept.points()[1], class_id[expected])
