@@ -5,6 +5,7 @@ import pytest
 
 from src.ontology import ACTOR_TYPES
 from src.sim.actor import HABITS
+from src.sim.driver import drive
 from src.sim.layout import Town
 from src.sim.pilot import STEP_S
 from src.sim.route import Route, chain
@@ -121,3 +122,17 @@ def test_in_a_real_town_actors_stop_and_turn_and_never_overlap():
     assert ((speed_mps[:, 0] > 2) & (speed_mps.min(axis=1) < 0.1)).sum() >= 3
     turned_rad = np.array([np.ptp(np.unwrap(actor.yaw_rad)) for actor in downtown])
     assert (turned_rad > 1).sum() >= 2
+
+
+def test_nobody_reacts_to_what_was_left_out(monkeypatch):
+    """Of those that meet the UAV the others know nothing: they drive again without them."""
+    # The number of actors of every attempt.
+    driven = []
+
+    def recorded(travellers, *args):
+        driven.append(len(travellers))
+        return drive(travellers, *args)
+
+    monkeypatch.setattr("src.sim.traffic.drive", recorded)
+    actors = traffic(0, uav_m=np.tile([60.0, -2.0, 1.0], (600, 1)), car=12)
+    assert driven[0] > driven[-1] == len(actors)
