@@ -1,7 +1,10 @@
 # make look, make demo and make test each work alone on a fresh clone.
 RUN := .venv/bin/python run.py
 PYTEST := .venv/bin/python -m pytest --numprocesses auto --dist loadfile
-NUMERIC := tests/models tests/metrics tests/test_geometry.py
+# Where the order of a sum can change a number; the contract of the metrics is about integers.
+NUMERIC := tests/models tests/metrics tests/test_geometry.py \
+	--ignore-glob='*/test_contract.py' --ignore-glob='*/test_hugging*' --ignore-glob='*/test_suite.py' \
+	--ignore-glob='*/test_protocol.py' --ignore-glob='*/test_export.py'
 export PYTHON
 
 .PHONY: setup setup-dev look demo test test-studies test-processors test-slow lint clean
@@ -37,11 +40,11 @@ test-studies: setup-dev
 # The arithmetic of lesser processors, and of two threads; make test has this one's, and one thread.
 test-processors: setup-dev
 	ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 $(PYTEST) -q -m "not slow" $(NUMERIC)
-	ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 $(PYTEST) -q -m "not slow" $(NUMERIC)
-	OMP_NUM_THREADS=2 $(PYTEST) -q -m "not slow" $(NUMERIC)
+	ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 OMP_NUM_THREADS=2 OMP_WAIT_POLICY=passive \
+		$(PYTEST) -q -m "not slow" $(NUMERIC)
 
 test-slow: setup-dev
-	.venv/bin/python -m pytest -m slow tests studies
+	$(PYTEST) -m slow tests studies
 
 lint: setup-dev
 	.venv/bin/python -m ruff check .

@@ -5,6 +5,8 @@ from jaxtyping import install_import_hook
 
 from tests.sessions import ROOT
 
+SUITES = ("tests", "data", "metrics", "models")
+"""Folders of the tests that run with the checks, which take time at every call."""
 CHECKED = ("geometry.py", "data/[!_]*.py", "metrics/**/[!_]*.py", "models/[!_]*.py")
 
 # An int may stand where a float is asked for, as for every other checker of types.

@@ -11,13 +11,13 @@ from src.heap import keep_freed_memory
 for _ in range(2):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
     for _ in range(20):
-        torch.ones(20_000_000)  # 80 MB, or 20,000 pages
+        torch.ones(10_000_000)  # 40 MB, or 10,000 pages
 print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
 def page_faults(call: str) -> int:
-    """Returns how many pages a process takes from the kernel for 20 tensors of 80 MB, one after the
+    """Returns how many pages a process takes from the kernel for 20 tensors of 40 MB, one after the
     other, when it has had 20 before."""
     program = [sys.executable, "-c", PROGRAM.format(call=call)]
     done = subprocess.run(program, capture_output=True, text=True, check=True)

@@ -2,7 +2,6 @@
 
 import queue
 import threading
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -204,13 +203,6 @@ def test_an_unreadable_config_is_named(tmp_path, content):
         read_config(path, "so it is none")
     assert "\n" not in str(caught.value)
     assert "object is not" not in str(caught.value), "the words of Python"
-
-
-def test_a_checkpoint_is_named_or_a_file(tmp_path):
-    folder = half_done(tmp_path / "seed0")
-    assert folder.checkpoint("last") == folder.last_checkpoint
-    assert folder.checkpoint("best") == folder.best_checkpoint
-    assert folder.checkpoint("some/file.ckpt") == Path("some/file.ckpt")
 
 
 @pytest.mark.parametrize(

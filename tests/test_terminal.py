@@ -10,7 +10,7 @@ import threading
 import pytest
 
 from src import terminal
-from src.terminal import Meter, duration, metered, say, tracked
+from src.terminal import Meter, duration, metered
 from tests.sessions import ROOT
 
 
@@ -41,14 +41,6 @@ def test_the_time_left_follows_from_the_mean_speed(clock):
     assert meter.left_s == 0
 
 
-def test_nothing_is_foretold_too_early_or_without_a_total(clock):
-    endless, early = Meter("drawing", total=None), Meter("reading", total=9)
-    early.advance()
-    clock[0] += 1
-    assert str(endless) == "drawing: after 1 s"
-    assert str(early) == "reading: 11 % after 1 s"
-
-
 def test_a_file_gets_lines_while_the_work_goes_on_even_if_nothing_is_finished(monkeypatch, capsys):
     monkeypatch.setattr(terminal, "LINE_S", 0.01)
     with metered("generating", total=4) as meter:
@@ -64,13 +56,6 @@ def test_a_file_gets_lines_while_the_work_goes_on_even_if_nothing_is_finished(mo
     assert capsys.readouterr().out == "", "it is silent when the work has ended"
 
 
-def test_short_work_leaves_no_line_in_a_file(capsys):
-    say("begun")
-    capsys.readouterr()
-    assert list(tracked("abc", "spelling")) == ["a", "b", "c"]
-    assert capsys.readouterr().out == ""
-
-
 def test_a_row_of_short_works_is_not_silent(monkeypatch, capsys):
     """Each ends before a line is due, and the next one tells it instead."""
     monkeypatch.setattr(terminal, "LINE_S", 0.05)
@@ -78,13 +63,6 @@ def test_a_row_of_short_works_is_not_silent(monkeypatch, capsys):
         with metered(f"scoring {n}"):
             threading.Event().wait(0.03)
     assert 2 <= len(capsys.readouterr().out.splitlines()) <= 6
-
-
-def test_the_lines_end_with_a_work_that_fails():
-    before = threading.active_count()
-    with pytest.raises(RuntimeError), metered("failing"):
-        raise RuntimeError
-    assert threading.active_count() == before
 
 
 def test_a_terminal_shows_a_bar_that_is_gone_in_the_end():

@@ -8,8 +8,6 @@ from src.sim.actor import HABITS, Actor
 from src.sim.footprint import boxes_overlap
 from src.sim.layout import Path
 from src.sim.route import Route
-from src.sim.towns.network import Network, straight
-from src.sim.towns.streetscape import TWO_LANES
 
 SIZES_M = {
     "car": (4.5, 1.8, 1.5),
@@ -32,12 +30,6 @@ def road_user(name, paths, start_m, speed_mps, left_m=None):
     if left_m is not None:
         route = route.shifted(np.full(len(route.points_m), left_m))
     return Actor(name, SIZES_M[name], route, start_m, speed_mps)
-
-
-def ring(profile=TWO_LANES):
-    """Three streets around a triangle; the first of them runs eastwards from the origin."""
-    corners_m = np.array([(0.0, 0.0), (160.0, 0.0), (80.0, 130.0)])
-    return Network(corners_m, straight(corners_m, ((0, 1), (1, 2), (2, 0)), profile))
 
 
 def overlapping(boxes):

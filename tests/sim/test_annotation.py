@@ -9,7 +9,7 @@ import torch
 from src.geometry import VoxelGrid, inverse, transform, world_from_occ
 from src.ontology import BUILDING, CAR, FREE, GROUND, UNKNOWN, VEGETATION, VRU
 from src.sim.annotation import MIN_LIDAR_RETURNS, MIN_VISIBLE_PIXELS, elect, sees_through, space_of
-from src.sim.fusion import POINT_CUBE_M, ActorMap
+from src.sim.fusion import ActorMap
 from src.sim.scene import ScanHits, Scene, parts_of
 from src.sim.sensors import Scan
 from tests.sim import scenery
@@ -97,17 +97,6 @@ def test_no_rotation_of_the_frame_opens_holes_in_a_fused_surface(yaw):
     # Along every line of voxels straight ahead that meets the wall, some voxel must hold it.
     ahead = (votes[..., BUILDING] > 0).any(axis=0)[8:-8, 4:-4]
     assert ahead.mean() > 0.99
-
-
-def test_static_points_are_thinned_to_one_in_a_cube_and_bar_free_space():
-    stage, _ = scanned(GRID, [ground(), WALL], [], (0, HERE), (0, HERE))
-    static = stage.static
-    cubes = np.floor(static.points_m / POINT_CUBE_M).astype(int)
-    assert len(np.unique(np.c_[cubes, static.class_id], axis=0)) == len(cubes)
-
-    cell, in_map = cells_of(static, static.points_m)
-    assert in_map.sum() > 1000
-    assert not static.free[tuple(cell[in_map].T)].any()
 
 
 def test_free_is_a_voxel_whose_center_lies_in_a_cell_that_a_ray_passed():

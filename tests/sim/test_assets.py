@@ -14,9 +14,7 @@ from src.sim.assets import (
     extent_m,
     furniture,
     industry,
-    placed,
     plaza,
-    upright,
     vegetation,
     waterside,
 )
@@ -141,16 +139,6 @@ def test_bounds_enclose_the_mesh_tightly(shape):
         # The corners of the tessellation lie on the true surface, so it is a little smaller.
         assert gaps_m.min() >= -1e-9
         assert gaps_m.max() <= (1e-9 if shape == "box" else 0.12 * max(size_m))
-
-
-def test_placed_moves_the_asset_without_changing_it():
-    solids = furniture.bench(rng(0))
-    moved = placed(solids, upright(10.0, -4.0, 1.0, np.pi / 2))
-    length, width, height = extent_m(solids)
-    assert extent_m(moved) == pytest.approx((width, length, height))
-    # A quarter turn to the left takes what looks along x to look along y.
-    backrest = moved[1].scene_from_solid[:3, 3]
-    assert backrest == pytest.approx([10.0, -4.25, 1.72])
 
 
 def floating(solids: list[Solid], slack_m: float = 0.03) -> int:

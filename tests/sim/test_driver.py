@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from src.sim.actor import HABITS
-from src.sim.driver import DECISION_S, EMERGENCY_MPS2, drive
-from src.sim.pilot import STEP_S
+from src.sim.driver import EMERGENCY_MPS2, drive
 from tests.sim.roads import SIZES_M, road_user, way
 
 LANE = way((-50, -2), (100, -2))
@@ -43,16 +42,6 @@ def test_who_crosses_is_waited_for():
     assert passed.arc_m[-1, 0] > 105
 
 
-def test_motion_is_sampled_at_every_decision_and_continuous_between_them():
-    motion = drive(line_up((10, 9.0), (30, 2.0)), 6.0)
-    assert len(motion.arc_m) == round(6.0 / DECISION_S) + 1
-    time_s = np.arange(300) * STEP_S
-    arc_m = motion.arc_at(time_s)
-    assert arc_m[::5] == pytest.approx(motion.arc_m[:60])
-    assert np.diff(arc_m, axis=0).min() > -1e-9
-    assert np.abs(np.diff(arc_m, 2, axis=0)).max() / STEP_S**2 < 10
-
-
 @pytest.mark.parametrize("name", SIZES_M)
 def test_everyone_slows_down_for_a_turn_in_time(name):
     bend = way((0, 0), (60, 0), (60, 60), speed_mps=12.0)
@@ -64,20 +53,6 @@ def test_everyone_slows_down_for_a_turn_in_time(name):
     assert (speed_mps**2 * sharpness).max() < 1.1 * habits.turn_mps2
     assert motion.acceleration_mps2.min() > -1.2 * habits.brake_mps2
     assert motion.acceleration_mps2.max() <= habits.accelerate_mps2
-
-
-def test_a_path_s_limit_is_kept():
-    slow = way((0, 0), (150, 0), speed_mps=5.0)
-    motion = drive([road_user("car", [slow], 10.0, 13.0)], 8.0)
-    assert motion.speed_mps.max() < 5.05
-    assert motion.speed_mps[-1, 0] == pytest.approx(5.0, abs=0.1)
-
-
-def test_who_starts_close_behind_another_starts_calmly():
-    motion = drive(line_up((20, 9.0), (28, 0.5)), 10.0)
-    assert motion.speed_mps[0, 0] < 6
-    assert motion.acceleration_mps2.min() >= -HABITS["car"].brake_mps2 - 1e-9
-    assert (motion.arc_m[:, 1] - motion.arc_m[:, 0]).min() > SIZES_M["car"][0] + 1
 
 
 def test_people_who_meet_pass_each_other_but_no_one_walks_into_another():

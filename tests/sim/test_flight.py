@@ -12,7 +12,7 @@ from src.geometry import euler_from_rotation, rotation_from_quat
 from src.sim.clearance import obstacle_heights, stays_clear
 from src.sim.flight import FlightConfig, fly
 from src.sim.layout import Town
-from src.sim.pilot import STEP_HZ, STEP_S, Pilot, lead_steps, reference_altitude
+from src.sim.pilot import STEP_HZ, STEP_S, Pilot, lead_steps
 from src.sim.route import Route
 from tests.sim.roads import way
 
@@ -141,15 +141,6 @@ def test_attitude_is_large_enough_to_matter(twenty):
     assert ((angles_deg.std(axis=(0, 2)) > 5) & (angles_deg.std(axis=(0, 2)) < 9)).all()
     assert np.abs(angles_deg).max() < 30
     assert 15 < np.median(np.abs(angles_deg).max(axis=(1, 2))) < 25
-
-
-def test_reference_altitudes_are_continuous_and_mostly_low():
-    time_s = np.arange(600) * STEP_S
-    drawn_m = [reference_altitude(np.random.default_rng(s), time_s, NORMAL) for s in range(600)]
-    low_m, high_m = NORMAL.altitude_range_m
-    assert low_m < np.min(drawn_m) < np.max(drawn_m) < high_m
-    assert len({wave_m[0] for wave_m in drawn_m}) == 600
-    assert 0.8 < (np.array(drawn_m) < 11).mean() < 0.97
 
 
 def test_the_same_seed_flies_the_same_bytes(twenty):

@@ -52,11 +52,6 @@ def test_carve_marks_what_a_sampled_ray_crosses_but_not_where_it_ends():
     assert 0 < marked.sum() < marked.size
 
 
-@pytest.mark.parametrize("outside_m", [(-9.0, 5.0, 1.0), (1.0, 5.0, 5.1), (1.0, 1.9, 1.0)])
-def test_a_ray_from_outside_the_map_marks_nothing(outside_m):
-    assert not carved(np.array(outside_m), *random_rays(100, 2)).any()
-
-
 def test_votes_are_numpys():
     rng = np.random.default_rng(0)
     points_m, class_id = rng.uniform(-15, 15, (5000, 3)), rng.integers(0, 8, 5000).astype(np.uint8)
@@ -95,7 +90,3 @@ def test_the_first_point_of_a_class_in_a_cube_is_kept(monkeypatch, gathered):
     assert 10_000 < len(expected) < 50_000
     np.testing.assert_array_equal(kept.points()[0], points_m[expected])
     np.testing.assert_array_equal(kept.points()[1], class_id[expected])
-
-
-def test_an_empty_set_has_no_points():
-    assert [values.shape for values in PointSet().points()] == [(0, 3), (0,)]

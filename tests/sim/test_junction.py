@@ -7,7 +7,7 @@ import pytest
 
 from src.sim.actor import HABITS
 from src.sim.driver import DECISION_S, drive
-from src.sim.junction import RightOfWay, passages_of
+from src.sim.junction import passages_of
 from src.sim.layout import Gate
 from src.sim.lights import AMBER_S, GREEN_S, PHASE_S, LightPlan
 from src.sim.towns.polyline import turn
@@ -15,7 +15,7 @@ from tests.sim.roads import SIZES_M, overlapping, road_user, way
 
 EAST, NORTH, WEST, SOUTH = range(4)
 STRAIGHT, LEFT, RIGHT = 0, 1, 3
-LINE_M, CLEAR_M, END_M = 48.0, 4.0, 52.0
+LINE_M, CLEAR_M = 48.0, 4.0
 KERB_M, WALK_M = 5.0, 18.0
 
 
@@ -93,27 +93,6 @@ def arcs_alone_m(actor, duration_s):
     return drive([actor], duration_s).arc_m[:, 0]
 
 
-def test_a_passage_leads_from_the_line_over_the_turn_until_the_junction_is_clear():
-    (straight,) = passages_of(wheels(EAST))
-    assert (straight.start_m, straight.end_m) == pytest.approx((LINE_M, END_M + 16 + CLEAR_M))
-    assert straight.approach is OPEN[0][EAST]
-    (crossing,) = passages_of(walker())
-    assert (crossing.start_m, crossing.end_m) == pytest.approx((KERB_M, WALK_M - KERB_M), abs=0.1)
-    assert passages_of(road_user("car", [OPEN[0][4 + EAST]], 5.0, 9.0)) == []
-
-
-@pytest.mark.parametrize("by", [STRAIGHT, LEFT, RIGHT])
-def test_a_passage_sweeps_wherever_the_ends_of_a_long_vehicle_come(by):
-    bus = wheels(NORTH, by, name="bus")
-    (passage,) = passages_of(bus)
-    middle_m, heading_rad = bus.route.at(np.linspace(passage.start_m, passage.end_m, 50))
-    nose = np.stack([np.cos(heading_rad), np.sin(heading_rad)], axis=1)
-    for share in (-0.5, 0, 0.5):
-        place_m = middle_m + share * SIZES_M["bus"][0] * nose
-        apart_m = np.linalg.norm(place_m[:, None] - passage.swept_m, axis=-1)
-        assert apart_m.min(axis=1).max() < 0.5
-
-
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("by", [(STRAIGHT, STRAIGHT), (LEFT, STRAIGHT), (STRAIGHT, LEFT)])
 def test_who_comes_first_goes_first_and_the_other_waits_before_the_line(first, by):
@@ -138,12 +117,6 @@ def test_ways_that_do_not_meet_are_used_at_the_same_time():
             assert motion.arc_m[:, k] == pytest.approx(arcs_alone_m(car, 8.0), abs=0.2)
 
 
-@pytest.mark.parametrize("by", [(0, 0, 0, 0), (1, 1, 1, 1), (1, 0, 1, 0), (0, 1, 3, 1)])
-def test_of_four_who_come_at_once_nobody_waits_for_ever(by):
-    _, _, left_s = driven([wheels(arm, by[arm], 20.0) for arm in range(4)], 35.0)
-    assert left_s.max() < 30
-
-
 @pytest.mark.parametrize("paths", [OPEN, LIT])
 @pytest.mark.parametrize("seed", range(3))
 def test_all_get_over_a_busy_junction_and_nobody_overlaps(paths, seed):
@@ -156,31 +129,6 @@ def test_all_get_over_a_busy_junction_and_nobody_overlaps(paths, seed):
     assert left_s.max() < 100
     # Nobody passes anybody on an approach.
     assert (np.diff(entered_s[2:].reshape(4, 3)) > 0).all()
-
-
-def test_who_is_behind_waits_for_the_first_of_the_approach():
-    """Its own way is free, but it could not go before the one that waits for a third."""
-    third = wheels(NORTH, STRAIGHT, 55.0)
-    first, behind = wheels(EAST, STRAIGHT, 45.0), wheels(EAST, RIGHT, 38.0)
-
-    def waiting(*actors):
-        right_of_way = RightOfWay(actors, {})
-        arc_m, speed_mps = np.array([actor.start_m for actor in actors]), np.full(len(actors), 5.0)
-        right_of_way.stops_m(0.0, arc_m, speed_mps)
-        return np.isfinite(right_of_way.stops_m(0.1, arc_m, speed_mps)).tolist()
-
-    assert waiting(third, behind) == [False, False]
-    assert waiting(third, first) == [False, True]
-    assert waiting(third, first, behind) == [False, True, True]
-    _, entered_s, left_s = driven([third, first, behind], 20.0)
-    assert left_s[0] <= entered_s[1] < entered_s[2]
-
-
-def test_who_is_on_a_junction_at_the_start_goes_on():
-    cars = [wheels(EAST, STRAIGHT, 52.0), wheels(NORTH, STRAIGHT, 40.0)]
-    motion, entered_s, left_s = driven(cars, 15.0)
-    assert motion.speed_mps[:, 0].min() > 5
-    assert left_s[0] <= entered_s[1] < np.inf
 
 
 def test_people_and_cars_wait_for_each_other():
@@ -226,33 +174,6 @@ def test_nobody_enters_on_red_and_everybody_stops_before_the_line():
                 assert LINE_M - front_m[at] < braking_m + 1.5
     assert waited > 15
     assert late >= 1
-
-
-@pytest.mark.parametrize(("ahead_m", "goes"), [(8.0, True), (14.0, True), (20.0, False)])
-def test_at_amber_those_go_on_who_cannot_stop_any_more(ahead_m, goes):
-    """At 9 m/s a car needs 16 m, and half a metre more to stand before the line."""
-    plan = LightPlan(2, GREEN_S - 1.0)
-    car = wheels(EAST, start_m=LINE_M - SIZES_M["car"][0] / 2 - ahead_m - 9.0, paths=LIT)
-    motion, (entered_s,), _ = driven([car], 10.0, {0: plan})
-    if goes:
-        assert 1 < entered_s < 1 + AMBER_S
-        always_green = drive([car], 10.0, {0: LightPlan(2, 0.0)})
-        assert motion.arc_m == pytest.approx(always_green.arc_m)
-    else:
-        assert entered_s == np.inf
-        assert motion.acceleration_mps2.min() > -1.2 * HABITS["car"].brake_mps2
-        assert motion.speed_mps[-1, 0] < 0.1
-
-
-@pytest.mark.parametrize(("spare_s", "goes"), [(0.3, True), (-0.3, False)])
-def test_people_set_out_only_if_they_will_be_over_before_green(spare_s, goes):
-    one = walker(KERB_M - 1.0, paths=LIT)
-    (passage,) = passages_of(one)
-    needed_s = (passage.end_m - passage.start_m) / one.speed_mps
-    # Their arm's next green begins after that time and the spare one.
-    plan = LightPlan(2, 2 * PHASE_S - needed_s - spare_s)
-    stops_m = RightOfWay([one], {0: plan}).stops_m(0.0, np.array([one.start_m]), np.array([1.4]))
-    assert np.isinf(stops_m[0]) == goes
 
 
 def test_people_cross_on_red_for_the_cars_and_are_off_the_road_before_green():

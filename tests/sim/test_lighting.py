@@ -4,17 +4,15 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import pytest
 
 from src.ontology import BUILDING
-from src.sim.lighting import cast_shadows, illuminate, surface_normals
+from src.sim.lighting import cast_shadows, illuminate
 from src.sim.scene import Scene, parts_of
 from tests.sim.scenery import (
     HEIGHT,
     WIDTH,
     actor,
     body_at,
-    camera_rays,
     ground,
     places_of,
     render,
@@ -105,21 +103,3 @@ def test_bare_colors_are_lit_by_the_slope_of_their_face_and_its_shadows():
         error = np.abs(picture[where] - np.minimum(200 * share, 255)).max(axis=-1)
         assert (error <= 2).mean() > 0.97
     assert (lit[np.isinf(view.depth_m)] == 200).all()
-
-
-@pytest.mark.parametrize("attitude", [(0.0, 0.3, 0.0), (0.4, 0.2, 0.3)])
-def test_normals_are_those_of_the_faces_that_are_seen(attitude):
-    here = body_at((0.5, 0.4, 6.2), *attitude)
-    yaw_rad = 0.5
-    box = solid(BUILDING, (4, 6, 5), (14, 0, 2.5), yaw_rad=yaw_rad)
-    view = view_of(Scene(parts_of([ground(), box]), ()), 0, here)
-    normals = surface_normals(places_of(view, here).astype(np.float32), view.depth_m)
-    sky = np.isinf(view.depth_m)
-    assert (normals[sky] == 0).all()
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    faces = np.array([[cos, sin, 0], [-cos, -sin, 0], [sin, -cos, 0], [-sin, cos, 0], [0, 0, 1]])
-    nearest = (normals[~sky] @ faces.T).max(axis=1)
-    assert (nearest > 0.999).mean() > 0.97
-    assert (normals[(view.class_id != BUILDING) & ~sky][:, 2] > 0.99).mean() > 0.98
-    _, directions, _ = camera_rays(here)
-    assert ((normals.reshape(-1, 3) * directions).sum(axis=1) <= 1e-3).mean() > 0.99

@@ -5,9 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from src.sim.layout import Town
-from src.sim.lights import ALL_RED_S, AMBER_S, GREEN_S, PHASE_S, LightPlan, light_plans
-from src.sim.towns.network import Network, Street, straight
+from src.sim.lights import ALL_RED_S, AMBER_S, GREEN_S, PHASE_S, LightPlan
+from src.sim.towns.network import Network, straight
 from src.sim.towns.streetscape import TWO_LANES
 
 STEP_S = 0.1
@@ -15,15 +14,10 @@ TIME_S = np.arange(0, 4 * PHASE_S, STEP_S) + STEP_S / 2
 ENDS_M = np.array([(0, 0), (80, 0), (0, 80), (-80, 0), (0, -80)], dtype=float)
 
 
-def cross(lights):
-    """Streets from a junction in the middle to four around it, and between these."""
+def cross():
+    """Streets with lights from a junction in the middle to four around it, and between these."""
     pairs = (0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1)
-    return Network(ENDS_M, straight(ENDS_M, pairs, TWO_LANES), lights)
-
-
-def town(lights):
-    network = cross(lights)
-    return Town("t", lambda x, y: 0 * x, (), (), network.lanes(), network.walks(), ())
+    return Network(ENDS_M, straight(ENDS_M, pairs, TWO_LANES), True)
 
 
 def gates_at(paths, junction, is_crossing):
@@ -62,19 +56,8 @@ def test_phases_have_green_and_amber_in_turn_and_then_all_have_red(phases, offse
         assert (plan.red_for_s(phase, time_s) > 0) == is_red
 
 
-def test_only_junctions_with_lights_have_plans_and_the_seed_decides():
-    assert light_plans(town(lights=False), np.random.default_rng(0)) == {}
-    first, again, other = (
-        light_plans(town(lights=True), np.random.default_rng(seed)) for seed in (0, 0, 1)
-    )
-    assert set(first) == {0, 1, 2, 3, 4}
-    assert first == again != other
-    assert len({plan.offset_s for plan in first.values()}) == 5
-    assert all(0 <= plan.offset_s <= plan.phases * PHASE_S for plan in first.values())
-
-
 def test_opposing_arms_have_green_together_and_people_wait_for_their_own_arm():
-    network = cross(lights=True)
+    network = cross()
     lines = gates_at(network.lanes(), 0, is_crossing=False)
     crossings = gates_at(network.walks(), 0, is_crossing=True)
     assert set(lines) == set(crossings) == {0, 1, 2, 3}
@@ -83,19 +66,3 @@ def test_opposing_arms_have_green_together_and_people_wait_for_their_own_arm():
     for arm, gates in crossings.items():
         assert [gate.phase for gate in gates] == [phase[arm]] * 2
         assert {gate.phases for gate in gates + lines[arm]} == {2}
-
-
-def test_where_a_road_only_goes_on_there_is_a_phase_for_people_as_well():
-    # Two streets end in one point: there is a bend, and no third arm.
-    streets = tuple(Street(0, k, ENDS_M[[0, end]], TWO_LANES) for k, end in ((1, 1), (2, 3)))
-    gates = gates_at(Network(ENDS_M[[0, 1, 3]], streets, True).lanes(), 0, is_crossing=False)
-    assert {(gate.phase, gate.phases) for both in gates.values() for gate in both} == {(0, 2)}
-
-
-def test_without_lights_there_are_lines_all_the_same():
-    network = cross(lights=False)
-    lanes = network.lanes()
-    for path in lanes:
-        leads_on = bool(path.successors) and any(not lanes[k].gate for k in path.successors)
-        assert (path.gate is not None) == leads_on
-    assert {path.gate.phase for path in (*lanes, *network.walks()) if path.gate} == {None}

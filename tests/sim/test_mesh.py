@@ -1,12 +1,9 @@
 """Meshes: closed, outward, of the right size, and the same shape as the solid says."""
 
-from collections import Counter
-
 import numpy as np
 import pytest
 
-from src.sim.layout import GroundPatch
-from src.sim.mesh import ROUND_SIDES, SKIRT_M, merge, mesh_of_patch, mesh_of_solid, split
+from src.sim.mesh import ROUND_SIDES, mesh_of_solid
 from src.sim.rays import RayScene
 from tests.sim.scenery import solid
 
@@ -60,26 +57,6 @@ def test_the_volume_is_the_analytic_one_and_a_sphere_holds_it(shape):
     assert reach_m <= np.linalg.norm(SIZE_M) / 2 * 1.05
 
 
-def test_every_edge_is_walked_once_each_way(shape):
-    edges = Counter()
-    for corners in triangles(mesh_of_solid(placed(shape))).round(6):
-        points = [tuple(corner) for corner in corners]
-        if len(set(points)) == 3:
-            edges.update(zip(points, points[1:] + points[:1]))
-    assert len(edges) >= 18
-    assert all(edges[b, a] == count for (a, b), count in edges.items())
-
-
-def test_normals_point_away_from_the_middle(shape):
-    mesh = mesh_of_solid(placed(shape))
-    a, b, c = triangles(mesh).transpose(1, 0, 2)
-    # At a tip one side of a quad has no length, so one of its triangles is no triangle.
-    drawn = np.unique(mesh.faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9])
-    outward = ((mesh.vertices_m - CENTER_M) * mesh.normals).sum(axis=1)
-    assert outward[drawn].min() > 0
-    assert np.linalg.norm(mesh.normals[drawn], axis=1) == pytest.approx(1)
-
-
 def test_rays_find_the_surface_where_the_solid_says(shape):
     body = placed(shape)
     rng = np.random.default_rng(0)
@@ -97,50 +74,3 @@ def test_rays_find_the_surface_where_the_solid_says(shape):
     assert not body.contains(ends_m, margin_m=-0.2 * min(SIZE_M)).any()
     middle = body.contains(origins_m, margin_m=-0.25 * min(SIZE_M))
     assert hit[middle].all()
-
-
-def test_a_patch_follows_the_terrain_and_has_a_skirt():
-    def terrain(x, y):
-        return 0.3 * np.sin(x / 9) + 0.2 * np.cos(y / 7)
-
-    patch = GroundPatch((5.0, -3.0), 0.4, 20.0, 6.0, 0.16, "asphalt")
-    mesh = mesh_of_patch(patch, terrain)
-    x, y, z = mesh.vertices_m.T
-    above_m = z - terrain(x, y) - patch.rise_m
-    assert above_m.max() == pytest.approx(0, abs=1e-9)
-    assert above_m.min() == pytest.approx(-SKIRT_M)
-    along = np.cos(0.4) * (x - 5) + np.sin(0.4) * (y + 3)
-    across = -np.sin(0.4) * (x - 5) + np.cos(0.4) * (y + 3)
-    assert (np.abs(along).max(), np.abs(across).max()) == pytest.approx((10, 3))
-    a, b, c = triangles(mesh).transpose(1, 0, 2)
-    normals = np.cross(b - a, c - a)
-    walls = np.abs(normals[:, 2]) < 1e-9
-    assert (normals[~walls, 2] > 0).all()
-    outward = ((a + b + c) / 3 - (5, -3, 0)) * normals
-    assert walls.sum() >= 8
-    assert (outward[walls, :2].sum(axis=1) > 0).all()
-
-
-def corners(mesh):
-    """Every triangle with all that its corners carry, in an order of its own."""
-    table = np.concatenate([mesh.vertices_m, mesh.normals, mesh.uvs_m], axis=1)
-    return sorted(map(tuple, table[mesh.faces].reshape(len(mesh.faces), -1).tolist()))
-
-
-def test_merging_keeps_every_triangle_and_cells_have_each_once_and_none_of_another_cell():
-    meshes = [mesh_of_solid(placed(shape)) for shape in SHAPES]
-    mesh = merge(meshes)
-    np.testing.assert_array_equal(triangles(mesh), np.concatenate([triangles(m) for m in meshes]))
-    mesh = merge([mesh, mesh.moved(np.eye(4) - np.diag([2.0, 2, 0, 0]))])
-    pieces = split(mesh, 1.5)
-    assert len(pieces) > 6
-    assert sorted(one for piece in pieces.values() for one in corners(piece)) == corners(mesh)
-    for cell, piece in pieces.items():
-        middle_m = triangles(piece)[..., :2].mean(axis=1)
-        np.testing.assert_array_equal(np.floor(middle_m / 1.5), np.tile(cell, (len(middle_m), 1)))
-        assert set(piece.faces.reshape(-1)) == set(range(len(piece.vertices_m)))
-
-    # An endless cell has the whole mesh.
-    one = mesh_of_solid(solid(0, SIZE_M, (0, 0, 0)))
-    (piece,) = split(one, np.inf).values()
-    assert corners(piece) == corners(one)

@@ -5,10 +5,10 @@ import pytest
 
 from src.sim.layout import Gate, Town
 from src.sim.pilot import STEP_S
-from src.sim.placement import SHOULDER_M, SPOT_M, START_GAP_M, Gaze, Placer, Spots
-from tests.sim.roads import SIZES_M, overlapping, road_user, way
+from src.sim.placement import SHOULDER_M, START_GAP_M, Placer
+from tests.sim.roads import SIZES_M, overlapping, way
 
-CAR_M, BUS_M, PERSON_M = (SIZES_M[name] for name in ("car", "bus", "pedestrian"))
+CAR_M, PERSON_M = SIZES_M["car"], SIZES_M["pedestrian"]
 REACH_M = 45.0
 LINE_M, CLEAR_M = 56.0, 4.0
 # Eastward over a junction or to the right at it; westward there is nothing to wait for.
@@ -27,18 +27,9 @@ WALKS = (
 TOWN = Town("hand-made", lambda x, y: 0 * x, (), (), LANES, WALKS, ())
 
 
-def flight(x_mps=5.0, y_mps=0.0, start_m=(0.0, 0.0), seconds=10.0):
-    time_s = np.arange(round(seconds / STEP_S) + 1) * STEP_S
+def flight(x_mps=5.0, y_mps=0.0, start_m=(0.0, 0.0)):
+    time_s = np.arange(round(10 / STEP_S) + 1) * STEP_S
     return np.c_[start_m[0] + x_mps * time_s, start_m[1] + y_mps * time_s, 9 + 0 * time_s]
-
-
-def gaze(**kwargs):
-    return Gaze(flight(**kwargs), REACH_M)
-
-
-def seen_of(camera, places_m):
-    """How much is seen of things that stay at their places."""
-    return camera.share(np.tile(np.array(places_m)[:, None], (1, len(camera.at_m), 1)))
 
 
 def starts_on(one, paths):
@@ -48,84 +39,13 @@ def starts_on(one, paths):
 EASTWARD_M = flight(start_m=(-50.0, 0.0))
 
 
-def filled(name, seed=0, uav_m=EASTWARD_M, near_m=90.0):
+def filled(name, seed=0, uav_m=EASTWARD_M):
     """As many of a kind as a flight, eastward over the junction, finds room for."""
-    placer, placed = Placer(TOWN, np.random.default_rng(seed), uav_m, near_m, REACH_M), []
+    placer, placed = Placer(TOWN, np.random.default_rng(seed), uav_m, 90.0, REACH_M), []
     while (one := placer.place(name, SIZES_M[name], placed)) is not None:
         placed.append(one)
         assert len(placed) < 200
     return placed
-
-
-@pytest.mark.parametrize(("x_mps", "y_mps"), [(5.0, 0.0), (0.0, 5.0), (-3.0, -3.0)])
-def test_what_keeps_its_place_before_the_camera_is_always_in_view_or_never(x_mps, y_mps):
-    camera = gaze(x_mps=x_mps, y_mps=y_mps)
-    ahead = np.array([x_mps, y_mps]) / np.hypot(x_mps, y_mps)
-    left = np.array([-ahead[1], ahead[0]])
-    for ahead_m, left_m in ((10, 0), (10, 9.9), (10, -9.9), (44.9, 0)):
-        assert camera.share(camera.at_m + ahead_m * ahead + left_m * left) == 1
-    for ahead_m, left_m in ((-10, 0), (10, 10.1), (9, -10), (45.1, 0)):
-        assert camera.share(camera.at_m + ahead_m * ahead + left_m * left) == 0
-
-
-def test_the_share_is_that_of_the_time_in_view():
-    # Passed after 5 s and 1 s; in reach after 5 s; never ahead; always too far aside.
-    places_m = [(25.0, 0), (5, 0), (70, 0), (-1, 0), (25, 30)]
-    assert seen_of(gaze(), places_m) == pytest.approx([0.5, 0.1, 0.5, 0, 0], abs=0.06)
-
-
-def test_a_uav_that_hovers_looks_where_it_last_flew_to():
-    east_m, north_m = flight(start_m=(-5.0, 0.0), seconds=1.0), flight(0.0, 5.0, seconds=4.0)
-    hover_m = np.tile([0.0, 20.0, 9.0], (2000, 1))
-    camera = Gaze(np.concatenate([east_m, north_m, hover_m]), REACH_M)
-    assert seen_of(camera, [(0.0, 40.0), (20.0, 20.0)]) == pytest.approx([1, 0], abs=0.08)
-
-
-def test_spots_are_every_two_metres_near_the_way_and_not_on_a_junction():
-    way_m, near_m = np.array([(-50.0, 0.0), (40.0, 0.0)]), 55.0
-    spots = Spots.near(LANES, way_m, near_m)
-    assert set(spots.index) == {0, 3, 4, 5}
-    apart_m = np.linalg.norm(spots.points_m[:, None] - way_m, axis=-1).min(axis=1)
-    assert apart_m.max() < near_m
-    for k in (0, 3, 5):
-        assert np.diff(spots.arc_m[spots.index == k]) == pytest.approx(SPOT_M)
-    assert spots.arc_m[spots.index == 3].min() == pytest.approx(CLEAR_M + SPOT_M / 2, abs=SPOT_M)
-    assert spots.arc_m[np.isin(spots.index, (3, 4))].min() > CLEAR_M
-    assert spots.arc_m[spots.index == 5].min() > 180 - 160
-    for k, yaw_rad in ((0, 0.0), (4, -np.pi / 2), (5, np.pi)):
-        assert np.cos(spots.yaw_rad[spots.index == k] - yaw_rad) == pytest.approx(1)
-
-
-def test_how_much_is_seen_of_who_goes_along_before_the_camera_or_towards_it():
-    camera = gaze(start_m=(-50.0, 0.0))
-    spots = Spots.near(LANES, camera.at_m, 90.0)
-    x_m, seen = spots.points_m[:, 0], spots.seen(5.0, camera)
-    along = np.isin(spots.index, (0, 3))
-    assert seen[along & (x_m > -45) & (x_m < -10)] == pytest.approx(1)
-    assert seen[along & (x_m < -51)] == pytest.approx(0)
-    # Those who come the other way are past it at half of the distance.
-    towards = (spots.index == 5) & (np.abs(x_m + 30) < 1.1)
-    assert seen[towards] == pytest.approx(0.15, abs=0.1)
-    # Nobody goes faster than the path allows.
-    assert spots.seen(90.0, camera) == pytest.approx(spots.seen(9.0, camera))
-
-
-def test_crowded_spots_are_not_free():
-    spots = Spots.near(LANES, np.zeros((1, 2)), 90.0)
-    assert spots.free(CAR_M, []).all()
-    for size_m in (CAR_M, BUS_M):
-        free = spots.free(size_m, [road_user("car", LANES[:1], 30.0, 9.0)])
-        apart_m = np.abs(spots.arc_m - 30.0)
-        needed_m = (size_m[0] + CAR_M[0]) / 2 + 2 * START_GAP_M
-        lane = spots.index == 0
-        assert (free[lane] == (apart_m[lane] > needed_m)).all()
-        assert free[~lane].all()
-
-    # Each of two cars takes room on its own lane.
-    cars = [road_user("car", [LANES[k]], start_m, 9.0) for k, start_m in ((0, 30.0), (5, 60.0))]
-    both = spots.free(CAR_M, cars)
-    assert not both[spots.index == 5].all()
-    assert not both[spots.index == 0].all()
 
 
 @pytest.mark.parametrize("name", ["car", "bus", "motorcycle"])
@@ -164,28 +84,11 @@ def test_nobody_starts_where_nothing_is_seen():
     assert filled("car", uav_m=flight(0.0, -9.0, start_m=(30.0, 20.0)))
 
 
-def test_nobody_starts_far_from_the_flight():
-    uav_m = flight(start_m=(-30.0, 0.0))
-    starts_m = np.array([one.start[0] for one in filled("motorcycle", uav_m=uav_m, near_m=12.0)])
-    apart_m = np.linalg.norm(uav_m[:, None, :2] - starts_m, axis=2)
-    assert apart_m.min(axis=0).max() < 12 + 2
-
-
 def test_they_start_with_room_around_them_until_there_is_none():
     room_m = (CAR_M[0] + 2 * START_GAP_M, CAR_M[1])
     rooms = [(*one.start, room_m) for one in filled("car")]
     assert 8 < len(rooms) < 40
     assert not overlapping(rooms)
-
-
-def test_they_start_more_often_where_more_is_seen_of_them():
-    """Of cars that come the other way, those are seen longest that come from afar."""
-    town = Town("one lane", TOWN.terrain, (), (), LANES[5:], (), ())
-    placer = Placer(town, np.random.default_rng(0), flight(start_m=(-50.0, 0.0)), 90.0, REACH_M)
-    placed = [placer.place("car", CAR_M, []) for _ in range(200)]
-    ahead_m = np.array([one.start[0][0] for one in placed]) + 50
-    near, far = (np.abs(ahead_m - middle_m) < 10 for middle_m in (10, 55))
-    assert far.sum() > 3 * near.sum() > 0
 
 
 def test_cars_take_lanes_and_people_walks_as_wide_as_they_may():

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from src.sim.route import Route, braked, chain, slow_wave
+from src.sim.route import Route, braked, chain
 from tests.sim.roads import way
 
 path = partial(way, half_width_m=3.0)
@@ -23,20 +23,6 @@ def test_a_chain_takes_every_way_on_but_never_turns_back():
     chains = [chain(CROSS, np.random.default_rng(seed), 0, 90.0) for seed in range(40)]
     assert all(first is CROSS[0] for first, _ in chains)
     assert {tuple(last.points_m[-1]) for _, last in chains} == {(100, 0), (50, 60)}
-
-
-def test_a_chain_ends_where_nothing_goes_on():
-    assert chain(CROSS, np.random.default_rng(0), 1, 500.0) == (CROSS[1],)
-
-
-def test_a_right_angle_is_cut_by_as_much_as_documented():
-    corner_m = 5.0
-    route = Route.through(TURN, corner_m)
-    cut_m = np.linalg.norm(route.points_m - (50, 0), axis=1).min()
-    assert cut_m == pytest.approx(0.56 * corner_m, rel=0.03)
-    even = route.shifted(np.zeros(len(route.points_m)))
-    assert 1 / even.sharpness().max() == pytest.approx(0.89 * corner_m, rel=0.05)
-    assert np.degrees(even.heading_rad[[0, -1]]) == pytest.approx([0, 90], abs=0.1)
 
 
 def test_left_is_left_and_the_arc_is_the_true_length():
@@ -59,13 +45,6 @@ def test_braking_reaches_every_limit_in_time():
     assert (lowered <= limits_mps).all()
 
 
-def test_a_slow_wave_stays_within_one_and_varies():
-    at = np.linspace(0, 1000, 5000)
-    wave = slow_wave(np.random.default_rng(1), at, (30.0, 60.0))
-    assert 0.5 < np.abs(wave).max() <= 1
-    assert np.abs(np.gradient(wave, at)).max() <= 2 * np.pi / 30
-
-
 def test_the_rise_is_the_path_s_and_passes_over_smoothly():
     low, high = (replace(CROSS[k], rise_m=rise_m) for k, rise_m in ((0, 0.04), (1, 0.16)))
     route = Route.through((low, high), corner_m=1.0)
@@ -74,21 +53,3 @@ def test_the_rise_is_the_path_s_and_passes_over_smoothly():
         assert curve.rise_m[x_m < 46] == pytest.approx(0.04, abs=1e-4)
         assert curve.rise_m[x_m > 54] == pytest.approx(0.16, abs=1e-4)
         assert -1e-12 <= steps_m.min() < steps_m.max() < 0.015
-
-
-def test_places_along_the_paths_are_found_on_the_shifted_curve():
-    route = Route.through(TURN, 3.0)
-    outside = route.shifted(np.full(len(route.points_m), -2.0))
-    for curve in (route, outside):
-        early_m, late_m = curve.at(curve.arc_of(np.array([20.0, 80.0])))[0]
-        assert early_m[0] == pytest.approx(20, abs=0.2)
-        assert late_m[1] == pytest.approx(30, abs=0.2)
-    assert outside.arc_of(80.0) > route.arc_of(80.0) + 1
-
-
-def test_the_half_width_is_nowhere_more_than_the_path_s():
-    wide, narrow = CROSS[0], replace(CROSS[1], half_width_m=1.0)
-    route = Route.through((wide, narrow), corner_m=2.0)
-    assert (route.half_width_m <= np.where(route.along_m < 50, 3.0, 1.0) + 1e-9).all()
-    assert route.half_width_m[[0, -1]] == pytest.approx([3, 1])
-    assert np.abs(np.diff(route.half_width_m)).max() < 0.2

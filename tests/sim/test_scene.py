@@ -40,12 +40,6 @@ def test_an_actor_is_where_it_is_at_that_step():
     assert scene.cast_static(origin_m, direction) == pytest.approx([30], abs=1e-4)
 
 
-def test_an_actor_alone_and_nothing_at_all():
-    hits = cast(Scene((), (actor(PLACES_M),)), 0, ((0, 0, 1), EAST), ((0, 0, 1), DOWN))
-    assert hits.class_id.tolist() == [CAR, UNKNOWN]
-    assert cast(Scene((), ()), 0, ((0, 0, 1), EAST)).actor_id.tolist() == [-1]
-
-
 @pytest.mark.parametrize("towards", [(0.0, 0.0, 1.0), (0.6, 0.64, 0.48), (-0.9, 0.4, 0.17)])
 def test_light_is_blocked_where_a_ray_to_it_meets_anything(towards):
     towards = np.array(towards) / np.linalg.norm(towards)
@@ -60,19 +54,6 @@ def test_light_is_blocked_where_a_ray_to_it_meets_anything(towards):
         np.testing.assert_array_equal(blocked, np.isfinite(met.distance_m))
         assert 0.02 < blocked.mean() < 0.98
         assert (met.actor_id > 0).any()
-
-
-def test_an_actor_high_up_shades_what_is_far_from_it():
-    towards = np.array([0.9, 0.0, 0.36]) / np.hypot(0.9, 0.36)
-    ground_m = np.linspace((-20, 0, 0), (20, 0, 0), 400)
-    blocked = Scene((), (actor([(30.0, 0, 12.0)]),)).blocked(0, ground_m, towards)
-    assert blocked.sum() > 30
-    assert -8 < ground_m[blocked, 0].min() < ground_m[blocked, 0].max() < 3
-
-
-def test_in_an_empty_scene_nothing_blocks_the_light():
-    assert not Scene((), ()).blocked(0, np.zeros((3, 3)), np.array([0.0, 0, 1])).any()
-    assert Scene(STATIC, ()).blocked(0, np.zeros((0, 3)), np.array([0.0, 0, 1])).shape == (0,)
 
 
 def test_only_what_is_near_the_way_is_kept():

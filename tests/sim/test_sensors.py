@@ -29,17 +29,6 @@ def test_together_they_see_every_direction():
         assert nearest_angle_deg(alone, wanted).max() > 30
 
 
-def test_rays_are_spread_evenly_and_scans_fill_gaps():
-    wanted = random_directions(3000)
-    top = LIDARS[0]
-    wanted = wanted[(wanted[:, 2] > -0.55) & (wanted[:, 2] < 0.95)]
-    scans = [top.directions(1000, scan=index) for index in range(4)]
-    assert np.linalg.norm(np.concatenate(scans), axis=1) == pytest.approx(1)
-    gaps = [nearest_angle_deg(np.concatenate(scans[: k + 1]), wanted).mean() for k in range(4)]
-    assert gaps[3] < 0.65 * gaps[0]
-    assert nearest_angle_deg(scans[0], wanted).max() < 6
-
-
 def test_hits_lie_on_the_known_surfaces():
     scene = Scene(parts_of([ground(), WALL]), (actor([(10.0, 4.0, 0.0)], yaw_rad=0.5),))
     world_from_body = body_at((1.0, 2.0, 6.0), 0.3, 0.2, 0.9)

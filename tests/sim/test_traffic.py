@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-import torch
 
-from src.geometry import rotation_from_euler
 from src.ontology import ACTOR_TYPES
 from src.sim.actor import HABITS
 from src.sim.driver import drive
@@ -12,7 +10,7 @@ from src.sim.layout import Town
 from src.sim.pilot import STEP_S
 from src.sim.route import Route, chain
 from src.sim.towns import build_town
-from src.sim.traffic import TrafficConfig, simulate_traffic, size_of
+from src.sim.traffic import TrafficConfig, simulate_traffic
 from tests.sim.roads import SIZES_M, overlapping, way
 
 
@@ -91,14 +89,6 @@ def test_actors_face_where_they_go_and_turn_smoothly():
     assert max(turned_rad) > 1
 
 
-def test_actors_stand_upright_on_their_places(busy):
-    for actor in busy[:3]:
-        yaw_rad = torch.from_numpy(actor.yaw_rad)
-        rotation = rotation_from_euler(*torch.zeros(2, len(yaw_rad)), yaw_rad)
-        assert actor.world_from_actor[:, :3, :3] == pytest.approx(rotation.numpy())
-        assert (actor.world_from_actor[:, :3, 3] == actor.position_m).all()
-
-
 def test_what_comes_near_the_uav_is_left_out():
     # So low and so far aside, it flies along the lane.
     low = np.c_[UAV_M[:, :2] - (0, 2), np.full(600, 2.0)]
@@ -114,16 +104,6 @@ def test_the_same_seed_moves_the_same(busy):
         for actors in (busy, traffic(0), traffic(1))
     )
     assert first == again != other
-
-
-def test_sizes_come_from_the_shapes():
-    assert size_of("car", 3) == size_of("car", 3)
-    length_m, width_m, height_m = size_of("bus", 1)
-    assert length_m > 9 > height_m > width_m > 2
-
-
-def test_where_nobody_is_asked_for_there_is_nobody():
-    assert traffic(0, car=0) == ()
 
 
 def test_in_a_real_town_actors_stop_and_turn_and_never_overlap():

@@ -131,19 +131,6 @@ def test_hiding_what_is_out_of_sight_changes_no_pixel(monkeypatch):
         assert_same(one, other)
 
 
-def test_what_is_hidden_is_not_drawn_and_comes_back(monkeypatch):
-    with world_of(SCENE) as world:
-        # Culling that hides everything leaves an empty sky.
-        before = render(world, HERE)
-        monkeypatch.setattr("src.sim.camera.in_view", lambda *args: np.zeros(len(args[2]), bool))
-        nothing = render(world, HERE)
-        monkeypatch.undo()
-        after = render(world, HERE)
-    assert (nothing.class_id == SKY).all()
-    assert (nothing.rgb == 255).all()
-    np.testing.assert_array_equal(before.rgb, after.rgb)
-
-
 # --------------------------------------------------------------------------------------- EGL
 
 
@@ -179,13 +166,6 @@ def test_egls_colors_lie_on_what_rays_meet(needs_egl, attitude):
     painted = (seen.class_id != GROUND) & (seen.class_id != SKY)
     assert painted.sum() > 400
     assert ((red > 2 * np.maximum(green, blue)) != painted).sum() <= 5
-
-
-def test_egl_draws_much_the_same_as_tiny_renderer(egl, world):
-    here = body_at((0.5, 0.4, 6.2), 0.1, 0.1, 0.1)
-    for weather in ("clear", "sunset", "night"):
-        one, other = (render(each, here, 0, WEATHERS[weather]) for each in (egl, world))
-        assert np.abs(one.rgb.astype(int) - other.rgb).mean() < 12
 
 
 def test_worlds_of_both_renderers_follow_each_other_in_silence(needs_egl, capfd):

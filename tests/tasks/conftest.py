@@ -1,19 +1,33 @@
 """A trained run of the full model, made once for all tasks that need a checkpoint."""
 
+import shutil
+
 import pytest
 
+from src.tasks import evaluate
 from src.tasks.fit import fit
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
+WORDS = (
+    *("+experiment=skyocc", "trainer.accelerator=cpu", "trainer.max_epochs=4"),
+    *("data.frames=2", "model.encoder.num_layers=2"),  # so that there is a history
+)
+
 
 @pytest.fixture(scope="session")
-def trained(tmp_path_factory):
-    """The words of a run of four epochs on the synthetic dataset: it predicts more than free."""
-    words = mini_overrides(
-        tmp_path_factory.mktemp("trained"),
-        *("+experiment=skyocc", "trainer.accelerator=cpu", "trainer.max_epochs=4"),
-        *("data.frames=2", "model.encoder.num_layers=2"),  # so that there is a history
-    )
-    write_dataset(compose_config(*words))
-    fit(compose_config(*words))
-    return words
+def trained(made_once, tmp_path_factory):
+    """The words of a run of four epochs on the synthetic dataset: it predicts more than free.
+
+    The run is a copy, in which tasks may write.
+    """
+
+    def train(folder):
+        cfg = compose_config(*mini_overrides(folder, *WORDS))
+        write_dataset(cfg)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(evaluate, "SHOWN_FRAMES", 1)
+            fit(cfg)
+
+    made = made_once("trained", train)
+    runs = shutil.copytree(made / "runs", tmp_path_factory.mktemp("trained") / "runs")
+    return [*mini_overrides(made, *WORDS), f"paths.runs={runs}"]
