@@ -66,7 +66,7 @@ def different_file(before: Mapping[str, str], now: Mapping[str, str]) -> str:
 
 @cache
 def file_digest(source: str) -> str:
-    """Returns a digest of what Python code does."""
+    """Returns a digest of Python code without comments, docstrings, layout and error messages."""
     return digest_of(_meaning(_tree(source)))
 
 
@@ -83,8 +83,8 @@ def _is_own(name: str) -> bool:
 
 
 def _module_of(name: str) -> _Module | None:
-    """Returns the module that defines what a dotted name means; a package's re-exports are
-    followed. Nothing for a library and a name not found."""
+    """Returns the module that defines a dotted name, through the re-exports of packages; ``None``
+    for a library and for an unknown name."""
     top, *parts = name.split(".")
     if top in LIBRARIES or not (place := _place_of(top)):
         return None

@@ -1,4 +1,4 @@
-"""The closed loop: a UAV that flies on what a perception believes, and what comes of it.
+"""The closed loop: a UAV that flies on the predictions of a perception.
 
 May import `sim` and `models`; neither imports it.
 """

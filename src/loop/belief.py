@@ -22,10 +22,10 @@ FORGOTTEN = 0.5
 
 
 class Belief(NamedTuple):
-    """What a perception says of one frame, in that frame's occ frame.
+    """The prediction of a perception for one frame, in that frame's occ frame.
 
-    ``occupied`` is the probability that a voxel is occupied; ``known`` tells of which voxels that
-    says anything; ``movable`` marks those that are, if anything, of a class that may drive off;
+    ``occupied`` is the probability that a voxel is occupied; ``known`` marks the voxels for which
+    it is defined; ``movable`` marks the voxels whose likeliest occupied class can drive off;
     ``semantics`` is the likeliest class, free included.
     """
 
@@ -89,8 +89,8 @@ class BeliefMap:
         return self.seen & (self.log_odds > math.log(threshold / (1 - threshold)))
 
     def probability_near(self, place_m: Vector, reach_m: float) -> float:
-        """Returns the highest probability of occupied of the cells whose centers are near a place;
-        0 where nothing there was seen."""
+        """Returns the highest probability of occupied among cells within ``reach_m`` of a place; 0
+        if no cell there was seen."""
         cell = (place_m - self.lower_m) / self.cell_m - 0.5
         reach = reach_m / self.cell_m
         low = np.maximum(np.ceil(cell - reach), 0).astype(int)

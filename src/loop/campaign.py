@@ -30,7 +30,7 @@ _latest: tuple[tuple, Stage] | None = None
 
 @dataclass(frozen=True)
 class Job:
-    """A mission, its stratum, and how long a UAV takes that knows the truth."""
+    """A mission, its stratum, and the time that a UAV with the truth takes."""
 
     mission: Mission
     stratum: str

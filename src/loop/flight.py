@@ -27,7 +27,7 @@ STEPS_A_SCENE_STEP = STEP_HZ // SCENE_HZ
 
 
 class Moment(NamedTuple):
-    """A frame, what was believed of it, where and how the UAV was, and what it planned."""
+    """One planning step: frame, belief, state of the UAV, target and plan."""
 
     frame: StreamFrame
     belief: Belief
@@ -70,8 +70,8 @@ class Rules:
 
 @dataclass(frozen=True)
 class Flown:
-    """What came of a flight: how it ended, the states at every step of the airframe, what came
-    nearest and what was hit, and what the map had said of that place 2, 1 and 0.5 s before."""
+    """The record of a flight: outcome, states at every step of the airframe, nearest obstacle, and
+    the map's probability of occupied at the end of the flight, 2, 1 and 0.5 s earlier."""
 
     outcome: str
     states: States
@@ -209,7 +209,7 @@ class _Pilot:
             self.outcome = "late"
 
     def flown(self) -> Flown:
-        """Returns the books."""
+        """Returns the record of the flight."""
         believed = tuple(map(self._believed, (2.0, 1.0, 0.5)))
         states = np.concatenate(self._states)
         return Flown(str(self.outcome), states, self._nearest, believed, self._halts)

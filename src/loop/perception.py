@@ -1,4 +1,4 @@
-"""What a UAV believes of the space ahead: the truth, a part of it, or nothing at all."""
+"""Perceptions that need no network: the whole truth, the truth in sight, or a constant."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
@@ -28,7 +28,7 @@ class Perception(Protocol):
     wants_image: ClassVar[bool] = False
 
     def begin(self, truth: TrueOccupancy, flight: str) -> None:
-        """Forgets all frames; a new flight of that name begins, in a scene that truly is so."""
+        """Resets the perception for a new flight; ``truth`` is the true occupancy of its scene."""
 
     def __call__(self, frame: StreamFrame) -> Belief: ...
 

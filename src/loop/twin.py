@@ -1,4 +1,4 @@
-"""The same planner in the same state, which knows the truth: what does a belief cost it?"""
+"""The regret of a plan, against the same planner in the same state with the true grid."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Whether the probabilities mean what they say, where it matters."""
+"""Calibration of the predicted probabilities, within the bubble."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Whole objects on the UAV's way of which the prediction shows nothing."""
+"""Objects near the UAV's path without any predicted voxel."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What a planner loses that believes the prediction, in every frame anew."""
+"""Regret of a planner that plans from the prediction instead of the truth, frame by frame."""
 
 from typing import Any
 

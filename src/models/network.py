@@ -36,8 +36,8 @@ class EncodedFrame(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What a frame gives: its logits, the pillars that later frames take as their history, and what
-    its pixels see, where the network says it."""
+    """The output for a frame: logits, the pillars that later frames use as history, and class and
+    depth of the pixels if the network predicts them."""
 
     logits: Logits
     pillars: Pillars
@@ -184,7 +184,7 @@ class SkyOcc(nn.Module):
         return EncodedFrame(features, references, pillars, sight)
 
     def fuse(self, frame: EncodedFrame, history: History | None) -> Pillars:
-        """Returns the pillars of a frame and of what came before it."""
+        """Fuses the pillars of a frame with its history."""
         if history is None and self.training:
             history = self.encoder.no_history(frame.pillars)
         return self.encoder.fuse(frame.pillars, frame.features, frame.references, history)

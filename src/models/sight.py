@@ -35,7 +35,7 @@ class Sight(NamedTuple):
     depth: Float[Tensor, "b bins_and_beyond h w"]
 
     def depth_m(self) -> Float[Tensor, "b h w"]:
-        """Returns the median of the depth in metres, of what is not beyond."""
+        """Returns the median depth in metres, without the probability of the bin beyond `FAR_M`."""
         share = self.depth[:, :-1].float().softmax(dim=1)
         bins = share.shape[1]
         median = (share.cumsum(dim=1) < 0.5).sum(dim=1).clamp(max=bins - 1)

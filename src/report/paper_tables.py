@@ -213,7 +213,7 @@ def _table(
 def _cells(
     part: Part, rows: Sequence[tuple[str, Mapping[str, str]]], columns: Sequence[Column]
 ) -> list[Row]:
-    """Returns the cells of named rows, which say whose scores they show, and from what changes."""
+    """Returns the cells of rows; each row selects an experiment and a reference."""
     keys = [
         {"part": part.name, "score": column.score, "reference": column.reference}
         for column in columns
@@ -222,7 +222,7 @@ def _cells(
 
 
 def _changes(names: Mapping[str, str], reference: str = "", best: str = "high") -> list[Column]:
-    """Returns a column for the change of each score; from what, the rows say where it does not."""
+    """Returns a column for the change of each score; without a ``reference`` the row names it."""
     return [Column(score, f"Δ {name}", best, reference=reference) for score, name in names.items()]
 
 

@@ -1,4 +1,4 @@
-"""From what the intervals of a report were drawn."""
+"""The sampling table of a report: seeds, clips, frames and resamples of its intervals."""
 
 from collections.abc import Iterable
 

@@ -35,7 +35,7 @@ Draw = Callable[[Path, Sequence[ShownFrame]], str]
 
 @dataclass(frozen=True, eq=False)
 class Reported:
-    """What a section is made from.
+    """The input of a section.
 
     ``runs`` are the finished runs whose differences are reported, ``parts`` their resampled scores
     by part of the test split, and ``out`` is the folder of the report.
@@ -49,7 +49,7 @@ class Reported:
 
 @dataclass(frozen=True)
 class Section:
-    """What a section adds to a report; its intervals rest on what it has ``resampled``.
+    """The output of a section; ``resampled`` has the resamples behind its intervals.
 
     ``scores`` are rows of the long table. Every seed of the sweep is expected of ``experiments``,
     as it is of the rungs. ``pictures`` has every picture that the section may draw, by file name.

@@ -35,7 +35,7 @@ class Counts:
     tables: dict[str, NamedCounts]
 
     def suite(self) -> ScoreSuite:
-        """Returns the metrics that say what the tables mean."""
+        """Returns the metrics that compute scores from the tables."""
         return ScoreSuite.of(self.protocol, self.clips)
 
     def rows(self, chosen: Callable[[str], bool] = lambda clip: True) -> list[int]:

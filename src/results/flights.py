@@ -172,7 +172,7 @@ def samples_of(
 
 
 def _events(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns what each flight adds to the sums."""
+    """Returns the terms that each flight adds to the sums of `SCORES`."""
     outcomes = {name: table["outcome"] == name for name in ("arrived", "collided", "stuck", "late")}
     faults = {name: table["fault"] == name for name in ("missed", "planned_into", "ran_into_us")}
     in_time = outcomes["arrived"] * (table["truth_s"] / table["time_s"]).clip(upper=1.0)
@@ -207,5 +207,5 @@ def require_same_flights(flights: Sequence[tuple[str, pd.DataFrame]]) -> None:
 
 
 def _missions(flights: pd.DataFrame) -> set[tuple]:
-    """Returns what tells the missions of flights: of other code they may have the same names."""
+    """Returns the identity of each mission; code versions can share the mere names."""
     return set(flights[["flight", "stratum", "truth_s"]].itertuples(index=False, name=None))

@@ -1,4 +1,4 @@
-"""What a flight's beliefs score, frame by frame, as predictions are scored offline."""
+"""Scores of a flight's beliefs, frame by frame, as in offline evaluation."""
 
 import math
 from collections.abc import Mapping
@@ -21,9 +21,9 @@ MASK = "voxels that the camera truly sees"
 class FrameScores:
     """Watches a flight, and scores all beliefs against the truth of the scene.
 
-    Counted are the voxels that are in the camera's view and not truly hidden, also where something
-    is believed that would hide them. With a ``perception`` its beliefs are scored,
-    and the flight is another's. ``config`` is the composed configuration.
+    It counts the voxels in the camera's view that nothing truly hides, even if a predicted obstacle
+    would hide them. With a ``perception``, its beliefs are scored along a flight that another
+    perception flies. ``config`` is the composed configuration.
     """
 
     def __init__(self, stage: Stage, config: Mapping, perception: Perception | None = None) -> None:

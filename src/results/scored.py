@@ -42,8 +42,8 @@ def _file_of(path: Path) -> Path:
 
 
 def _names(scored: Sequence[Counts], files: Sequence[Path], given: Sequence[str]) -> list[str]:
-    """Returns names of runs. Those of one name are told apart by what differs in their files'
-    paths, such as the seed, or by what was given where the paths do not align."""
+    """Returns a distinct name for every run. Runs with the same name get the parts in which their
+    paths differ, such as the seed, or the text given by the user if the paths do not align."""
     names = []
     for counts, file, words in zip(scored, files, given):
         # Seeds of one experiment have one name, and so have two scorings of one run.

@@ -140,9 +140,9 @@ def _puddle(x_m, y_m, range_m):
 
 @njit
 def _mirrored(image, pix_from_world, x, y, z):
-    """Returns what the picture shows in a direction, blurred along columns.
+    """Returns the color of the image in a direction, blurred along columns.
 
-    Beyond the border it is what the border shows.
+    Directions outside the image get the color of its border.
     """
     height, width = image.shape[:2]
     u = pix_from_world[0, 0] * x + pix_from_world[0, 1] * y + pix_from_world[0, 2] * z

@@ -107,7 +107,7 @@ class Scene:
 
     @cached_property
     def _static_classes(self) -> UInt8[np.ndarray, "f"]:
-        """The class of every triangle, and at the end, where index -1 leads, that of nothing."""
+        """The class of every static triangle; index -1, a ray without a hit, gives `UNKNOWN`."""
         classes = [np.full(len(part.mesh.faces), part.class_id, np.uint8) for part in self.static]
         return np.concatenate([*classes, np.array([UNKNOWN], np.uint8)])
 

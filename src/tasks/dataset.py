@@ -43,7 +43,7 @@ def split_of(cfg: DictConfig, clip_ids: list[str]) -> Split:
 
 
 def finished_dataset(cfg: DictConfig) -> Path:
-    """Returns the folder of a dataset whose manifest is there; nothing is made.
+    """Returns the folder of a finished dataset, without generating anything.
 
     Raises `UserError` where there is none, and where it was made under other settings.
     """
@@ -110,7 +110,7 @@ def make_dataset(cfg: DictConfig) -> tuple[int, list[str]]:
 
 @contextmanager
 def _finishing(lock: Path, shards: int) -> Iterator[bool]:
-    """Yields whether this process may finish the dataset, alone.
+    """Yields whether this process holds the lock, so that it may finish the dataset.
 
     A shard that cannot have the lock leaves it to one that is still at work: that one looks for
     missing clips when it is done, and finds none of this one's.

@@ -88,7 +88,7 @@ def _scored(session: Session) -> Sequence[tuple[str, int]]:
 
 
 def _part_company() -> None:
-    """Ends the work that processes share; what follows is the first one's alone.
+    """Ends distributed work; only the first process continues.
 
     A metric that counts there would otherwise wait for the others.
     """

@@ -19,7 +19,7 @@ from .scoring import score_settings, suite_of
 
 
 def origin_of(cfg: DictConfig, data: SkyShieldData, folder: RunFolder) -> Origin:
-    """Returns what shapes a training that begins now.
+    """Returns the data that a new training starts from: configuration, code, counts and priors.
 
     Reads all training labels, for their counts and the priors, and the validation labels, on which
     the priors' weights of free are chosen.

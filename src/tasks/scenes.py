@@ -59,7 +59,7 @@ def tilt_rad(clip: Clip, frame: int) -> float:
 
 @torch.no_grad()
 def labels_of(network: Network, sample: Batch) -> Labels:
-    """Returns what a network in evaluation mode predicts of a sample."""
+    """Returns the labels that a network, in evaluation mode, predicts for a sample."""
     logits = network(move_data_to_device(default_collate([sample]), network.device))
     return logits.argmax(dim=1)[0].to(torch.uint8).cpu().numpy()
 

@@ -63,7 +63,7 @@ def _count(scored: ScoreSuite, samples: Sequence[Sample], pairing: Pairing, name
 
 
 def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
-    """Returns what the rows of the results say of the predictions.
+    """Returns the facts about the predictions that every row of the results repeats.
 
     Raises `UserError` for a number that is none.
     """

@@ -61,7 +61,7 @@ class Session:
         return checkpoint
 
     def facts(self, network: SkyOcc) -> dict[str, object]:
-        """Returns what is said of a network beside its predictions and its scores."""
+        """Returns the facts stored beside predictions and scores, such as seed and commit."""
         return {
             "seed": self.cfg.seed,
             "scale": self.cfg.scale_name,

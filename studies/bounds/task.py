@@ -78,7 +78,7 @@ def bounds(
     protocol = protocol_of(cfg, data, len(samples))
     trained = read_scored(list(map(str, runs)))
     protocols = {data.root.name: protocol} | {name: of.protocol for name, of in trained.items()}
-    # Of the suite only the occupancy is read here, whose settings the protocol has apart.
+    # Only occupancy scores are compared.
     require_same_protocol({name: replace(each, suite={}) for name, each in protocols.items()})
     reached = [_depth_error(Path(str(run))) for run in runs]
 

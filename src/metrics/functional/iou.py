@@ -56,8 +56,8 @@ def mean_iou(iou: Float[Tensor, "*n c"], without: int | None = None) -> Float[Te
 
 
 def geometric_iou(count: Confusion, free_index: int) -> Float[Tensor, "*n"]:
-    """Returns the IoU of what is occupied, whatever its class; NaN where nothing is, nor was
-    predicted."""
+    """Returns the IoU of occupied against free, whatever the class; NaN if no voxel is occupied in
+    prediction or truth."""
     free = count[..., free_index, free_index]
     union = count.sum((-2, -1)) - free
     missed = count[..., :, free_index].sum(-1) - free

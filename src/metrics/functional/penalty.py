@@ -47,7 +47,7 @@ class Penalty:
             require_finite(name, value, zero=name != "min_speed_mps")
 
     def ttc_s(self, distance_m: Float[Tensor, "*v"], speed_mps: float) -> Float[Tensor, "*v"]:
-        """Returns the worst-case time to collision: every direction counts as that of flight."""
+        """Returns the worst-case time to collision, as if the UAV flew towards every voxel."""
         return distance_m / max(speed_mps, self.min_speed_mps)
 
     def excess(self, distance_m: Float[Tensor, "*v"], speed_mps: float) -> Float[Tensor, "*v"]:

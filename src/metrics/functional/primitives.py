@@ -43,10 +43,10 @@ def primitive_paths(
 
 
 class Swept(NamedTuple):
-    """What lies within a radius of each path. ``met`` is the class of what is truly in it, of the
-    first voxel that the path comes near, or `NOTHING`; ``known`` says whether any voxel of it has a
-    label, ``said`` whether one is predicted occupied, and ``log_odds`` is the highest that one is
-    occupied, where there are logits."""
+    """The voxels within a radius of each path. ``met`` is the true class of the first occupied one
+    along the path, or `NOTHING`; ``known`` says whether any of them has a label, ``said`` whether
+    any is predicted occupied, and ``log_odds`` is their highest log-odds of occupied, if there are
+    logits."""
 
     met: Int64[Tensor, "k"]
     known: Bool[Tensor, "k"]

@@ -17,7 +17,7 @@ class Spot(NamedTuple):
     yaw_rad: float
 
     def moved(self, ahead_m: float, left_m: float, turned_rad: float = 0.0) -> "Spot":
-        """Returns another place, as one who stands here sees it."""
+        """Returns the spot at an offset ahead and to the left of this one, turned by an angle."""
         cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
         x = self.x_m + cos * ahead_m - sin * left_m
         y = self.y_m + sin * ahead_m + cos * left_m
