@@ -1,24 +1,43 @@
 """The configuration, the data and the machine of a study, and the way that it is run."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import torch
+import yaml
 from hydra import compose, initialize_config_dir
-from omegaconf import DictConfig
+from omegaconf import DictConfig, open_dict
 
 from src.data.datamodule import SkyShieldData
+from src.errors import UserError, reason_of
 from src.failures import quiet_libraries, told_in_one_line
 from src.heap import keep_freed_memory
 from src.provenance import machine
-from src.settings import GROUPS
+from src.settings import GROUPS, require_sound
 from src.tasks.dataset import finished_dataset
 from src.tasks.session import data_of
 
 
 def composed(overrides: Sequence[str]) -> DictConfig:
-    """Composes the configuration of run.py with the overrides of a command line."""
+    """Composes the configuration of run.py with the overrides of a command line, and checks it."""
     with initialize_config_dir(str(GROUPS.resolve()), version_base="1.3"):
-        return compose("config", overrides=list(overrides))
+        cfg = compose("config", overrides=list(overrides), return_hydra_config=True)
+        require_sound(cfg, cfg.hydra)
+    with open_dict(cfg):
+        del cfg.hydra
+    return cfg
+
+
+def read_plan(path: Path, *keys: str) -> dict:
+    """Reads a study's plan. Raises `UserError` where it cannot be read or lacks a key."""
+    try:
+        plan = yaml.safe_load(path.read_text())
+        missing = [key for key in keys if key not in plan]
+    except (OSError, TypeError, yaml.YAMLError) as error:
+        raise UserError(f"--plan: {path} cannot be read ({reason_of(error)})") from error
+    if missing:
+        raise UserError(f"--plan: {path} has no {missing[0]!r}; a plan has {', '.join(keys)}")
+    return plan
 
 
 def composed_with_data(overrides: Sequence[str]) -> tuple[DictConfig, SkyShieldData]:

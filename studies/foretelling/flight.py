@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
 
-import yaml
 from omegaconf import OmegaConf
 
 from src.errors import UserError
@@ -24,7 +23,7 @@ from src.results.counts import Counts
 from src.run_folder import TALLIES
 from src.tasks.fly import fly_together
 from src.terminal import say, tracked
-from studies.settings import composed, run
+from studies.settings import composed, read_plan, run
 
 CHECKPOINT = "checkpoints/best.ckpt"
 
@@ -64,7 +63,9 @@ def main() -> None:
     parser.add_argument("--plan", type=Path, default=Path(__file__).with_suffix(".yaml"))
     options = parser.parse_args()
 
-    plan = yaml.safe_load(options.plan.read_text())
+    plan = read_plan(
+        options.plan, "overrides", "sets", "perceptions", "learned", "faulty", "damaged"
+    )
     there = list(perceptions(plan, options.runs))
     wanted = set(options.only)
     if unknown := wanted - {word for stratum, name, _ in there for word in (stratum, name)}:

@@ -19,13 +19,12 @@ from pathlib import Path
 from threading import Lock
 
 import pandas as pd
-import yaml
 
 from src.atomic import replacing
 from src.errors import UserError
 from src.provenance import SOURCE, git_commit
 from src.terminal import say
-from studies.settings import run
+from studies.settings import read_plan, run
 from studies.tables import print_table
 
 RUNS = "runs/learning"
@@ -99,7 +98,7 @@ def main() -> None:
     parser.add_argument("--plan", type=Path, default=Path(__file__).with_name("plan.yaml"))
     options = parser.parse_args()
 
-    plan = yaml.safe_load(options.plan.read_text())
+    plan = read_plan(options.plan, "overrides", "seeds", "changes")
     trials = Trials(options.out)
     shared = [*plan["overrides"], *options.overrides]
     pool = ThreadPoolExecutor(options.jobs)
