@@ -52,9 +52,10 @@ def flooded(true, said, near, tolerance):
 def test_the_count_is_that_of_a_flood(grid, random_batch, seed, tolerance):
     preds, target, velocity = random_batch(seed, frames=3)
     rng = torch.Generator().manual_seed(seed)
-    sparse = torch.rand(target.shape, generator=rng) < 0.3
+    sparse = torch.rand(target.shape, generator=rng) < 0.5
     target = torch.where(sparse | (target == 255), target, FREE)
-    preds = torch.where(torch.rand(target.shape, generator=rng) < 0.05, preds, FREE)
+    kept = torch.rand(target.shape, generator=rng) < torch.where(target == FREE, 0.05, 0.3)
+    preds = torch.where(kept, torch.where(preds < 2, GROUND, preds), FREE)
     options = {"near_m": 8.0, "seconds": 2.0, "tolerance_m": tolerance * grid.voxel_m}
     objects = ObjectMiss(grid, **options).frame_counts(preds, target, velocity)["objects"]
 

@@ -8,7 +8,7 @@ import torch
 from src.geometry import VoxelGrid
 from src.metrics import SafetyScores
 from src.ontology import CAR, FREE, THIN_STRUCTURE
-from tests.metrics.inputs import LINE, coins, line, scores_of, updated
+from tests.metrics.inputs import LINE, coins, line, scores_of
 
 
 def expected_scores(
@@ -122,13 +122,6 @@ def test_the_bubble_holds_its_edge(index, rate):
     batch = (line(), line(**{f"x{index}": CAR}), torch.zeros(1, 3))
     scores = scores_of(SafetyScores(LINE, horizon_s=1.0), batch)
     assert scores["false_free_rate"] == pytest.approx(rate, nan_ok=True)
-
-
-@pytest.mark.parametrize(("speed_mps", "in_tube"), [(0.0, 1), (2.0, 3), (3.0, 4), (-9.0, 1)])
-def test_the_tube_reaches_as_far_as_the_next_seconds(speed_mps, in_tube):
-    target, velocity = torch.full((1, *LINE.shape), CAR), torch.tensor([[speed_mps, 0.0, 0.0]])
-    safety = updated(SafetyScores(LINE), (torch.full_like(target, FREE), target, velocity))
-    assert safety.tube.tolist() == [[0, 0], [in_tube, 0]]
 
 
 def test_another_class_may_be_the_thin_one(grid, random_batch):
