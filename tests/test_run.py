@@ -84,6 +84,7 @@ def printed(place):
     script = (
         "import runpy, sys\n"
         "for name in ('pybullet', 'embreex', 'src.sim'): sys.modules[name] = None\n"
+        "from src.tasks import evaluate; evaluate.SHOWN_FRAMES = 1\n"
         "runpy.run_path('run.py', run_name='__main__')\n"
     )
     return python("-c", script, *mini_overrides(place, *FIT))
