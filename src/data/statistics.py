@@ -184,6 +184,11 @@ def visible_actors(clip: Clip) -> pd.DataFrame:
     return counts.add_prefix("visible/").reset_index(drop=True)
 
 
+def liveliest(clips: Sequence[Clip]) -> Clip:
+    """Returns the clip with most visible actors in a frame, of equal ones the first."""
+    return max(clips, key=lambda clip: visible_actors(clip).to_numpy().sum() / len(clip))
+
+
 def voxels_in_image(clip: Clip) -> Int64[np.ndarray, "t"]:
     """Counts the voxels of each frame whose center projects into the front image."""
     meta = clip.meta

@@ -9,8 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ..results.foretelling import ALL
-from .canvas import INK, MUTED
-from .figure_file import write_figure
+from .canvas import INK, MUTED, write_figure
 
 DPI, WIDTH_INCHES, ROW_INCHES = 150, 4.2, 0.22
 # Of each stratum; over all it is black.

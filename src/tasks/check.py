@@ -2,6 +2,7 @@
 
 import shutil
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby
@@ -14,12 +15,13 @@ from ..data.clip import AUX, SUMS, Clip, recorded_sums, sha256_of, unfinished
 from ..data.files import differing_files
 from ..data.manifest import MANIFEST, read_manifest
 from ..errors import UserError
-from ..report.card import CARD, CARD_SUMS, write_card
 from ..report.check_sheet import draw_check_sheet
 from ..terminal import say, tracked
 from ..worker_pool import default_workers, mapped
 from .dataset import make_dataset, root_of
 
+# Sums of the files of the dataset's card, where it has one.
+CARD_SUMS = f"card/{SUMS}"
 # Fewer are checked before another process would have started.
 CLIPS_A_WORKER = 8
 
@@ -37,11 +39,14 @@ class Findings:
         return sum(self.of_clips.values(), self.of_whole)
 
 
-def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
+def check(
+    cfg: DictConfig, mend: bool, sheets: bool, card: Callable[[Path], None] | None = None
+) -> None:
     """Prints every problem and the agreement of labels with depth; raises `UserError` where there
     is a problem and ``mend`` is false.
 
-    With ``mend`` damaged clips are made again, and they alone. With ``sheets`` the labels of every
+    With ``mend`` damaged clips are made again, and they alone, and ``card`` writes a damaged card
+    again. With ``sheets`` the labels of every
     town are laid over its images, in ``check/<town>.jpg`` under the dataset.
     """
     root = root_of(cfg)
@@ -56,6 +61,8 @@ def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
         say(line)
     if findings.lines and mend:
         _mend(cfg, root, findings)
+        if card and findings.of_whole and (root / CARD_SUMS).is_file():
+            card(root)
         say(f"mended: {', '.join(findings.of_clips) or MANIFEST}")
         findings = _findings(root, cfg.sim.workers)
 
@@ -144,8 +151,6 @@ def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:
             folder.rename(unfinished(folder))
 
     make_dataset(cfg)
-    if findings.of_whole and (root / CARD).is_file():
-        write_card(root)
 
 
 def _draw_sheets(root: Path) -> None:

@@ -11,10 +11,10 @@ from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.ontology import COLORS
 from src.report import animation
-from src.report.card import CARD, CARD_SUMS, write_card
+from src.report.card import CARD, write_card
 from src.report.check_sheet import overlaid
-from src.report.labels_in_image import COLOR_SHARE, EDGE_SHARE
-from src.tasks.check import check
+from src.report.voxels import COLOR_SHARE, EDGE_SHARE
+from src.tasks.check import CARD_SUMS, check
 from src.tasks.dataset import make_dataset, root_of
 from tests.synthetic import BOXES, GROUND_RGB, SKY_RGB, generated_config, write_clip
 
@@ -101,7 +101,7 @@ def test_a_damaged_manifest_and_card_are_written_again(root, config, original, c
     for name in (MANIFEST, CARD, CARD_SUMS):
         flip(root / name)
     made = {path: path.stat().st_ino for path in root.glob("suburb/*")}
-    check(config, mend=True, sheets=False)
+    check(config, mend=True, sheets=False, card=write_card)
     assert contents(root) == contents(original)
     assert made == {path: path.stat().st_ino for path in root.glob("suburb/*")}
     assert not unfinished(root / "suburb/clip00").exists()
