@@ -14,9 +14,9 @@ from ..data.manifest import DatasetSpec, read_manifest
 from ..data.statistics import MIN_VISIBLE_SHARE, liveliest, statistics_of
 from . import paper
 from .animation import draw_flight
-from .canvas import readable
+from .canvas import readable, write_figure
 from .contact_sheet import draw_contact_sheet
-from .statistics_figure import draw_statistics, percent, visible_totals
+from .statistics_figure import percent, statistics_figure, visible_totals
 from .template import filled, write_text
 
 CARD, FIGURES, CROISSANT = "README.md", "card", "croissant.json"
@@ -47,7 +47,7 @@ def write_card(root: Path) -> None:
     clips = statistics.clip_table()
 
     write_text(figures / "clips.csv", clips.to_csv(index=False, lineterminator="\n"))
-    draw_statistics(statistics, figures / "statistics.png")
+    write_figure(statistics_figure(statistics), figures / "statistics.png")
     draw_contact_sheet(root, statistics, figures / "contact_sheet.jpg")
     shown = clips["clip"][clips["weather"] == clips["weather"][0]]
     draw_flight(liveliest([Clip(root / name) for name in shown]), figures / "flight.gif")

@@ -1,7 +1,5 @@
 """The paper's four panels of dataset statistics (App. B, "SkyShield Dataset and Generation")."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from ..data.statistics import DENOMINATORS, LOW_FLIGHT_M, Statistics
 from ..ontology import ACTOR_TYPES, CLASSES, COLORS
 from . import paper
-from .canvas import INK, MUTED, readable, write_figure
+from .canvas import INK, MUTED, readable
 
 SIZE_INCHES, DPI = (13.0, 8.6), 130
 BAR, ACCENT = "#7d9cc0", "#d1495b"
@@ -27,17 +25,11 @@ TITLES = {
 LEGEND = {"frameon": False, "fontsize": 9}
 
 
-def draw_statistics(statistics: Statistics, path: str | Path) -> None:
-    """Write a PNG: A town by weather, B heights, C voxels of each class, D visible actors.
-
-    The paper's own numbers are marked where it gives them. Raises `UserError` for a path that
-    cannot be written.
-    """
-    write_figure(statistics_figure(statistics), path)
-
-
 def statistics_figure(statistics: Statistics) -> Figure:
-    """The figure of `draw_statistics`: axes A, B, C, D in this order."""
+    """Draws axes A town by weather, B heights, C voxels of each class, D visible actors.
+
+    The paper's own numbers are marked where it gives them.
+    """
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained", facecolor="white")
     figure.get_layout_engine().set(w_pad=0.15, h_pad=0.15)
     panels = (_draw_matrix, _draw_heights, _draw_voxels, _draw_actors)

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from src.data.statistics import statistics_of
 from src.ontology import ACTOR_TYPES, CLASSES
 from src.report import paper
 from src.report.canvas import readable
-from src.report.statistics_figure import draw_statistics, percent, statistics_figure
+from src.report.statistics_figure import percent, statistics_figure
 
 
 @pytest.fixture(scope="module")
@@ -55,10 +54,3 @@ def test_d_sets_our_actors_beside_the_paper_s(axes, statistics):
     np.testing.assert_allclose(ours, statistics.visible_per_frame())
     assert theirs[list(ACTOR_TYPES).index("car")] == pytest.approx(2.07, abs=0.005)
     assert words(axes[3].texts)[0] == f"{statistics.frames['visible/car'].sum():,}"
-
-
-def test_it_is_written_as_a_picture(statistics, tmp_path):
-    draw_statistics(statistics, tmp_path / "card/statistics.png")
-    with Image.open(tmp_path / "card/statistics.png") as picture:
-        assert picture.size[0] > 1500
-        assert np.asarray(picture.convert("L")).std() > 20
