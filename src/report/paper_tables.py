@@ -4,9 +4,8 @@ Numbers are percentages, differences percentage points. Each function leaves out
 not there; a difference from one of these is an empty cell.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import NamedTuple
 
 from ..ontology import CLASSES
@@ -45,8 +44,8 @@ FACTORS = [
 ]
 CHANGES = {"miou": "mIoU", "kar_miou": "KAR"}
 
-# The name of a row, the experiment that it shows, and what its changes are from.
-Key = tuple[str, str, str]
+# The name of a row, and whose scores it shows, or whose changes and from what.
+Key = tuple[str, dict[str, str]]
 
 
 def paper_tables(part: Part, marks: Mapping[str, Sequence[str]], frames: set[int]) -> list[Table]:
@@ -75,7 +74,7 @@ def ablation_table(part: Part, marks: Mapping[str, Sequence[str]]) -> Table:
     """The paper's Table 3: which of the three factors every rung has, and what it gains."""
     changes = CHANGES | {"iou/thin_structure": "Thin", "iou/vru": "VRU"}
     columns = [*FACTORS, *MEANS, *_changes(changes, part.ladder.first)]
-    rows = [(part.ladder.row_name(name), name, "") for name in part.rungs]
+    rows = [(part.ladder.row_name(name), {"experiment": name}) for name in part.rungs]
     text = f"Gains are measured relative to {part.ladder.reference}. {PERCENT}"
     table = _table(part, "ablation", "Ablation study", text, columns, rows)
     marked = [
@@ -97,7 +96,7 @@ def long_tail_table(part: Part, frames: Collection[int]) -> Table:
     if {first, last} <= set(part.rungs) and first != last:
         lines = (len(rows),)
         full = "full model" if last == PAPER.names[-1] else part.ladder.row_name(last)
-        rows.append((f"Gain of {full}", last, first))
+        rows.append((f"Gain of {full}", {"experiment": last, "reference": first}))
     text = f"Gains are relative to {part.ladder.reference}. {PERCENT}"
     return _table(part, "long_tail", "Long-tail safety structures", text, columns, rows, lines)
 
@@ -107,8 +106,8 @@ def incremental_table(part: Part) -> Table:
     changes = CHANGES | {f"iou/{name}": CLASS_NAMES[name] for name in LONG_TAIL}
     # A step whose lower rung is missing has no number: that from another rung would be wrong.
     rows = [
-        (part.ladder.rungs[name].added or part.ladder.row_name(name), name, before)
-        for before, name in pairwise(part.ladder.names)
+        (rung.added or part.ladder.row_name(name), {"experiment": name, "reference": before})
+        for before, (name, rung) in zip(part.ladder.names, [*part.ladder.rungs.items()][1:])
         if name in part.rungs
     ]
     text = f"Changes are from the configuration before, where that is there. {PERCENT}"
@@ -147,7 +146,7 @@ def _of_all(part: Part, key: str, title: str, text: str, columns: Sequence[Colum
     for names in part.groups:
         if names and rows:
             lines.append(len(rows))
-        rows += [(part.ladder.row_name(name), name, "") for name in names]
+        rows += [(part.ladder.row_name(name), {"experiment": name}) for name in names]
     return _table(part, key, title, text, columns, rows, tuple(lines), head="Method")
 
 
@@ -157,22 +156,18 @@ def _table(
     title: str,
     caption: str,
     columns: Sequence[Column],
-    rows: Iterable[Key],
+    rows: Sequence[Key],
     lines: tuple[int, ...] = (),
     head: str = "Configuration",
 ) -> Table:
     """Returns a table whose key and title name its part of the split."""
-    shown = [
-        (name, {"experiment": experiment} | ({"reference": reference} if reference else {}))
-        for name, experiment, reference in rows
-    ]
     keys = [{"part": part.name, "score": c.score, "reference": c.reference} for c in columns]
     return Table(
         key if part.name == "test" else f"{key}_{part.name}",
         f"{title}, {part.name} of {part.resamples.first.protocol.dataset}",
         caption,
         [column.name for column in columns],
-        pivoted(part.scores, shown, keys),
+        pivoted(part.scores, rows, keys),
         head,
         best={column.name: column.best for column in columns if column.best},
         short={column.name: column.short for column in columns if column.short},
@@ -197,5 +192,5 @@ def _by_added(part: Part, frames: Collection[int]) -> list[Key]:
         row = f"+ {added}" if added else part.ladder.row_name(name)
         if name == part.ladder.first == PAPER.first:
             row = f"{_kind(frames)} baseline"
-        rows.append((row, name, ""))
+        rows.append((row, {"experiment": name}))
     return rows

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from mimetypes import guess_type
 from pathlib import Path
-from types import MappingProxyType
 
 import pandas as pd
 from plotly.graph_objects import Figure
@@ -25,6 +24,8 @@ TEXT, PAGE = "report.md", "report.html"
 # A plot of plotly, and its title.
 Plot = tuple[str, Figure]
 
+# Plots are written without plotly's script, which the page has once.
+PLAIN = {"full_html": False, "include_plotlyjs": False, "config": {"displaylogo": False}}
 # Columns of ``metrics.csv``, and the titles and units of their plots.
 PLOTS = {
     "val/kar_miou": ("KAR-mIoU on validation", "%"),
@@ -60,7 +61,7 @@ def write_page(
     sections: Mapping[str, Sequence[Table]],
     scenes: Sequence[VoxelScene],
     plots: Sequence[Plot] = (),
-    figures: Mapping[Path, str] = MappingProxyType({}),
+    figures: Mapping[Path, str] | None = None,
     missing: Sequence[str] = (),
 ) -> None:
     """Writes a page, whole or not at all: one file that needs no network.
@@ -75,19 +76,14 @@ def write_page(
         missing=missing,
         sections=sections,
         plotlyjs=get_plotlyjs(),
-        plots=[(title, _plot_html(plot, f"plot-{n}")) for n, (title, plot) in enumerate(plots)],
+        # Each has a name of its own, so that the same plot gives the same bytes.
+        plots=[(t, plot.to_html(div_id=f"plot-{n}", **PLAIN)) for n, (t, plot) in enumerate(plots)],
         pictures=[
             (address(picture.read_bytes(), guess_type(picture)[0]), caption)
-            for picture, caption in figures.items()
+            for picture, caption in (figures or {}).items()
         ],
     )
     write_text(path, page)
-
-
-def _plot_html(plot: Figure, name: str) -> str:
-    """Returns a plot without plotly's script; its name makes the same bytes of the same plot."""
-    settings = {"full_html": False, "include_plotlyjs": False, "config": {"displaylogo": False}}
-    return plot.to_html(div_id=name, **settings)
 
 
 def learning_curves(group: RunGroup) -> list[Plot]:

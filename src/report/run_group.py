@@ -111,8 +111,9 @@ class RunGroup:
         for run in self.runs:
             counts.setdefault(run.experiment, {})[run.seed] = run.counts
         for anchor in ANCHORS:
-            scored = [run.anchors[anchor] for run in self.runs if anchor in run.anchors]
-            counts |= {anchor: {0: scored[0]}} if scored else {}
+            for run in self.runs:
+                if anchor in run.anchors:
+                    counts.setdefault(anchor, {0: run.anchors[anchor]})
         return counts
 
     @property
