@@ -38,6 +38,7 @@ def draw_flight(
     length = stride * round(SECONDS * clip.meta.capture_hz / stride)
     first = max(0, (len(frames) - length) // 2)
     shown = frames[first : first + length : stride]
+
     scenes = []
     for frame in shown:
         predicted = {}
@@ -46,6 +47,7 @@ def draw_flight(
         title, seen = f"{clip.clip_id} frame {frame}", (clip.image(frame), clip.semantics(frame))
         camera = Frustum.of(clip, frame)
         scenes.append(VoxelScene(title, clip.meta.grid, *seen, predicted, camera))
+
     draw_scenes(scenes, [round(1000 * stride / clip.meta.capture_hz)] * len(scenes), path)
 
 
@@ -61,10 +63,12 @@ def draw_scenes(
     # One point of view for all frames and volumes, so that nothing moves but the flight.
     labels = [volume for scene in scenes for volume in scene.known().values()]
     view = view_of(labels, scenes[0].grid, VOXEL_PIX)
+
     titles = titles or ["Front camera"] * len(scenes)
     pictures = [_page(scene, title, view) for scene, title in zip(scenes, titles)]
     encode = partial(_gif, durations_ms=durations_ms)
     content = within_bytes(pictures, encode, max_bytes or MAX_BYTES)
+
     with replacing(path) as temporary:
         temporary.write_bytes(content)
 

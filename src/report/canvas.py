@@ -61,9 +61,11 @@ class Canvas:
         names = [name for name in CLASSES if name not in skip]
         colors = np.array([COLORS[name] for name in names]) / 255
         patches = [Patch(facecolor=color, edgecolor="#9aa0a8") for color in colors]
+
         place = (0.5 if u is None else u / self.width_pix, 1 - v / self.height_pix)
         style = {"loc": "center", "frameon": False, "handlelength": 1.1, "handleheight": 1.0}
         style |= {"columnspacing": 1.6, "handletextpad": 0.5, "ncols": columns or len(patches)}
+
         labels = list(map(readable, names))
         self.figure.legend(patches, labels, bbox_to_anchor=place, fontsize=size, **style)
 

@@ -82,6 +82,7 @@ def ladder_named(names: Sequence[str]) -> Ladder:
             raise UserError(
                 f"task.rungs: {name} is an anchor, or named twice; name each experiment once"
             )
+
     # The first rung stands on nothing, in the paper as here.
     steps = {*pairwise([None, *PAPER.names])}
     rungs = {}
@@ -91,4 +92,5 @@ def ladder_named(names: Sequence[str]) -> Ladder:
         # On another rung than the paper's it has not the name of what it adds there.
         is_a_step = (before, name) in steps
         rungs[name] = rung if is_a_step else rung._replace(row=rung.row or name, added="")
+
     return Ladder(rungs)

@@ -113,10 +113,12 @@ def _missing(
     other unfinished ones."""
     finished = {(run.experiment, run.seed) for run in group.runs}
     begun = {(run.experiment, run.seed): str(run) for run in unfinished}
+
     # The seeds that one of them has are expected of every other one.
     seeds = {*planned, *(seed for name, seed in (*finished, *begun) if name in expected)}
     sweep = {key: f"{key[0]} seed {key[1]}: no run" for key in product(expected, sorted(seeds))}
     lines = [line for key, line in (sweep | begun).items() if key not in finished]
+
     if not group.rungs:
         return ["no finished run of the ladder is here, so no table of its rungs", *lines]
     return lines

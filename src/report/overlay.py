@@ -39,10 +39,12 @@ class Pen:
         pix, depth_m = (
             each.numpy() for each in self.camera.project(first + share * (last - first))
         )
+
         # A point beside the picture is compared with the pixel at its border.
         border = np.subtract(self.depth_m.shape[::-1], 1)
         column, row = np.clip(np.floor(pix), 0, border).astype(int).T
         visible = (depth_m > 0) & (depth_m <= self.depth_m[row, column] + self.tolerance_m)
+
         points = [tuple(point) for point in pix.tolist()]
         for n in np.flatnonzero(visible[:-1] & visible[1:]):
             self.draw.line([points[n], points[n + 1]], fill=color, width=width_pix)

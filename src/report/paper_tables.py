@@ -162,6 +162,7 @@ def _table(
 ) -> Table:
     """Returns a table whose key and title name its part of the split."""
     keys = [{"part": part.name, "score": c.score, "reference": c.reference} for c in columns]
+
     return Table(
         key if part.name == "test" else f"{key}_{part.name}",
         f"{title}, {part.name} of {part.resamples.first.protocol.dataset}",

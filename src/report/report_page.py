@@ -47,6 +47,7 @@ def write_report_pages(
     """
     beside = {path.relative_to(folder).as_posix(): text for path, text in figures.items()}
     write_text(folder / TEXT, filled("report.md.j2", report=report, figures=beside))
+
     sections = {
         "Not a clean comparison": [report.unclean] if report.unclean.rows else [],
         "Facts": report.facts,
@@ -70,6 +71,7 @@ def write_page(
     is empty is left out, and all text is escaped. Raises `UserError` where it cannot be written.
     """
     plots = [*plots, *([("Scenes", scenes_figure(scenes))] if scenes else [])]
+
     page = filled(
         "page.html",
         heading=heading,
@@ -93,6 +95,7 @@ def learning_curves(group: RunGroup) -> list[Plot]:
     """
     logs = [(group.ladder.row_name(run.experiment), run.path / METRICS) for run in group.runs]
     curves = [(name, read_curves(log)) for name, log in logs if log.is_file()]
+
     plots = []
     for column, (title, unit) in PLOTS.items():
         scale = 100 if unit == "%" else 1

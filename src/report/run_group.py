@@ -133,6 +133,7 @@ class RunGroup:
             for name, chosen in parts_of(first.config["data"]["test_clips"]).items()
             if first.counts.rows(chosen)
         ]
+
         for run in self.runs:
             written = float(run.row["miou"])
             counted = float(parts[0].resamples.samples[run.experiment][run.seed]["miou"][0])
@@ -170,6 +171,7 @@ def group_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> RunGroup:
             raise UserError(
                 f"{run.path} and {same.path}: both are {run}; name one of them in task.runs"
             )
+
     order = ladder.in_order(run.experiment for run in runs)
     ordered = sorted(runs, key=lambda run: (order.index(run.experiment), run.seed))
     return RunGroup(tuple(ordered), ladder)

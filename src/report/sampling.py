@@ -33,7 +33,9 @@ def sampling_table(parts: Iterable[Resamples]) -> Table:
             f"{frames} in {clips} clips" if "safety" in part.first.tables else "",
             *(str(part.labelled_clips[name]) for name in CLASSES),
         ]
+
         row = part.part if part.condition == AS_RECORDED else f"{part.part}, {part.condition}"
         rows.append((row, facts))
+
     columns = [*FACTS, *map(readable, CLASSES)]
     return Table("sampling", "What the intervals rest on", CAPTION, columns, rows, head="Part")

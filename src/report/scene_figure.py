@@ -129,6 +129,7 @@ def _menus(
         | {"args": [{f"{view}.camera": camera for view in views}]}
         for name, camera in CAMERAS.items()
     ]
+
     above = {"y": 1.05, "yanchor": "bottom"}
     return (
         {"buttons": of_scenes, "x": 0, "xanchor": "left", **above},

@@ -55,6 +55,7 @@ def surprises(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> Values:
         for key, has, other in zip(_factor_keys(run.config), factors_of(run.config), required)
         if has != other
     }
+
     found = {}
     for key in dict.fromkeys((*sorted(wrong), *differing(runs), PRECISION)):
         of = _values(runs, key)

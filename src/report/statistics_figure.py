@@ -32,6 +32,7 @@ def statistics_figure(statistics: Statistics) -> Figure:
     """
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained", facecolor="white")
     figure.get_layout_engine().set(w_pad=0.15, h_pad=0.15)
+
     panels = (_draw_matrix, _draw_heights, _draw_voxels, _draw_actors)
     for axes, draw, (letter, title) in zip(figure.subplots(2, 2).flat, panels, TITLES.items()):
         draw(axes, statistics)

@@ -67,11 +67,13 @@ def place_behind(points_occ: Float[Tensor, "n 3"], aspect: float) -> PlaceM:
     """
     occ_from_view = front_mount((0.0, 0.0, 0.0), PITCH_RAD)
     x, y, z = transform(inverse(occ_from_view), points_occ.double()).unbind(-1)
+
     # Through each side of the lens runs a plane; every point must lie inside all four.
     slope_x = math.tan(HFOV_RAD / 2) * (1 - 2 * MARGIN)
     slope_y = slope_x / aspect
     right, left = (x - slope_x * z).max(), (x + slope_x * z).min()
     bottom, top = (y - slope_y * z).max(), (y + slope_y * z).min()
+
     depth = torch.minimum((left - right) / (2 * slope_x), (top - bottom) / (2 * slope_y))
     place = torch.stack([(left + right) / 2, (top + bottom) / 2, depth])
     return tuple((occ_from_view[:3, :3] @ place).tolist())
