@@ -1,5 +1,7 @@
 """The actors that a front image shows."""
 
+from collections.abc import Sequence
+
 import pandas as pd
 
 from ..ontology import ACTOR_TYPES
@@ -17,3 +19,8 @@ def visible_actors(clip: Clip) -> pd.DataFrame:
     counts = pd.crosstab(visible["frame"], visible["type"])
     counts = counts.reindex(index=clip.frames["frame"], columns=list(ACTOR_TYPES), fill_value=0)
     return counts.add_prefix("visible/").reset_index(drop=True)
+
+
+def liveliest(clips: Sequence[Clip]) -> Clip:
+    """Returns the clip with most visible actors in a frame, of equal ones the first."""
+    return max(clips, key=lambda clip: visible_actors(clip).to_numpy().sum() / len(clip))

@@ -1,18 +1,19 @@
-"""A white page on which text and pictures are placed to the pixel, and its files."""
+"""A white page on which text and pictures are placed to the pixel, and pictures as small files."""
 
+import base64
+import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from PIL import Image
 
 from ..atomic import replacing
 from ..ontology import CLASSES, COLORS
-from .figure_file import image_of
-from .picture import encoded
 
 DPI = 100
 INK, MUTED = "#181c24", "#5a606a"
@@ -21,6 +22,8 @@ INK, MUTED = "#181c24", "#5a606a"
 MAX_BYTES = {".png": 1_500_000, ".jpg": 500_000}
 # Qualities of a JPEG, the best first.
 QUALITIES = range(92, 39, -4)
+# Of pictures in rows: the white between them, and the height of their titles.
+GAP_PIX, TITLE_PIX = 8, 32
 
 Pixels = UInt8[np.ndarray, "h w 3"]
 
@@ -55,33 +58,48 @@ class Canvas:
 
         Without ``u`` it is in the middle of the page, and without ``columns`` in one line.
         """
-        patches = [
-            Patch(facecolor=np.array(COLORS[name]) / 255, edgecolor="#9aa0a8", label=readable(name))
-            for name in CLASSES
-            if name not in skip
-        ]
+        names = [name for name in CLASSES if name not in skip]
+        colors = np.array([COLORS[name] for name in names]) / 255
+        patches = [Patch(facecolor=color, edgecolor="#9aa0a8") for color in colors]
 
-        self.figure.legend(
-            handles=patches,
-            loc="center",
-            bbox_to_anchor=(0.5 if u is None else u / self.width_pix, 1 - v / self.height_pix),
-            ncols=columns or len(patches),
-            frameon=False,
-            fontsize=size,
-            handlelength=1.1,
-            handleheight=1.0,
-            columnspacing=1.6,
-            handletextpad=0.5,
-        )
+        place = (0.5 if u is None else u / self.width_pix, 1 - v / self.height_pix)
+        style = {"loc": "center", "frameon": False, "handlelength": 1.1, "handleheight": 1.0}
+        style |= {"columnspacing": 1.6, "handletextpad": 0.5, "ncols": columns or len(patches)}
+
+        labels = list(map(readable, names))
+        self.figure.legend(patches, labels, bbox_to_anchor=place, fontsize=size, **style)
 
     def drawn(self) -> Image.Image:
         """The page as it is now."""
         # Inches are rounded to pixels upwards now and then.
-        page = image_of(self.figure).crop((0, 0, self.width_pix, self.height_pix))
+        page = _image_of(self.figure).crop((0, 0, self.width_pix, self.height_pix))
         # Pasted, not drawn: matplotlib loses the last column of pixels where inches are rounded.
         for pixels, corner in self._pictures:
             page.paste(Image.fromarray(pixels), corner)
         return page
+
+
+def titled_sheet(
+    rows: Sequence[Sequence[tuple[str, Pixels]]],
+    cell_width_pix: int,
+    header_pix: int = 0,
+    footer_pix: int = 0,
+) -> Canvas:
+    """Places rows of titled pictures on a page, below a header and above a footer that are empty.
+
+    All pictures are scaled to one width; their shapes are taken to be the same.
+    """
+    cells = [[(title, resized(picture, cell_width_pix)) for title, picture in row] for row in rows]
+    row_pix = TITLE_PIX + cells[0][0][1].shape[0]
+    width = GAP_PIX + max(map(len, rows)) * (cell_width_pix + GAP_PIX)
+    page = Canvas(width, header_pix + len(rows) * row_pix + GAP_PIX + footer_pix)
+
+    for n, row in enumerate(cells):
+        for k, (title, picture) in enumerate(row):
+            left, top = GAP_PIX + k * (cell_width_pix + GAP_PIX), header_pix + n * row_pix
+            page.text(left + 2, top + 0.55 * TITLE_PIX, title, size=13)
+            page.picture(picture, left, top + TITLE_PIX)
+    return page
 
 
 def readable(name: str) -> str:
@@ -106,6 +124,15 @@ def beside(pictures: Sequence[Pixels], gap_pix: int) -> Pixels:
     return np.concatenate(parts[1:], axis=1)
 
 
+def write_figure(figure: Figure, path: str | Path) -> None:
+    """Writes a PNG of 256 colors, which is a third of the bytes that a plot has with all colors.
+
+    Raises `UserError` for a path that cannot be written.
+    """
+    with replacing(path) as temporary:
+        _image_of(figure).quantize(256).save(temporary, format="png", optimize=True)
+
+
 def write_picture(image: Image.Image, path: str | Path, max_bytes: int | None = None) -> None:
     """Writes a JPEG or a PNG, by the suffix of the path, of at most some bytes.
 
@@ -114,10 +141,15 @@ def write_picture(image: Image.Image, path: str | Path, max_bytes: int | None = 
     """
     suffix = Path(path).suffix
     max_bytes = max_bytes or MAX_BYTES[suffix]
-    if suffix == ".jpg":
-        content = _small_jpeg(image, max_bytes)
+    if suffix == ".png":
+        content = within_bytes(
+            [image], lambda each: encoded(*each, "PNG", optimize=True), max_bytes
+        )
     else:
-        content = within_bytes([image], _png, max_bytes)
+        for quality in QUALITIES:
+            content = encoded(image, "JPEG", quality=quality, optimize=True, progressive=True)
+            if len(content) <= max_bytes:
+                break
 
     with replacing(path) as temporary:
         temporary.write_bytes(content)
@@ -137,14 +169,20 @@ def within_bytes(
     return content
 
 
-def _png(pictures: list[Image.Image]) -> bytes:
-    return encoded(pictures[0], "PNG", optimize=True)
+def encoded(image: Image.Image, kind: str, **options: object) -> bytes:
+    """Returns the bytes of a file of a kind, such as JPEG; ``options`` are those of Pillow."""
+    buffer = io.BytesIO()
+    image.save(buffer, kind, **options)
+    return buffer.getvalue()
 
 
-def _small_jpeg(image: Image.Image, max_bytes: int) -> bytes:
-    for quality in QUALITIES:
-        content = encoded(image, "JPEG", quality=quality, optimize=True, progressive=True)
-        if len(content) <= max_bytes:
-            break
+def address(content: bytes, kind: str) -> str:
+    """Returns a ``data:`` address that holds a whole picture of a kind, as ``image/png``."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
-    return content
+
+def _image_of(figure: Figure) -> Image.Image:
+    """Draws a figure in RGB."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())

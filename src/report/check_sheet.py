@@ -5,14 +5,13 @@ from pathlib import Path
 import numpy as np
 
 from ..data.clip import Clip
-from .canvas import Pixels, beside, readable, resized, write_picture
-from .labels_in_image import labels_in_image
-from .titled_sheet import titled_sheet
+from .canvas import GAP_PIX, Pixels, beside, readable, resized, titled_sheet, write_picture
 from .view import Frustum
+from .voxels import labels_in_image
 
 FRAMES = 6
 COLUMNS = 2
-IMAGE_WIDTH_PIX, GAP_PIX, HEADER_PIX, FOOTER_PIX = 420, 8, 56, 48
+IMAGE_WIDTH_PIX, HEADER_PIX, FOOTER_PIX = 420, 56, 48
 
 
 def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading: str) -> None:
@@ -22,19 +21,23 @@ def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading:
     clips, more frames each. A wrong attitude, mount or grid shows as colors beside their objects.
     Raises `UserError` for a clip that cannot be read and a path that cannot be written.
     """
-    picked = [(Clip(root / clip_ids[n]), frame) for n, frame in _picked(root, clip_ids)]
-    pairs = [(_title(clip, frame), _pair(clip, frame)) for clip, frame in picked]
+    count = min(FRAMES, len(clip_ids))
+    # Evenly spaced, so that a long list shows several towns.
+    places = np.unique(np.linspace(0, len(clip_ids) - 1, count).round().astype(int)).tolist()
+    pairs = []
+    for n, place in enumerate(places):
+        clip = Clip(root / clip_ids[place])
+        tilt_rad = clip.frames[["roll_rad", "pitch_rad"]].abs().sum(axis=1).to_numpy()
+        # The most tilted of as many equal parts of the clip as there are frames to show.
+        share = FRAMES // len(places) + (n < FRAMES % len(places))
+        for part in np.array_split(np.arange(len(clip)), share):
+            pairs.append(_pair(clip, int(part[tilt_rad[part].argmax()])))
+
     rows = [pairs[n : n + COLUMNS] for n in range(0, len(pairs), COLUMNS)]
     page = titled_sheet(rows, 2 * IMAGE_WIDTH_PIX + GAP_PIX, HEADER_PIX, FOOTER_PIX)
     page.text(GAP_PIX, HEADER_PIX / 2, heading, size=19)
     page.legend(page.height_pix - FOOTER_PIX / 2, skip=("free",))
     write_picture(page.drawn(), path)
-
-
-def _pair(clip: Clip, frame: int) -> Pixels:
-    """A frame's image, and beside it the image under its labels."""
-    pictures = clip.image(frame), overlaid(clip, frame)
-    return beside([resized(picture, IMAGE_WIDTH_PIX) for picture in pictures], GAP_PIX)
 
 
 def overlaid(clip: Clip, frame: int) -> Pixels:
@@ -43,26 +46,12 @@ def overlaid(clip: Clip, frame: int) -> Pixels:
     return labels_in_image(clip.image(frame), labels, clip.meta.grid, camera)
 
 
-def _picked(root: Path, clip_ids: list[str]) -> list[tuple[int, int]]:
-    """Clips by index, each with its most tilted frames."""
-    count = min(FRAMES, len(clip_ids))
-    # Evenly spaced, so that a long list shows several towns.
-    clips = np.unique(np.linspace(0, len(clip_ids) - 1, count).round().astype(int)).tolist()
-    shares = [FRAMES // len(clips) + (n < FRAMES % len(clips)) for n in range(len(clips))]
-    picked = []
-    for clip, share in zip(clips, shares):
-        frames = Clip(root / clip_ids[clip]).frames
-        tilt_rad = (frames["roll_rad"].abs() + frames["pitch_rad"].abs()).to_numpy()
-        # The most tilted of as many equal parts of the clip as there are frames to show.
-        parts = np.array_split(np.arange(len(tilt_rad)), share)
-        picked += [(clip, int(part[tilt_rad[part].argmax()])) for part in parts]
-    return picked
-
-
-def _title(clip: Clip, frame: int) -> str:
-    row = clip.frames.iloc[frame]
-    roll_deg, pitch_deg = np.degrees([row["roll_rad"], row["pitch_rad"]])
-    return (
+def _pair(clip: Clip, frame: int) -> tuple[str, Pixels]:
+    """A frame's name and attitude, and its image beside the image under its labels."""
+    roll_deg, pitch_deg = np.degrees(clip.frames.loc[frame, ["roll_rad", "pitch_rad"]])
+    title = (
         f"{clip.folder.name} frame {frame} · {readable(clip.meta.weather)} · "
         f"roll {roll_deg:+.0f}° pitch {pitch_deg:+.0f}°"
     )
+    pictures = clip.image(frame), overlaid(clip, frame)
+    return title, beside([resized(picture, IMAGE_WIDTH_PIX) for picture in pictures], GAP_PIX)

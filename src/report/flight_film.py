@@ -16,8 +16,9 @@ from ..loop.stage import Stage
 from ..ontology import CLASSES, FREE, UNKNOWN
 from ..results.render import Table
 from .animation import draw_scenes
+from .canvas import Pixels
 from .report_page import write_page
-from .scene import Labels, VoxelScene
+from .scene import VoxelScene
 from .view import Frustum
 
 # The end of a flight is shown, and its last picture stays.
@@ -41,21 +42,20 @@ class Film:
         self._scenes: list[VoxelScene] = []
 
     def __call__(self, moment: Moment) -> None:
-        frame, belief, plan = moment.frame, moment.belief, moment.plan
-        matrix, grid = world_from_occ(frame.world_from_body), self._grid
+        frame, belief, grid = moment.frame, moment.belief, self._grid
+        matrix = world_from_occ(frame.world_from_body)
         truth, _ = self._stage.truth.at(round(frame.time_s * STEP_HZ), matrix, grid)
 
         occupied = (belief.occupied > self._threshold) & belief.known
         invented = np.where(truth == FREE, np.uint8(CLASSES.index("general")), truth)
         seen = seen_by(frame, grid, occupied)
-        world_from_body = torch.from_numpy(frame.world_from_body)
-        chain = camera_from_occ(world_from_body, frame.body_from_camera)
-        height, width = frame.image.shape[-2:]
-        camera = Frustum(chain, frame.pix_from_camera, (width, height))
+        chain = camera_from_occ(torch.from_numpy(frame.world_from_body), frame.body_from_camera)
+        camera = Frustum(chain, frame.pix_from_camera, tuple(frame.image.shape[:-3:-1]))
+        image = np.asarray(frame.image).transpose(1, 2, 0)
         scene = VoxelScene(
             title=f"{frame.time_s:.1f} s",
             grid=grid,
-            image=_with_plan(np.asarray(frame.image).transpose(1, 2, 0), plan, matrix, camera),
+            image=_with_plan(image, moment.plan, matrix, camera),
             truth=np.where(seen, truth, np.uint8(UNKNOWN)),
             predictions={BELIEF: np.where(occupied, invented, np.uint8(FREE))},
             frustum=camera,
@@ -67,8 +67,10 @@ class Film:
         end, the outcome in its ``row``; and beside it a page on which it turns, frame by frame."""
         shown = self._scenes[-SHOWN:]
         hit = f", {row['hit']}".replace("_", " ") if row["hit"] else ""
-        titles = [scene.title for scene in shown[:-1]]
-        titles.append(f"{row['time_s']:.1f} s: {row['outcome']}{hit}")
+        end = f"{row['time_s']:.1f} s: {row['outcome']}{hit}"
+        titles = [*(scene.title for scene in shown[:-1]), end]
+        draw_scenes(shown, [FRAME_MS] * (len(shown) - 1) + [LAST_MS], path, titles)
+
         facts = {name.replace("_", " "): str(row[name]) for name in FACTS if row[name] != ""}
         rows = [(row["flight"], list(facts.values()))]
         table = Table("flight", "Flight", "", list(facts), rows, "Flight")
@@ -76,12 +78,9 @@ class Film:
         # Every second frame, with the last: a page of all would have ten megabytes.
         page = Path(path).with_suffix(".html")
         write_page(page, heading, {"Facts": [table]}, shown[::-2][::-1])
-        draw_scenes(shown, [FRAME_MS] * (len(shown) - 1) + [LAST_MS], path, titles)
 
 
-def _with_plan(
-    image: np.ndarray, plan: Plan, world_from_occ_: np.ndarray, camera: Frustum
-) -> Labels:
+def _with_plan(image: Pixels, plan: Plan, world_from_occ_: np.ndarray, camera: Frustum) -> Pixels:
     """Returns the image with the places of the plan as dots."""
     places_m = plan.at(np.linspace(0.1, 1.0, DOTS) * plan.duration_s)[:, :3]
     points_occ = torch.from_numpy(transform(inverse(world_from_occ_), places_m))

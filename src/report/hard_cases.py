@@ -4,16 +4,12 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from .canvas import readable
+
 # What makes a frame hard, and the column that says how hard: |roll| + |pitch|, or how many voxels
 # of a class the camera sees.
-RULES = {
-    "most tilted": "tilt_rad",
-    "most thin structure in view": "thin_structure",
-    "most VRU in view": "vru",
-    "most car in view": "car",
-    "most large vehicle in view": "large_vehicle",
-    "most vegetation in view": "vegetation",
-}
+IN_VIEW = ("thin_structure", "vru", "car", "large_vehicle", "vegetation")
+RULES = {"most tilted": "tilt_rad", **{f"most {readable(name)} in view": name for name in IN_VIEW}}
 
 
 class HardCase(NamedTuple):
@@ -33,10 +29,10 @@ def hard_cases(frames: pd.DataFrame, count: int) -> list[HardCase]:
     """
     chosen: list[HardCase] = []
     for reason, column in list(RULES.items())[:count]:
-        # Another clip each time: two frames of one flight show nearly the same street.
-        left = frames[~frames["clip"].isin([case.clip for case in chosen]) & (frames[column] > 0)]
-        if len(left):
-            hardest = left.loc[left[column].idxmax()]
+        if (frames[column] > 0).any():
+            hardest = frames.loc[frames[column].idxmax()]
             chosen.append(HardCase(reason, str(hardest["clip"]), int(hardest["frame"])))
+            # Another clip each time: two frames of one flight show nearly the same street.
+            frames = frames[frames["clip"] != hardest["clip"]]
 
     return chosen

@@ -16,9 +16,11 @@ ANCHOR_NAMES = dict(zip(ANCHORS, ("All free", "Voxel prior", "Height prior")))
 
 
 class Rung(NamedTuple):
-    """``row`` is its name in the main tables, ``added`` what it adds to the rung before, if that
-    has a name, and ``factors`` which it must have of projection, class weights and Lovász loss;
-    ``None`` where it may be anything."""
+    """``row`` is its name in the main tables, without one that of what it adds.
+
+    ``added`` is the name of what it adds to the rung before, if that has one, and ``factors`` which
+    it must have of projection, class weights and Lovász loss; ``None`` where it may be anything.
+    """
 
     row: str
     added: str
@@ -43,18 +45,15 @@ class Ladder:
         return self.names[0]
 
     @property
-    def last(self) -> str:
-        return self.names[-1]
-
-    @property
     def reference(self) -> str:
         """The experiment that gains are measured over, in words."""
         return "the baseline" if self.first == PAPER.first else self.row_name(self.first)
 
     def row_name(self, experiment: str) -> str:
         """Returns the name of an experiment's row in a table."""
-        rung = self.rungs.get(experiment)
-        return rung.row if rung else ANCHOR_NAMES.get(experiment, experiment)
+        if rung := self.rungs.get(experiment):
+            return rung.row or f"+ {rung.added}"
+        return ANCHOR_NAMES.get(experiment, experiment)
 
     def in_order(self, experiments: Iterable[str]) -> list[str]:
         """Returns the rungs from the lowest, and then the others by name."""
@@ -66,12 +65,8 @@ class Ladder:
 PAPER = Ladder(
     {
         "baseline": Rung("Baseline", "", (False, False, False)),
-        "attitude": Rung(
-            "+ Attitude-aware projection", "Attitude-aware projection", (True, False, False)
-        ),
-        "weights": Rung(
-            "+ Safety-prior class weights", "Safety-prior class weights", (True, True, False)
-        ),
+        "attitude": Rung("", "Attitude-aware projection", (True, False, False)),
+        "weights": Rung("", "Safety-prior class weights", (True, True, False)),
         "skyocc": Rung("SkyOcc", "Lovász-Softmax", (True, True, True)),
     }
 )
@@ -87,24 +82,15 @@ def ladder_named(names: Sequence[str]) -> Ladder:
             raise UserError(
                 f"task.rungs: {name} is an anchor, or named twice; name each experiment once"
             )
-    if not names:
-        return PAPER
 
     # The first rung stands on nothing, in the paper as here.
     steps = {*pairwise([None, *PAPER.names])}
-    return Ladder(
-        {name: _rung(name, (before, name) in steps) for before, name in pairwise([None, *names])}
-    )
+    rungs = {}
+    for before, name in pairwise([None, *(names or PAPER.names)]):
+        # An experiment that the paper does not have is called by its own name.
+        rung = PAPER.rungs.get(name, Rung(name, ""))
+        # On another rung than the paper's it has not the name of what it adds there.
+        is_a_step = (before, name) in steps
+        rungs[name] = rung if is_a_step else rung._replace(row=rung.row or name, added="")
 
-
-def _rung(name: str, is_a_step: bool) -> Rung:
-    """Returns the rung of an experiment; ``is_a_step`` where it stands on the same one as in the
-    paper, and so keeps the paper's name and what it adds.
-
-    On another rung it keeps the factors, and the name unless that says what was added. An
-    experiment that the paper does not have is called by its own name.
-    """
-    rung = PAPER.rungs.get(name, Rung(name, ""))
-    if is_a_step:
-        return rung
-    return rung._replace(row=name if rung.row.startswith("+ ") else rung.row, added="")
+    return Ladder(rungs)

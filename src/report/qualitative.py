@@ -14,7 +14,8 @@ from .scene import VoxelScene
 from .top import render_top
 
 ROW_PIX, GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 440, 18, 46, 112, 104
-IMAGE_ASPECT, VOXEL_ASPECT, TOP_ASPECT = 1.2, 1.25, 0.93
+# Of the image, a picture in 3-D and one from above.
+WIDTHS_PIX = (528, 550, 409)
 BEHIND = "Seen from behind and above the UAV"
 ABOVE = ", and from above with its heading up. Free space shows from above only;"
 HIDDEN = " space without a label is hidden in ground truth and prediction alike."
@@ -48,7 +49,6 @@ def qualitative_sheet(
     """
     if not scenes:
         raise UserError(f"{path}: no frames to draw; the split is empty")
-
     names = list(scenes[0].volumes)
     # One header names the columns of all rows.
     if any(list(scene.volumes) != names for scene in scenes):
@@ -56,47 +56,30 @@ def qualitative_sheet(
 
     columns = ["RGB", *names, *(f"{name}, top" for name in names if tops)]
     rows = [_pictures(scene, tops) for scene in scenes]
-    caption = f"{BEHIND}{ABOVE if tops else ';'}{HIDDEN}"
-    sheet = _compose(rows, columns, [scene.title for scene in scenes], heading, caption)
-
-    write_picture(sheet, path)
-
-
-def _pictures(scene: VoxelScene, tops: bool) -> list[Pixels]:
-    """The pictures of a row, all of one height."""
-    image_size, size, top_size = (
-        (round(ROW_PIX * aspect), ROW_PIX) for aspect in (IMAGE_ASPECT, VOXEL_ASPECT, TOP_ASPECT)
-    )
-    # The image is as large as its cell allows, at the top of it.
-    image = ImageOps.pad(
-        Image.fromarray(scene.image), image_size, color="white", centering=(0.5, 0.0)
-    )
-    pictures = [np.asarray(image), *scene.drawn(size).values()]
-    if tops:
-        pictures += [render_top(v, scene.grid, top_size) for v in scene.known().values()]
-    return pictures
-
-
-def _compose(
-    rows: Sequence[Sequence[Pixels]],
-    columns: Sequence[str],
-    titles: Sequence[str],
-    heading: str,
-    caption: str,
-) -> Image.Image:
     widths = [picture.shape[1] for picture in rows[0]]
     # Where each column begins, and at last where the page ends.
     *left, width = accumulate((w + GAP_PIX for w in widths), initial=GAP_PIX)
     page = Canvas(width, HEADER_PIX + len(rows) * (ROW_PIX + TITLE_PIX) + FOOTER_PIX)
     page.text(GAP_PIX, 30, heading, size=21, weight="bold")
-
     for name, u, w in zip(columns, left, widths):
         page.text(u + w / 2, 88, name, size=18, ha="center")
-    for n, (row, title) in enumerate(zip(rows, titles)):
+    for n, (row, scene) in enumerate(zip(rows, scenes)):
         top = HEADER_PIX + n * (ROW_PIX + TITLE_PIX)
-        page.text(GAP_PIX, top + TITLE_PIX / 2, title, size=15, color=MUTED)
+        page.text(GAP_PIX, top + TITLE_PIX / 2, scene.title, size=15, color=MUTED)
         page.picture(beside(row, GAP_PIX), GAP_PIX, top + TITLE_PIX)
     page.legend(page.height_pix - 66)
+    caption = f"{BEHIND}{ABOVE if tops else ';'}{HIDDEN}"
     page.text(width / 2, page.height_pix - 22, caption, size=14, ha="center", color=MUTED)
+    write_picture(page.drawn(), path)
 
-    return page.drawn()
+
+def _pictures(scene: VoxelScene, tops: bool) -> list[Pixels]:
+    """The pictures of a row, all of one height."""
+    image_size, size, top_size = ((width_pix, ROW_PIX) for width_pix in WIDTHS_PIX)
+    # The image is as large as its cell allows, at the top of it.
+    image = Image.fromarray(scene.image)
+    image = ImageOps.pad(image, image_size, color="white", centering=(0.5, 0.0))
+    pictures = [np.asarray(image), *scene.drawn(size).values()]
+    if tops:
+        pictures += [render_top(v, scene.grid, top_size) for v in scene.known().values()]
+    return pictures

@@ -34,68 +34,51 @@ class PixelHits(NamedTuple):
     sunlit: Bool[np.ndarray, "n"]
 
 
-def cast(
-    occupied: Bool[np.ndarray, "X Y Z"],
-    origin: Float[np.ndarray, "3"],
-    directions: Float[np.ndarray, "n 3"],
-    sun: Float[np.ndarray, "3"],
-    floor: float,
-) -> PixelHits:
+@njit(error_model="numpy")
+def cast(occupied, origin, directions, sun, floor):
     """Follow rays from one origin to the first occupied voxel, else to the plane ``z = floor``.
 
-    The plane ends with the grid's footprint. ``sun`` points towards the sun.
+    ``occupied`` is bool [X, Y, Z], ``origin`` [3], ``directions`` [n, 3] and ``sun``, which points
+    towards the sun, [3]. The plane ends with the grid's footprint.
     """
-    n = len(directions)
+    n_rays = len(directions)
     hits = PixelHits(
-        kind=np.zeros(n, np.uint8),
-        voxel=np.zeros((n, 3), np.int32),
-        distance=np.full(n, np.inf),
-        axis=np.full(n, 2, np.int8),
-        side=np.ones(n, np.int8),
-        edge=np.full(n, 0.5, np.float32),
-        openness=np.ones(n, np.float32),
-        sunlit=np.ones(n, np.bool_),
+        np.zeros(n_rays, np.uint8),
+        np.zeros((n_rays, 3), np.int32),
+        np.full(n_rays, np.inf),
+        np.full(n_rays, 2, np.int8),
+        np.ones(n_rays, np.int8),
+        np.full(n_rays, 0.5, np.float32),
+        np.ones(n_rays, np.float32),
+        np.ones(n_rays, np.bool_),
     )
-    _cast(occupied, origin, directions, sun, float(floor), hits)
-
-    return hits
-
-
-@njit(error_model="numpy")
-def _cast(occupied, origin, directions, sun, floor, hits):
     before = np.empty(3, np.int64)
-    point = np.empty(3)
-
-    for n in range(len(directions)):
+    for n in range(n_rays):
         direction = directions[n]
         cell, distance, axis = first_hit(occupied, origin, direction)
-        if axis >= 0:
-            side = -1 if direction[axis] > 0 else 1
-            for a in range(3):
-                point[a] = origin[a] + distance * direction[a]
-            hits.kind[n] = VOXEL
+        kind, side = VOXEL, 1
+        if axis < 0:
+            kind, axis = FLOOR, 2
+            distance = (floor - origin[2]) / direction[2] if direction[2] != 0.0 else -1.0
+        elif direction[axis] > 0:
+            side = -1
+
+        point = origin + distance * direction
+        if kind == VOXEL:
             hits.voxel[n, 0], hits.voxel[n, 1], hits.voxel[n, 2] = cell
-            hits.axis[n], hits.side[n] = axis, side
             hits.edge[n], hits.openness[n] = _face(occupied, point, cell, axis, side, before)
         else:
-            side = 1
-            distance = (floor - origin[2]) / direction[2] if direction[2] != 0.0 else -1.0
-            for a in range(3):
-                point[a] = origin[a] + distance * direction[a]
-            if distance <= 0 or not _over_footprint(occupied, point):
+            over = 0 <= point[0] < occupied.shape[0] and 0 <= point[1] < occupied.shape[1]
+            if distance <= 0 or not over:
                 continue
-            axis = 2
-            hits.kind[n] = FLOOR
-        hits.distance[n] = distance
+        hits.kind[n], hits.distance[n] = kind, distance
+        hits.axis[n], hits.side[n] = axis, side
         # A point on a face may round into either voxel; a step off the face decides.
         point[axis] += 1e-4 * side
         lit = sun[axis] * side > 0
         hits.sunlit[n] = lit and first_hit(occupied, point, sun)[2] < 0
 
-
-@njit(error_model="numpy")
-def _over_footprint(occupied, point):
-    return 0 <= point[0] < occupied.shape[0] and 0 <= point[1] < occupied.shape[1]
+    return hits
 
 
 @njit(error_model="numpy")

@@ -3,27 +3,29 @@
 from collections.abc import Mapping, Sequence
 from mimetypes import guess_type
 from pathlib import Path
-from types import MappingProxyType
 
 import pandas as pd
 from plotly.graph_objects import Figure
 from plotly.offline import get_plotlyjs
 
-from ..atomic import replacing
 from ..results.render import Table
-from ..results.runs import ScoredRun
 from ..run_folder import METRICS
+from .canvas import address
 from .curve_plot import curve_plot
 from .curves import TRAIN_LOSS, read_curves
 from .ladder_report import LadderReport
-from .picture import address
+from .run_group import RunGroup
 from .scene import VoxelScene
 from .scene_figure import scenes_figure
-from .template import filled
+from .template import filled, write_text
+
+TEXT, PAGE = "report.md", "report.html"
 
 # A plot of plotly, and its title.
 Plot = tuple[str, Figure]
 
+# Plots are written without plotly's script, which the page has once.
+PLAIN = {"full_html": False, "include_plotlyjs": False, "config": {"displaylogo": False}}
 # Columns of ``metrics.csv``, and the titles and units of their plots.
 PLOTS = {
     "val/kar_miou": ("KAR-mIoU on validation", "%"),
@@ -32,26 +34,26 @@ PLOTS = {
 }
 
 
-def report_text(report: LadderReport, heading: str, figures: Mapping[str, str]) -> str:
-    """Returns ``report.md``; ``figures`` maps the places of pictures beside it to captions."""
-    return filled("report.md.j2", report=report, heading=heading, figures=figures)
-
-
-def write_report_page(
+def write_report_pages(
     report: LadderReport,
-    heading: str,
     plots: Sequence[Plot],
     figures: Mapping[Path, str],
     scenes: Sequence[VoxelScene],
-    path: Path,
+    folder: Path,
 ) -> None:
-    """Writes ``report.html`` as `write_page` does."""
+    """Writes ``report.md`` and, as `write_page` does, ``report.html`` to a folder.
+
+    ``figures`` maps pictures below the folder to their captions.
+    """
+    beside = {path.relative_to(folder).as_posix(): text for path, text in figures.items()}
+    write_text(folder / TEXT, filled("report.md.j2", report=report, figures=beside))
+
     sections = {
         "Not a clean comparison": [report.unclean] if report.unclean.rows else [],
         "Facts": report.facts,
         "Tables": report.tables,
     }
-    write_page(path, heading, sections, scenes, plots, figures, report.missing)
+    write_page(folder / PAGE, report.heading, sections, scenes, plots, figures, report.missing)
 
 
 def write_page(
@@ -60,7 +62,7 @@ def write_page(
     sections: Mapping[str, Sequence[Table]],
     scenes: Sequence[VoxelScene],
     plots: Sequence[Plot] = (),
-    figures: Mapping[Path, str] = MappingProxyType({}),
+    figures: Mapping[Path, str] | None = None,
     missing: Sequence[str] = (),
 ) -> None:
     """Writes a page, whole or not at all: one file that needs no network.
@@ -69,35 +71,31 @@ def write_page(
     is empty is left out, and all text is escaped. Raises `UserError` where it cannot be written.
     """
     plots = [*plots, *([("Scenes", scenes_figure(scenes))] if scenes else [])]
+
     page = filled(
         "page.html",
         heading=heading,
         missing=missing,
         sections=sections,
         plotlyjs=get_plotlyjs(),
-        plots=[(title, _plot_html(plot, f"plot-{n}")) for n, (title, plot) in enumerate(plots)],
+        # Each has a name of its own, so that the same plot gives the same bytes.
+        plots=[(t, plot.to_html(div_id=f"plot-{n}", **PLAIN)) for n, (t, plot) in enumerate(plots)],
         pictures=[
             (address(picture.read_bytes(), guess_type(picture)[0]), caption)
-            for picture, caption in figures.items()
+            for picture, caption in (figures or {}).items()
         ],
     )
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8", newline="\n")
+    write_text(path, page)
 
 
-def _plot_html(plot: Figure, name: str) -> str:
-    """Returns a plot without plotly's script; its name makes the same bytes of the same plot."""
-    settings = {"full_html": False, "include_plotlyjs": False, "config": {"displaylogo": False}}
-    return plot.to_html(div_id=name, **settings)
-
-
-def learning_curves(named_runs: Sequence[tuple[str, ScoredRun]]) -> list[Plot]:
+def learning_curves(group: RunGroup) -> list[Plot]:
     """Returns the plots of the runs that have a log.
 
     Raises `UserError` for a log that cannot be read.
     """
-    logs = [(name, run.path / METRICS) for name, run in named_runs]
+    logs = [(group.ladder.row_name(run.experiment), run.path / METRICS) for run in group.runs]
     curves = [(name, read_curves(log)) for name, log in logs if log.is_file()]
+
     plots = []
     for column, (title, unit) in PLOTS.items():
         scale = 100 if unit == "%" else 1

@@ -61,10 +61,6 @@ class Part:
     def name(self) -> str:
         return self.resamples.part
 
-    @property
-    def dataset(self) -> str:
-        return self.resamples.first.protocol.dataset
-
     @cached_property
     def scores(self) -> pd.DataFrame:
         """The long table: each experiment, and differences from the lowest rung and the one before.
@@ -88,17 +84,14 @@ class Part:
     @property
     def rungs(self) -> list[str]:
         """The experiments of the ladder that are there."""
-        return [name for name in self.ladder.names if self.resamples.seeds(name)]
+        return [name for name in self.ladder.names if name in self.resamples.samples]
 
     @property
-    def others(self) -> list[str]:
-        """The experiments that are no rung, the anchors aside."""
-        known = {*self.ladder.names, *ANCHORS}
-        return sorted(name for name in self.resamples.samples if name not in known)
-
-    @property
-    def anchors(self) -> list[str]:
-        return [name for name in ANCHORS if self.resamples.seeds(name)]
+    def groups(self) -> tuple[list[str], list[str], list[str]]:
+        """The experiments by kind: rungs, others by name, and anchors."""
+        samples = self.resamples.samples
+        others = sorted(samples.keys() - {*self.ladder.names, *ANCHORS})
+        return self.rungs, others, [name for name in ANCHORS if name in samples]
 
 
 @dataclass(frozen=True)
@@ -118,8 +111,9 @@ class RunGroup:
         for run in self.runs:
             counts.setdefault(run.experiment, {})[run.seed] = run.counts
         for anchor in ANCHORS:
-            scored = [run.anchors[anchor] for run in self.runs if anchor in run.anchors]
-            counts |= {anchor: {0: scored[0]}} if scored else {}
+            for run in self.runs:
+                if anchor in run.anchors:
+                    counts.setdefault(anchor, {0: run.anchors[anchor]})
         return counts
 
     @property
@@ -133,12 +127,12 @@ class RunGroup:
         ``parts_of`` gives them for the clips that were never trained on. Raises `UserError` for a
         run whose counts give other scores than its ``results.csv``.
         """
-        first, counts = self.runs[0], self.counts()
-        parts = []
-        for name, chosen in parts_of(first.config["data"]["test_clips"]).items():
-            if first.counts.rows(chosen):
-                kept = {"chosen": chosen, "without": APART, "derived": DERIVED}
-                parts.append(Part(Resamples(counts, name, **kept), self.ladder))
+        first, kept = self.runs[0], {"without": APART, "derived": DERIVED}
+        parts = [
+            Part(Resamples(self.counts(), name, chosen=chosen, **kept), self.ladder)
+            for name, chosen in parts_of(first.config["data"]["test_clips"]).items()
+            if first.counts.rows(chosen)
+        ]
 
         for run in self.runs:
             written = float(run.row["miou"])
@@ -157,58 +151,40 @@ def group_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> RunGroup:
     Raises `UserError` for runs of other protocols, clips, labels or code, and for two runs of one
     experiment and seed.
     """
-    first, *others = runs
-    _require_same_code(runs)
-    _require_same_protocol(runs)
-    for run in others:
-        if difference := _difference(first, run):
-            raise UserError(
-                f"{run.path}: was scored on {difference} than {first.path}; score both alike, or "
-                f"{REPORT_APART}"
-            )
-    return RunGroup(_sorted(runs, ladder), ladder)
-
-
-def _require_same_code(runs: Sequence[ScoredRun]) -> None:
-    """Refuses runs that were trained by other code, in the files that both of them used."""
     for first, run in combinations(runs, 2):
-        shared = first.files.keys() & run.files.keys()
-        unlike = any(first.files[file] != run.files[file] for file in shared)
-        if unlike or not (shared or first.files == run.files):
-            file = different_file(first.files, run.files)
-            where = f" ({file} differs)" if file else ""
-            raise UserError(
-                f"{run.path}: was trained by {run.code}, and {first.path} by "
-                f"{first.code}{where}; train both by the same, or {REPORT_APART}"
-            )
-
-
-def _require_same_protocol(runs: Sequence[ScoredRun]) -> None:
+        _require_same_code(first, run)
     try:
         require_same_protocol({str(run.path): run.counts.protocol for run in runs})
     except UserError as error:
         raise UserError(f"{error}, or {REPORT_APART}") from None
 
-
-def _difference(first: ScoredRun, second: ScoredRun) -> str:
-    """Says on what two runs were scored unlike; empty where they may stand in one table."""
-    other = second.counts.scored_on_other(first.counts)
-    if other == OTHER_LABELS and second.counts.unlike_labels(first.counts) <= OTHER_PROCESSOR:
-        return ""
-    return other
-
-
-def _sorted(runs: Sequence[ScoredRun], ladder: Ladder) -> tuple[ScoredRun, ...]:
-    """Returns the runs in the order of the tables.
-
-    Raises `UserError` for two of one experiment and seed.
-    """
     by_key: dict[tuple[str, int], ScoredRun] = {}
     for run in runs:
-        other = by_key.setdefault((run.experiment, run.seed), run)
-        if other is not run:
+        other = run.counts.scored_on_other(runs[0].counts)
+        unlike = run.counts.unlike_labels(runs[0].counts) if other == OTHER_LABELS else 1
+        if other and unlike > OTHER_PROCESSOR:
             raise UserError(
-                f"{run.path} and {other.path}: both are {run}; name one of them in task.runs"
+                f"{run.path}: was scored on {other} than {runs[0].path}; score both alike, or "
+                f"{REPORT_APART}"
             )
+        if (same := by_key.setdefault((run.experiment, run.seed), run)) is not run:
+            raise UserError(
+                f"{run.path} and {same.path}: both are {run}; name one of them in task.runs"
+            )
+
     order = ladder.in_order(run.experiment for run in runs)
-    return tuple(sorted(by_key.values(), key=lambda run: (order.index(run.experiment), run.seed)))
+    ordered = sorted(runs, key=lambda run: (order.index(run.experiment), run.seed))
+    return RunGroup(tuple(ordered), ladder)
+
+
+def _require_same_code(first: ScoredRun, run: ScoredRun) -> None:
+    """Refuses runs that were trained by other code, in the files that both of them used."""
+    shared = first.files.keys() & run.files.keys()
+    unlike = any(first.files[file] != run.files[file] for file in shared)
+    if unlike or not (shared or first.files == run.files):
+        file = different_file(first.files, run.files)
+        where = f" ({file} differs)" if file else ""
+        raise UserError(
+            f"{run.path}: was trained by {run.code}, and {first.path} by {first.code}{where}; "
+            f"train both by the same, or {REPORT_APART}"
+        )

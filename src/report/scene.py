@@ -4,17 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import UInt8
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import UNKNOWN
-from .view import Frustum, Viewpoint
+from .canvas import Pixels
+from .view import Frustum, Labels, PlaceM, SizePix
 from .voxels import check_labels, ground_level, render_voxels, view_of
 
 TRUTH = "Ground truth"
-
-Labels = UInt8[np.ndarray, "X Y Z"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +26,7 @@ class VoxelScene:
 
     title: str
     grid: VoxelGrid
-    image: UInt8[np.ndarray, "h w 3"]
+    image: Pixels
     truth: Labels
     predictions: Mapping[str, Labels]
     frustum: Frustum | None = None
@@ -52,9 +50,7 @@ class VoxelScene:
             for name, labels in self.volumes.items()
         }
 
-    def drawn(
-        self, size_pix: tuple[int, int], view: Viewpoint | None = None
-    ) -> dict[str, UInt8[np.ndarray, "h w 3"]]:
+    def drawn(self, size_pix: SizePix, view: PlaceM | None = None) -> dict[str, Pixels]:
         """Returns a picture of each `known` volume in 3-D, by its name.
 
         All have one floor and one point of view, so that they differ in their labels alone. Without

@@ -11,8 +11,8 @@ from plotly.subplots import make_subplots
 
 from ..geometry import VoxelGrid
 from ..ontology import FREE
+from .canvas import address, encoded
 from .overlay import FRUSTUM_SHARE
-from .picture import address, encoded
 from .scene import VoxelScene
 from .voxel_mesh import voxel_meshes
 
@@ -36,16 +36,17 @@ def scenes_figure(scenes: Sequence[VoxelScene]) -> go.Figure:
     """
     titles = ["RGB", *map(escape, scenes[0].volumes)]
     rows = math.ceil(len(titles) / COLUMNS)
-    places = [divmod(place, COLUMNS) for place in range(len(titles))]
     # The image has no depth, and where nothing is shown there is no plot.
-    kinds = [[{"type": "scene"} if at in places else None for at in row] for row in _cells(rows)]
-    kinds[0][0] = {"type": "xy"}
+    kinds = [{"type": "xy"}, *({"type": "scene"} for _ in titles[1:])]
+    kinds += [None] * (rows * COLUMNS - len(kinds))
+    specs = [kinds[COLUMNS * row : COLUMNS * (row + 1)] for row in range(rows)]
     gaps = {"horizontal_spacing": 0.02, "vertical_spacing": 0.04}
-    figure = make_subplots(rows, COLUMNS, specs=kinds, subplot_titles=titles, **gaps)
+    figure = make_subplots(rows, COLUMNS, specs=specs, subplot_titles=titles, **gaps)
 
     heights_m, shown = _heights_m(scenes), []
     for number, scene in enumerate(scenes):
-        for (row, column), traces in zip(places, _views(scene, heights_m[0])):
+        for place, traces in enumerate(_views(scene, heights_m[0])):
+            row, column = divmod(place, COLUMNS)
             for trace in traces:
                 figure.add_trace(trace.update(visible=number == 0), row + 1, column + 1)
                 shown.append(number)
@@ -55,14 +56,10 @@ def scenes_figure(scenes: Sequence[VoxelScene]) -> go.Figure:
         height=ROW_PIX * rows,
         margin={"l": 0, "r": 0, "t": 90, "b": 0},
         legend={"orientation": "h", "y": -0.02},
-        updatemenus=[_scene_menu(scenes, shown), _camera_buttons(views)],
+        updatemenus=_menus(scenes, shown, views),
         **dict.fromkeys(views, _axes(scenes[0].grid, heights_m)),
     )
     return figure.update_xaxes(visible=False).update_yaxes(visible=False)
-
-
-def _cells(rows: int) -> list[list[tuple[int, int]]]:
-    return [[(row, column) for column in range(COLUMNS)] for row in range(rows)]
 
 
 def _heights_m(scenes: Sequence[VoxelScene]) -> tuple[float, float]:
@@ -91,19 +88,16 @@ def _views(scene: VoxelScene, floor_m: float) -> Iterator[list[go.Image | go.Mes
 
 def _lines(scene: VoxelScene, floor_m: float) -> Iterator[go.Scatter3d]:
     """Yields the UAV's plumb line and, if there is a camera, the edges of its frustum."""
-    yield _line(UAV_COLOR, [(0, 0, floor_m), (0, 0, 0)])
+    lines = {UAV_COLOR: [(0, 0, floor_m), (0, 0, 0)]}
     if scene.frustum is not None:
         lens = scene.frustum.corners(0.0).tolist()[0]
         depth_m = FRUSTUM_SHARE * (scene.grid.upper_m[0] - scene.grid.lower_m[0])
         corners = scene.frustum.corners(depth_m).tolist()
         spokes = [point for corner in corners for point in (lens, corner)]
-        yield _line(FRUSTUM_COLOR, [*corners, *spokes, corners[0]])
-
-
-def _line(color: str, points_m: Sequence[Sequence[float]]) -> go.Scatter3d:
-    x, y, z = zip(*points_m)
-    line = {"line": {"color": color, "width": 4}, "mode": "lines", "hoverinfo": "skip"}
-    return go.Scatter3d(x=x, y=y, z=z, showlegend=False, **line)
+        lines[FRUSTUM_COLOR] = [*corners, *spokes, corners[0]]
+    for color, points_m in lines.items():
+        line = {"line": {"color": color, "width": 4}, "mode": "lines", "hoverinfo": "skip"}
+        yield go.Scatter3d(**dict(zip("xyz", zip(*points_m))), showlegend=False, **line)
 
 
 def _axes(grid: VoxelGrid, heights_m: tuple[float, float]) -> dict:
@@ -120,27 +114,25 @@ def _axes(grid: VoxelGrid, heights_m: tuple[float, float]) -> dict:
     return {**axes, **view, "camera": CAMERAS["Behind"]}
 
 
-def _scene_menu(scenes: Sequence[VoxelScene], shown: Sequence[int]) -> dict:
-    """Returns the list of scenes; ``shown`` is the scene of every trace."""
-    buttons = [
-        {
-            "label": escape(f"{number + 1} of {len(scenes)}: {scene.title}"),
-            "method": "restyle",
-            "args": [{"visible": [of == number for of in shown]}],
-        }
-        for number, scene in enumerate(scenes)
+def _menus(
+    scenes: Sequence[VoxelScene], shown: Sequence[int], views: Sequence[str]
+) -> tuple[dict, dict]:
+    """Returns the list of scenes and the buttons of the cameras; ``shown`` is the scene of every
+    trace."""
+    of_scenes = [
+        {"label": escape(f"{n + 1} of {len(scenes)}: {scene.title}"), "method": "restyle"}
+        | {"args": [{"visible": [of == n for of in shown]}]}
+        for n, scene in enumerate(scenes)
     ]
-    return {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1.05, "yanchor": "bottom"}
-
-
-def _camera_buttons(views: Sequence[str]) -> dict:
-    buttons = [
-        {
-            "label": name,
-            "method": "relayout",
-            "args": [{f"{view}.camera": camera for view in views}],
-        }
+    of_cameras = [
+        {"label": name, "method": "relayout"}
+        | {"args": [{f"{view}.camera": camera for view in views}]}
         for name, camera in CAMERAS.items()
     ]
-    place = {"x": 1, "xanchor": "right", "y": 1.05, "yanchor": "bottom"}
-    return {"type": "buttons", "direction": "right", "buttons": buttons, **place}
+
+    above = {"y": 1.05, "yanchor": "bottom"}
+    return (
+        {"buttons": of_scenes, "x": 0, "xanchor": "left", **above},
+        {"buttons": of_cameras, "x": 1, "xanchor": "right", **above}
+        | {"type": "buttons", "direction": "right"},
+    )

@@ -1,4 +1,4 @@
-"""Tables of the settings that the runs of a report share, and of those that they do not."""
+"""The settings of the runs of a report, and those that make a comparison of its rungs unclean."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,8 +18,8 @@ FACTORS = {
     "loss.terms.cross_entropy.class_weights": "loss.class_weights",
     "loss.terms.lovasz.weight": "loss.lovasz_weight",
 }
-# Keys of which a report says the value that all runs share.
-SHARED = (
+# Keys whose values a report shows also where all runs share them.
+SHOWN = (
     *("trainer.max_epochs", "trainer.limit_train_batches", "trainer.devices"),
     *("trainer.accumulate_grad_batches", "optimizer.rule._target_", "optimizer.lr"),
     *("optimizer.weight_decay", "optimizer.warmup", "data.batch_size", "data.order"),
@@ -56,10 +56,10 @@ def surprises(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> Values:
         for key, has, other in zip(_factor_keys(run.config), factors_of(run.config), required)
         if has != other
     }
-    of_all = {key: _values(runs, key) for key in sorted(wrong)} | differing(runs)
 
     found = {}
-    for key, of in (of_all | {PRECISION: _values(runs, PRECISION)}).items():
+    for key in dict.fromkeys((*sorted(wrong), *differing(runs), PRECISION)):
+        of = _values(runs, key)
         # A rung that the paper does not have may differ in all but the precision.
         compared = [of[name] for name in of if key == PRECISION or ladder.rungs[name].factors]
         is_own = key not in FACTOR_KEYS and any(values != compared[0] for values in compared)
@@ -69,46 +69,20 @@ def surprises(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> Values:
     return found
 
 
+def shown_settings(runs: Sequence[ScoredRun]) -> Values:
+    """Returns what runs differ in, and the settings of their schedule and data."""
+    given = [key for key in SHOWN if any(value_at(run.config, key) is not None for run in runs)]
+    return differing(runs) | {key: _values(runs, key) for key in given}
+
+
 def settings_table(key: str, title: str, values: Values) -> Table:
     """Returns a table of settings, with the values of each experiment."""
     experiments = list(dict.fromkeys(name for of in values.values() for name in of))
     rows = [
-        (setting, [", ".join(map(shortened, of[name])) for name in experiments])
+        (setting, [", ".join(map(_shortened, of[name])) for name in experiments])
         for setting, of in values.items()
     ]
     return Table(key, title, "", experiments, rows, head="Setting")
-
-
-def shared_table(runs: Sequence[ScoredRun]) -> Table:
-    """Returns the settings of the schedule and the data that all runs share."""
-    values = {key: {value for of in _values(runs, key).values() for value in of} for key in SHARED}
-    rows = [
-        (key, [shortened(next(iter(found)))])
-        for key, found in values.items()
-        if len(found) == 1 and found != {"null"}
-    ]
-    return Table("shared", "What all runs share", "", ["value"], rows, head="Setting")
-
-
-def others_table(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> Table:
-    """Returns, of each experiment that is no rung of the paper, the rung that it is nearest to, and
-    where it differs. Without any of the paper's rungs, the lowest rung is the one to differ from.
-    """
-    configs = {run.experiment: shaping(run.config) for run in reversed(runs)}
-    present = [name for name in ladder.names if name in configs]
-    rungs = [name for name in present if ladder.rungs[name].factors] or present[:1]
-
-    rows = []
-    for name in ladder.in_order(name for name in configs if rungs and name not in rungs):
-        changes = {
-            rung: [d for d in differences(configs[rung], configs[name]) if d[0] != SEED]
-            for rung in rungs
-        }
-        nearest = min(changes, key=lambda rung: len(changes[rung]))
-        for key, old, new in changes[nearest] or [("", "", "")]:
-            rows.append((name, [nearest, key, *(shortened(_text(each)) for each in (new, old))]))
-    columns = ["nearest rung", "setting", "value", "value there"]
-    return Table("others", "Other experiments", "", columns, rows, head="Experiment")
 
 
 def factors_of(config: Mapping) -> tuple[bool, bool, bool]:
@@ -132,12 +106,6 @@ def marks_of(runs: Sequence[ScoredRun]) -> dict[str, list[str]]:
     }
 
 
-def shortened(text: str) -> str:
-    """Returns a value for a table: of a long one both ends, as paths differ in their last."""
-    half = LONGEST // 2
-    return text if len(text) <= LONGEST else f"{text[:half]}…{text[1 - half :]}"
-
-
 def grouped(pairs: Iterable[tuple[str, Value]]) -> dict[str, list[Value]]:
     """Returns the values of each key, in their order and each once."""
     values: dict[str, dict[Value, None]] = {}
@@ -153,20 +121,20 @@ def listed(values: Mapping[str, Sequence[str]]) -> str:
 
 def _values(runs: Sequence[ScoredRun], key: str) -> dict[str, list[str]]:
     """Returns the values of a setting in each experiment; the precision is that of the device."""
-    return grouped(
-        (run.experiment, run.row[PRECISION] if key == PRECISION else _value(run, key))
-        for run in runs
-    )
-
-
-def _value(run: ScoredRun, key: str) -> str:
-    return _text(value_at(shaping(run.config), key))
+    if key == PRECISION:
+        return grouped((run.experiment, run.row[PRECISION]) for run in runs)
+    return grouped((run.experiment, _text(value_at(shaping(run.config), key))) for run in runs)
 
 
 def _text(value: object) -> str:
     """Returns a value as one reads it: an object that is built from a class, as its call."""
     if isinstance(value, Mapping) and "_target_" in value:
-        arguments = {key: one for key, one in value.items() if not key.startswith("_")}
-        listed = ", ".join(f"{key}={_text(one)}" for key, one in arguments.items())
-        return f"{value['_target_'].rpartition('.')[2]}({listed})"
+        arguments = [f"{key}={_text(one)}" for key, one in value.items() if key[0] != "_"]
+        return f"{value['_target_'].rpartition('.')[2]}({', '.join(arguments)})"
     return value if isinstance(value, str) else json.dumps(value)
+
+
+def _shortened(text: str) -> str:
+    """Returns a value for a table: of a long one both ends, as paths differ in their last."""
+    half = LONGEST // 2
+    return text if len(text) <= LONGEST else f"{text[:half]}…{text[1 - half :]}"

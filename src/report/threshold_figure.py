@@ -7,12 +7,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ..results.flights import ALL
-from .canvas import INK, MUTED
+from .canvas import INK, MUTED, write_figure
 from .curve_plot import COLORS
-from .figure_file import write_figure
 
 SIZE_INCHES, DPI = (6.4, 4.2), 150
-TEXT = {"textcoords": "offset points", "fontsize": 8}
 
 
 def draw_thresholds(
@@ -24,23 +22,23 @@ def draw_thresholds(
     with each in the table. Perceptions that flew with one threshold are points. Raises `UserError`
     for a path that cannot be written.
     """
-    values = table[table["stratum"] == ALL].pivot(
-        index="perception", columns="score", values="value"
-    )
-    values = 100 * values[["success_by_time", "collisions"]]
+    of_all = table[table["stratum"] == ALL]
+    values = 100 * of_all.pivot(index="perception", columns="score", values="value")
+    values = values[["success_by_time", "collisions"]]
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
     axes = figure.subplots()
+    text = {"textcoords": "offset points", "fontsize": 8}
 
     for (name, of_name), color in zip(curves.items(), COLORS):
         points = values.loc[[of_name[threshold] for threshold in sorted(of_name)]]
         axes.plot(*points.T.to_numpy(), marker="o", markersize=4, color=color, label=name)
         for threshold, place in zip(sorted(of_name), points.to_numpy()):
-            axes.annotate(f"{threshold:g}", place, xytext=(5, 4), color=INK, **TEXT)
+            axes.annotate(f"{threshold:g}", place, xytext=(5, 4), color=INK, **text)
 
-    drawn = {label for of_name in curves.values() for label in of_name.values()}
-    for name, place in values[~values.index.isin(drawn)].iterrows():
+    drawn = [label for of_name in curves.values() for label in of_name.values()]
+    for name, place in values.drop(drawn).iterrows():
         axes.scatter(*place, color=MUTED, marker="D", s=18)
-        axes.annotate(str(name), place, xytext=(5, -9), color=MUTED, **TEXT)
+        axes.annotate(str(name), place, xytext=(5, -9), color=MUTED, **text)
 
     axes.set_xlabel("Success, weighted by time (%)", color=INK)
     axes.set_ylabel("Flights that collide (%)", color=INK)

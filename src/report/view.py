@@ -3,51 +3,23 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from ..data.clip import Clip
 from ..geometry import camera_from_occ, front_mount, inverse, pinhole, project, transform, unproject
 
+# How far the observer is pitched down, and how wide its lens is. It is never rolled.
 PITCH_RAD, HFOV_RAD = math.radians(32), math.radians(36)
-
-# Room around what `Viewpoint.behind` shows, as a share of the picture.
+# Room around what the observer sees, as a share of the picture.
 MARGIN = 0.02
 
-
-@dataclass(frozen=True)
-class Viewpoint:
-    """Observer in the occ frame: where, how far pitched down, how wide the lens. Never rolled."""
-
-    position_m: tuple[float, float, float]
-    pitch_rad: float
-    hfov_rad: float
-
-    @classmethod
-    def behind(cls, points_occ: Float[Tensor, "n 3"], aspect: float) -> "Viewpoint":
-        """From behind and above the UAV, as near as lets all the points into the picture.
-
-        ``aspect`` is the picture's width over its height. The points bound the observer's position
-        along each side of the lens; where left meets right, and top meets bottom, is the nearest.
-        """
-        occ_from_view = front_mount((0.0, 0.0, 0.0), PITCH_RAD)
-        x, y, z = transform(inverse(occ_from_view), points_occ.double()).unbind(-1)
-        # Through each side of the lens runs a plane; every point must lie inside all four.
-        slope_x = math.tan(HFOV_RAD / 2) * (1 - 2 * MARGIN)
-        slope_y = slope_x / aspect
-        right, left = (x - slope_x * z).max(), (x + slope_x * z).min()
-        bottom, top = (y - slope_y * z).max(), (y + slope_y * z).min()
-        depth = torch.minimum((left - right) / (2 * slope_x), (top - bottom) / (2 * slope_y))
-        position = torch.stack([(left + right) / 2, (top + bottom) / 2, depth])
-        position_m = tuple((occ_from_view[:3, :3] @ position).tolist())
-
-        return cls(position_m, PITCH_RAD, HFOV_RAD)
-
-    def camera(self, size_pix: tuple[int, int]) -> "Frustum":
-        """The observer's camera for a picture of some width and height, in float64."""
-        view_from_occ = inverse(front_mount(self.position_m, self.pitch_rad))
-        return Frustum(view_from_occ, pinhole(*size_pix, self.hfov_rad), size_pix)
+# A place in the occ frame; width and height of a picture; class ids of voxels.
+PlaceM = tuple[float, float, float]
+SizePix = tuple[int, int]
+Labels = UInt8[np.ndarray, "X Y Z"]
 
 
 @dataclass(frozen=True)
@@ -56,7 +28,7 @@ class Frustum:
 
     camera_from_occ: Float[Tensor, "4 4"]
     pix_from_camera: Float[Tensor, "3 3"]
-    size_pix: tuple[int, int]
+    size_pix: SizePix
 
     @classmethod
     def of(cls, clip: Clip, frame: int) -> "Frustum":
@@ -64,6 +36,12 @@ class Frustum:
         meta = clip.meta
         chain = camera_from_occ(clip.world_from_body[frame], meta.body_from_camera)
         return cls(chain, meta.pix_from_camera, (meta.width, meta.height))
+
+    @classmethod
+    def observer(cls, place_m: PlaceM, size_pix: SizePix) -> "Frustum":
+        """The observer's camera at a place, in float64."""
+        view_from_occ = inverse(front_mount(place_m, PITCH_RAD))
+        return cls(view_from_occ, pinhole(*size_pix, HFOV_RAD), size_pix)
 
     def project(
         self, points_occ: Float[Tensor, "n 3"]
@@ -78,3 +56,24 @@ class Frustum:
         depths_m = torch.full((4,), depth_m, dtype=torch.float64)
         corners_camera = unproject(pix, depths_m, self.pix_from_camera.double())
         return transform(inverse(self.camera_from_occ.double()), corners_camera)
+
+
+def place_behind(points_occ: Float[Tensor, "n 3"], aspect: float) -> PlaceM:
+    """The observer's place behind and above the UAV, as near as lets all the points into the
+    picture; ``aspect`` is its width over its height.
+
+    The points bound the place along each side of the lens; where left meets right, and top meets
+    bottom, is the nearest.
+    """
+    occ_from_view = front_mount((0.0, 0.0, 0.0), PITCH_RAD)
+    x, y, z = transform(inverse(occ_from_view), points_occ.double()).unbind(-1)
+
+    # Through each side of the lens runs a plane; every point must lie inside all four.
+    slope_x = math.tan(HFOV_RAD / 2) * (1 - 2 * MARGIN)
+    slope_y = slope_x / aspect
+    right, left = (x - slope_x * z).max(), (x + slope_x * z).min()
+    bottom, top = (y - slope_y * z).max(), (y + slope_y * z).min()
+
+    depth = torch.minimum((left - right) / (2 * slope_x), (top - bottom) / (2 * slope_y))
+    place = torch.stack([(left + right) / 2, (top + bottom) / 2, depth])
+    return tuple((occ_from_view[:3, :3] @ place).tolist())

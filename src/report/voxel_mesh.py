@@ -9,6 +9,7 @@ from jaxtyping import Bool, Int, UInt8
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES, COLORS, OCCUPIED
 from .canvas import readable
+from .view import Labels
 
 # The darkest that a face gets between its neighbors, as a share of its class's color.
 DARKEST = 0.5
@@ -65,7 +66,7 @@ def openness(drawn: Bool[np.ndarray, "X Y Z"]) -> UInt8[np.ndarray, "X+2 Y+2 Z+2
     return 27 - count[1:-1, 1:-1, 1:-1]
 
 
-def voxel_meshes(labels: UInt8[np.ndarray, "X Y Z"], grid: VoxelGrid) -> list[go.Mesh3d]:
+def voxel_meshes(labels: Labels, grid: VoxelGrid) -> list[go.Mesh3d]:
     """Returns a mesh of each occupied class that occurs, in metres of the occ frame.
 
     A face between two classes is kept on both sides, so that a class can be hidden without leaving

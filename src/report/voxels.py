@@ -4,16 +4,17 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 from PIL import Image, ImageDraw
 
 from ..errors import UserError
 from ..geometry import VoxelGrid, pixel_centers
 from ..ontology import CLASSES, COLORS, FREE
 from ..voxels import rays_in_grid
+from .canvas import Pixels
 from .overlay import FRUSTUM_SHARE, Pen, draw_floor, draw_frustum, draw_uav
 from .raycast import FLOOR, VOXEL, PixelHits, cast
-from .view import Frustum, Viewpoint
+from .view import Frustum, Labels, PlaceM, SizePix, place_behind
 
 SUPERSAMPLING = 2
 
@@ -28,44 +29,44 @@ SHARE_IN_CORNERS = 0.55
 EDGE_DARKENING, EDGE_PIX = 0.28, 0.55
 FLOOR_COLOR = np.array([246.0, 248.0, 250.0], dtype=np.float32)
 
-# What the far end of the grid fades to, and how far.
-HAZE_COLOR, HAZE = np.array([255.0, 255.0, 255.0], dtype=np.float32), 0.28
+# Of labels over an image: how much of a pixel is its voxel's color, and how much darker edges are.
+COLOR_SHARE, EDGE_SHARE = 0.6, 0.35
+
+# How far the far end of the grid fades to white.
+HAZE = 0.28
 
 
-def ground_level(labels: UInt8[np.ndarray, "X Y Z"], grid: VoxelGrid) -> float:
+def ground_level(labels: Labels, grid: VoxelGrid) -> float:
     """Height in metres (occ) of the bottom of the lowest occupied voxel, or of an empty grid."""
     layers = np.flatnonzero((labels < FREE).any(axis=(0, 1)))
     return grid.lower_m[2] + grid.voxel_m * (int(layers[0]) if len(layers) else 0)
 
 
-def view_of(
-    scenes: Sequence[UInt8[np.ndarray, "X Y Z"]], grid: VoxelGrid, size_pix: tuple[int, int]
-) -> Viewpoint:
+def view_of(scenes: Sequence[Labels], grid: VoxelGrid, size_pix: SizePix) -> PlaceM:
     """From behind and above the UAV, with every occupied voxel of the scenes in the picture.
 
     The UAV and the ground under it are in it too; an empty scene shows its footprint.
     """
     occupied = np.any([labels < FREE for labels in scenes], axis=0)
-    (x0, y0, _), (x1, y1, _) = grid.lower_m, grid.upper_m
     floor_m = min(ground_level(labels, grid) for labels in scenes)
     points = [[0.0, 0.0, 0.0], [0.0, 0.0, floor_m]]
     if not occupied.any():
+        (x0, y0, _), (x1, y1, _) = grid.lower_m, grid.upper_m
         points += [[x, y, floor_m] for x in (x0, x1) for y in (y0, y1)]
-    points = torch.tensor(points, dtype=torch.float64)
     centers = grid.centers(torch.float64)[torch.from_numpy(occupied)]
-
-    return Viewpoint.behind(torch.cat([points, centers]), size_pix[0] / size_pix[1])
+    shown = torch.cat([torch.tensor(points, dtype=torch.float64), centers])
+    return place_behind(shown, size_pix[0] / size_pix[1])
 
 
 def render_voxels(
-    labels: UInt8[np.ndarray, "X Y Z"],
+    labels: Labels,
     grid: VoxelGrid,
-    size_pix: tuple[int, int] = (800, 600),
-    view: Viewpoint | None = None,
+    size_pix: SizePix,
+    view: PlaceM | None = None,
     frustum: Frustum | None = None,
     floor_m: float | None = None,
     frustum_share: float = FRUSTUM_SHARE,
-) -> UInt8[np.ndarray, "h w 3"]:
+) -> Pixels:
     """Picture, width x height ``size_pix``, of the occupied voxels in their class colors.
 
     Free and unknown voxels are not drawn. Under them lies the footprint of the grid with a line
@@ -79,17 +80,15 @@ def render_voxels(
     view = view or view_of([labels], grid, size_pix)
     floor_m = ground_level(labels, grid) if floor_m is None else floor_m
     width, height = size_pix[0] * SUPERSAMPLING, size_pix[1] * SUPERSAMPLING
-    camera = view.camera((width, height))
+    camera = Frustum.observer(view, (width, height))
     hits = cast_pixels(labels, grid, camera, floor_m)
 
-    # Haze begins where the grid does.
-    near_m = grid.lower_m[0] - view.position_m[0]
-    rgb = _shade(labels, grid, hits, float(camera.pix_from_camera[0, 0]), near_m)
+    rgb = _shade(labels, grid, hits, float(camera.pix_from_camera[0, 0]), view[0])
     image = Image.fromarray(rgb.reshape(height, width, 3))
-    depth_m = hits.distance.reshape(height, width)
 
     # Lines keep their share of the picture at any size.
     line_pix = max(1, round(width / 500))
+    depth_m = hits.distance.reshape(height, width)
     pen = Pen(ImageDraw.Draw(image), depth_m, camera, tolerance_m=0.3 * grid.voxel_m)
     draw_floor(pen, grid, floor_m, line_pix)
     if frustum is not None:
@@ -109,7 +108,7 @@ def check_labels(labels: np.ndarray, grid: VoxelGrid) -> None:
 
 
 def cast_pixels(
-    labels: UInt8[np.ndarray, "X Y Z"], grid: VoxelGrid, camera: Frustum, floor_m: float = -np.inf
+    labels: Labels, grid: VoxelGrid, camera: Frustum, floor_m: float = -np.inf
 ) -> PixelHits:
     """Returns what the ray through each pixel's center meets first: a voxel, or the floor.
 
@@ -121,37 +120,50 @@ def cast_pixels(
     return cast(labels < FREE, origin.numpy(), rays.contiguous().numpy(), SUN, floor)
 
 
+def labels_in_image(image: Pixels, labels: Labels, grid: VoxelGrid, camera: Frustum) -> Pixels:
+    """The image, every pixel tinted by the first occupied voxel on its ray, edges darker.
+
+    The ray is the one through the pixel's center. With another ``camera`` than the one that took
+    the image, colors stand beside their objects.
+    """
+    hits = cast_pixels(labels, grid, camera)
+    met = hits.kind == VOXEL
+    # An edge is a pixel wide, however far away it is.
+    pixel = hits.distance[met] / float(camera.pix_from_camera[0, 0]) / grid.voxel_m
+    edge = EDGE_SHARE * (hits.edge[met] < pixel)
+    color = PALETTE[labels[tuple(hits.voxel[met].T)]] * (1 - edge)[:, None]
+
+    tinted = image.reshape(-1, 3).astype(np.float32)
+    tinted[met] += COLOR_SHARE * (color - tinted[met])
+    return np.rint(tinted).astype(np.uint8).reshape(image.shape)
+
+
 def _shade(
-    labels: UInt8[np.ndarray, "X Y Z"],
+    labels: Labels,
     grid: VoxelGrid,
     hits: PixelHits,
     focal_pix: float,
-    near_m: float,
+    observer_m: float,
 ) -> UInt8[np.ndarray, "n 3"]:
     """Color of every ray: class color x light x edge, fading with distance; white for a miss."""
     rgb = np.full((len(hits.kind), 3), 255.0, dtype=np.float32)
     floor, voxel = hits.kind == FLOOR, hits.kind == VOXEL
     rgb[floor] = FLOOR_COLOR * np.where(hits.sunlit[floor], 1.0, 0.90)[:, None]
+    face = PixelHits(*(field[voxel] for field in hits))
 
-    surface = PixelHits(*(field[voxel] for field in hits))
-    brightness = _light(surface) * _edges(surface, focal_pix * grid.voxel_m / surface.distance)
-    color = np.minimum(PALETTE[labels[tuple(surface.voxel.T)]] * brightness[:, None], 255)
-    # Haze is thickest at the far end of the grid.
-    haze = HAZE * np.clip((surface.distance - near_m) / (grid.upper_m[0] - grid.lower_m[0]), 0, 1)
-    rgb[voxel] = color + (HAZE_COLOR - color) * haze[:, None]
-
-    return rgb.round().astype(np.uint8)
-
-
-def _light(surface: PixelHits) -> Float[np.ndarray, "n"]:
-    """Sky and sun on faces: how open the corners are, the orientation, the shadows."""
-    sky = SKY_LIGHT * (SHARE_IN_CORNERS + (1 - SHARE_IN_CORNERS) * surface.openness)
-    sun = SUN / np.linalg.norm(SUN)
-    return sky + SUN_LIGHT * np.clip(sun[surface.axis] * surface.side, 0, 1) * surface.sunlit
-
-
-def _edges(surface: PixelHits, pix_per_voxel: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
-    """Darkening along the edges of faces, as thin as a pixel; none where voxels get tiny."""
-    on_edge = surface.edge * pix_per_voxel < EDGE_PIX * SUPERSAMPLING
+    # Sky and sun: how open the corners are, the orientation, the shadows.
+    sun = (SUN / np.linalg.norm(SUN))[face.axis] * face.side
+    light = SKY_LIGHT * (SHARE_IN_CORNERS + (1 - SHARE_IN_CORNERS) * face.openness)
+    light = light + SUN_LIGHT * np.clip(sun, 0, 1) * face.sunlit
+    # The edges of faces are dark, as thin as a pixel; none where voxels get tiny.
+    pix_per_voxel = focal_pix * grid.voxel_m / face.distance
+    on_edge = face.edge * pix_per_voxel < EDGE_PIX * SUPERSAMPLING
     strength = np.clip((pix_per_voxel / SUPERSAMPLING - 2) / 8, 0, 1)
-    return 1 - EDGE_DARKENING * strength * on_edge
+    brightness = light * (1 - EDGE_DARKENING * strength * on_edge)
+
+    color = np.minimum(PALETTE[labels[tuple(face.voxel.T)]] * brightness[:, None], 255)
+    # Haze begins where the grid does, and is thickest at its far end.
+    length_m = grid.upper_m[0] - grid.lower_m[0]
+    haze = HAZE * np.clip((face.distance - (grid.lower_m[0] - observer_m)) / length_m, 0, 1)
+    rgb[voxel] = color + (255 - color) * haze[:, None]
+    return rgb.round().astype(np.uint8)

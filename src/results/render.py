@@ -68,11 +68,11 @@ Row = tuple[str, Sequence[Cell | str | None]]
 
 
 class Shown(NamedTuple):
-    """An entry of a table as it is shown: its text, the bounds below it, and whether it is best."""
+    """An entry of a table as it is shown: its text, the bounds below it if it is a number, and
+    whether it is the best."""
 
-    entry: Cell | str | None
     text: str
-    bounds: list[str]
+    bounds: list[str] | None
     is_best: bool
 
 
@@ -122,13 +122,13 @@ class Table:
         """Yields the name of every row, and its entries as they are shown."""
         best = {column: self.best_rows(column) for column in self.columns}
         for n, (name, entries) in enumerate(self.rows):
-            row = []
-            for column, entry in zip(self.columns, entries):
-                is_number = isinstance(entry, Cell)
-                text = entry.text(decimals) if is_number else entry or ""
-                bounds = entry.bounds(decimals) if is_number else []
-                row.append(Shown(entry, text, bounds, n in best[column]))
-            yield name, row
+            shown = [
+                Shown(entry.text(decimals), entry.bounds(decimals), n in best[column])
+                if isinstance(entry, Cell)
+                else Shown(entry or "", None, False)
+                for column, entry in zip(self.columns, entries)
+            ]
+            yield name, shown
 
 
 def _number(value: float, signed: bool, decimals: int) -> str:
@@ -191,14 +191,14 @@ def latex(text: str) -> str:
 
 
 def _latex_value(cell: Shown) -> str:
-    is_number = isinstance(cell.entry, Cell) and cell.text != NONE
+    text = latex(cell.text)
     # A hyphen would be set shorter than the plus that it stands below.
-    text = cell.text.replace("-", "$-$") if is_number else latex(cell.text)
+    text = text if cell.bounds is None or cell.text == NONE else text.replace("-", "$-$")
     return rf"\textbf{{{text}}}" if cell.is_best else text
 
 
 def _latex_bounds(cell: Shown) -> str:
-    bounds = ", ".join(cell.bounds).replace("-", "$-$")
+    bounds = ", ".join(cell.bounds or ()).replace("-", "$-$")
     return rf"{{\tiny [{bounds}]}}" if bounds else ""
 
 
@@ -232,7 +232,7 @@ def _drawn(table: Table, stacked: bool) -> RichTable:
 
 
 def _printed(cell: Shown, stacked: bool) -> Text:
-    if not isinstance(cell.entry, Cell):
+    if cell.bounds is None:
         return Text(cell.text)
     # A blank where others have a star keeps the points in line.
     value = (f"{cell.text}*", "bold") if cell.is_best else (f"{cell.text} ", "")

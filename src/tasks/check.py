@@ -2,6 +2,7 @@
 
 import shutil
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby
@@ -19,7 +20,7 @@ from ..terminal import say, tracked
 from ..worker_pool import default_workers, mapped
 from .dataset import make_dataset, root_of
 
-# Checksums of the card, which task=card writes.
+# Sums of the files of the dataset's card, where it has one.
 CARD_SUMS = f"card/{SUMS}"
 # Fewer are checked before another process would have started.
 CLIPS_A_WORKER = 8
@@ -38,11 +39,14 @@ class Findings:
         return sum(self.of_clips.values(), self.of_whole)
 
 
-def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
+def check(
+    cfg: DictConfig, mend: bool, sheets: bool, card: Callable[[Path], None] | None = None
+) -> None:
     """Prints every problem and the agreement of labels with depth; raises `UserError` where there
     is a problem and ``mend`` is false.
 
-    With ``mend`` damaged clips are made again, and they alone. With ``sheets`` the labels of every
+    With ``mend`` damaged clips are made again, and they alone, and ``card`` writes a damaged card
+    again. With ``sheets`` the labels of every
     town are laid over its images, in ``check/<town>.jpg`` under the dataset.
     """
     root = root_of(cfg)
@@ -57,6 +61,8 @@ def check(cfg: DictConfig, mend: bool, sheets: bool) -> None:
         say(line)
     if findings.lines and mend:
         _mend(cfg, root, findings)
+        if card and findings.of_whole and (root / CARD_SUMS).is_file():
+            card(root)
         say(f"mended: {', '.join(findings.of_clips) or MANIFEST}")
         findings = _findings(root, cfg.sim.workers)
 
@@ -132,8 +138,7 @@ def _card_problems(root: Path) -> list[str]:
     except UserError as error:
         return [str(error)]
     damaged = differing_files(root, sums)
-    again = "its bytes are not the ones written; task=card writes them again"
-    return [f"{root / name}: {again}" for name in damaged]
+    return [f"{root / name}: its bytes are not the ones written" for name in damaged]
 
 
 def _mend(cfg: DictConfig, root: Path, findings: Findings) -> None:

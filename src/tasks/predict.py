@@ -6,6 +6,7 @@ from pathlib import Path
 import torch
 from omegaconf import DictConfig
 
+from ..data.datamodule import SkyShieldData
 from ..data.predictions import PredictedFrame, Predictions, save_predictions
 from ..data.split import PARTS, held_out_clips
 from ..errors import UserError
@@ -47,10 +48,21 @@ def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = No
     # The folder appears under its name when all frames are in it.
     save_predictions(folder, facts | session.facts(network), frames())
     if animation is not None:
-        # Predicting needs no drawing code; it is loaded for the picture alone.
-        from ..report.animation import draw_predicted_flight
-
-        draw_predicted_flight(data.clips, data.split[part], Predictions(folder), animation)
+        _draw(data, part, Predictions(folder), animation)
         say(animation)
     missing = f"; {len(data.missing)} clips are not there" if data.missing else ""
     say(f"{folder}: {len(data.split[part])} frames{missing}")
+
+
+def _draw(data: SkyShieldData, part: str, predictions: Predictions, path: str) -> None:
+    """Draws the flight with most predicted frames: one that is held out has all, others the end."""
+    # Predicting needs no drawing code; it is loaded for the picture alone.
+    from ..data.actors import liveliest
+    from ..report.animation import draw_flight
+
+    frames: dict[str, list[int]] = {}
+    for name, frame in data.split[part]:
+        frames.setdefault(name, []).append(frame)
+    most = max(map(len, frames.values()))
+    clip = liveliest([data.clips[name] for name in frames if len(frames[name]) == most])
+    draw_flight(clip, path, frames[clip.clip_id], predictions)

@@ -8,14 +8,14 @@ from pathlib import Path
 from omegaconf import DictConfig
 from rich.console import Console
 
-from ..atomic import replacing
 from ..errors import UserError, closest
 from ..metrics.suite import import_metrics
 from ..report.ladder import ladder_named
 from ..report.ladder_report import LadderReport, ladder_report
-from ..report.report_page import learning_curves, report_text, write_report_page
+from ..report.report_page import learning_curves, write_report_pages
 from ..report.run_group import group_of
 from ..report.section import Section, ShownFrame, with_settings
+from ..report.template import write_text
 from ..results.files import write_table
 from ..results.render import WIDTH, csv_of, latex_of, print_table
 from ..results.runs import ScoredRun, UnfinishedRun, read_run, run_folders
@@ -24,7 +24,7 @@ from ..terminal import tracked
 from .scoring import parts_of
 from .showcase import COMPARISON, showcase
 
-TEXT, PAGE, FIGURES = "report.md", "report.html", "figures"
+FIGURES = "figures"
 SCORES, TABLES, LATEX = "scores.csv", "tables.csv", "tables.tex"
 # Tables that are printed, by their keys.
 PRINTED = ("main", "ablation")
@@ -62,15 +62,14 @@ def report(
     group = group_of(finished, ladder)
     with Console().status("resampling"):
         made = ladder_report(group, unfinished, parts_of, folder, list(seeds), added)
-    curves = learning_curves(made.named_runs)
+    curves = learning_curves(group)
     shown = showcase(cfg, group.runs, folder / FIGURES, scenes, ladder)
     made = replace(made, missing=(*made.missing, *shown.missing))
 
     figures = shown.figures | _drawn(made, folder / FIGURES, shown.frames)
-    heading = f"Report of {made.runs[0].counts.protocol.dataset}"
-    _write(made, heading, figures, folder)
+    _write(made, figures, folder)
     scenes_shown = [each.scene for each in shown.frames]
-    write_report_page(made, heading, curves, figures, scenes_shown, folder / PAGE)
+    write_report_pages(made, curves, figures, scenes_shown, folder)
     _print(made, folder)
 
 
@@ -114,29 +113,22 @@ def _drawn(made: LadderReport, folder: Path, frames: Sequence[ShownFrame]) -> di
     return {path: caption for path, caption in captions.items() if caption}
 
 
-def _write(made: LadderReport, heading: str, figures: Mapping[Path, str], folder: Path) -> None:
-    """Writes ``report.md``, the long table and the tables of the report; the figures are there."""
+def _write(made: LadderReport, figures: Mapping[Path, str], folder: Path) -> None:
+    """Writes the long table and the tables of the report; the figures are there."""
     # A figure of an earlier report would be taken for a part of this one.
     for name in {COMPARISON, *made.pictures} - {path.name for path in figures}:
         (folder / FIGURES / name).unlink(missing_ok=True)
 
     write_table(made.scores, folder / SCORES)
-    beside = {f"{FIGURES}/{path.name}": caption for path, caption in figures.items()}
-    texts = {
-        TEXT: report_text(made, heading, beside),
-        TABLES: csv_of(made.tables),
-        LATEX: "\n".join(map(latex_of, made.tables)),
-    }
-    for name, text in texts.items():
-        with replacing(folder / name) as temporary:
-            temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(folder / TABLES, csv_of(made.tables))
+    write_text(folder / LATEX, "\n".join(map(latex_of, made.tables)))
 
 
 def _print(made: LadderReport, folder: Path) -> None:
     """Prints the main tables, what is wrong or missing, and where the report lies."""
     console = Console(width=WIDTH)
-    for key in PRINTED:
-        if table := made.table(key):
+    for table in made.tables:
+        if table.key in PRINTED:
             title = f"{table.title} (%; below each number its interval)"
             print_table(replace(table, title=title), console)
     for setting, values in made.unclean.rows:

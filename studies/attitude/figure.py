@@ -9,8 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from src.report.canvas import INK, MUTED
-from src.report.figure_file import write_figure
+from src.report.canvas import INK, MUTED, write_figure
 from studies.attitude.tables import AttitudeScores
 
 # Another marker is taken when all colors have been used.

@@ -12,10 +12,9 @@ import torch
 from src.data.clip import Clip
 from src.geometry import camera_from_occ
 from src.report.canvas import MUTED, Canvas, Pixels, beside, resized, write_picture
-from src.report.labels_in_image import labels_in_image
 from src.report.scene import VoxelScene
 from src.report.view import Frustum
-from src.report.voxels import ground_level, render_voxels, view_of
+from src.report.voxels import ground_level, labels_in_image, render_voxels, view_of
 
 CELL_PIX = (620, 400)
 GAP_PIX, TITLE_PIX, HEADER_PIX, FOOTER_PIX = 18, 40, 60, 60

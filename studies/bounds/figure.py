@@ -6,8 +6,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from src.report.canvas import INK, MUTED
-from src.report.figure_file import write_figure
+from src.report.canvas import INK, MUTED, write_figure
 
 SIZE_INCHES, DPI = (7.6, 4.6), 150
 # Color and style of each line, by what is told and how the error is drawn.

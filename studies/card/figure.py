@@ -1,7 +1,5 @@
 """The paper's four panels of dataset statistics (App. B, "SkyShield Dataset and Generation")."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,44 +8,47 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from src.ontology import ACTOR_TYPES, CLASSES, COLORS
 from src.report.canvas import INK, MUTED, readable
-from src.report.figure_file import write_figure
 from studies.card import paper
 from studies.card.statistics import DENOMINATORS, LOW_FLIGHT_M, Statistics
 
 SIZE_INCHES, DPI = (13.0, 8.6), 130
-RULE, BAR, ACCENT = "#e3e6ea", "#7d9cc0", "#d1495b"
+BAR, ACCENT = "#7d9cc0", "#d1495b"
 HEIGHT_BIN_M = 0.5
 DENOMINATOR_OPACITY = dict(zip(DENOMINATORS, (1.0, 0.55, 0.22)))
 VOXEL_COLORS = {name: np.array(COLORS[name]) / 255 for name in CLASSES}
-
-
-def draw_statistics(statistics: Statistics, path: str | Path) -> None:
-    """Write a PNG: A town by weather, B heights, C voxels of each class, D visible actors.
-
-    The paper's own numbers are marked where it gives them. Raises `UserError` for a path that
-    cannot be written.
-    """
-    write_figure(statistics_figure(statistics), path)
+TITLES = {
+    "A": "Clips (above) and frames (below), town by weather",
+    "B": "Flight height",
+    "C": "Voxels of each class (log)",
+    "D": "Visible actors: mean of a frame, and their sum (figures)",
+}
+LEGEND = {"frameon": False, "fontsize": 9}
 
 
 def statistics_figure(statistics: Statistics) -> Figure:
-    """The figure of `draw_statistics`: axes A, B, C, D in this order."""
+    """Draws axes A town by weather, B heights, C voxels of each class, D visible actors.
+
+    The paper's own numbers are marked where it gives them.
+    """
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained", facecolor="white")
     figure.get_layout_engine().set(w_pad=0.15, h_pad=0.15)
-    (matrix, heights), (voxels, actors) = figure.subplots(2, 2)
-    _draw_matrix(matrix, statistics)
-    _draw_heights(heights, statistics)
-    _draw_voxels(voxels, statistics)
-    _draw_actors(actors, statistics)
+
+    panels = (_draw_matrix, _draw_heights, _draw_voxels, _draw_actors)
+    for axes, draw, (letter, title) in zip(figure.subplots(2, 2).flat, panels, TITLES.items()):
+        draw(axes, statistics)
+        axes.set_title(f"$\\bf{{{letter}}}$  {title}", loc="left", fontsize=11, color=INK)
+        if draw is not _draw_matrix:
+            axes.grid(axis="y", color="#e3e6ea")
+            axes.set_axisbelow(True)
+            axes.spines[["top", "right"]].set_visible(False)
     return figure
 
 
 def _draw_matrix(axes: Axes, statistics: Statistics) -> None:
     frames = statistics.by_town_and_weather(statistics.frames)
     clips = statistics.by_town_and_weather(statistics.clips)
-    most = frames.to_numpy().max()
     # The scale ends beyond the largest count, so that the darkest cell still carries dark text.
-    axes.imshow(frames, cmap="Blues", vmin=0, vmax=2.2 * most, aspect="auto")
+    axes.imshow(frames, cmap="Blues", vmin=0, vmax=2.2 * frames.to_numpy().max(), aspect="auto")
     axes.set_xticks(range(frames.shape[1]), map(readable, frames.columns), rotation=40, ha="right")
     axes.set_yticks(range(frames.shape[0]), map(readable, frames.index))
 
@@ -59,7 +60,6 @@ def _draw_matrix(axes: Axes, statistics: Statistics) -> None:
     axes.grid(which="minor", color="white", linewidth=2)
     axes.tick_params(which="both", length=0)
     axes.spines[:].set_visible(False)
-    _title(axes, "A", "Clips (above) and frames (below), town by weather")
 
 
 def _draw_heights(axes: Axes, statistics: Statistics) -> None:
@@ -75,23 +75,19 @@ def _draw_heights(axes: Axes, statistics: Statistics) -> None:
 
     for height_m, color, style, label in lines:
         axes.axvline(height_m, color=color, linestyle=style, linewidth=1.8, label=label)
-    axes.legend(frameon=False, fontsize=9)
-    axes.set_ylim(top=1.3 * axes.get_ylim()[1])  # room for the legend
-    axes.set_xlabel("height above the ground (m)")
-    axes.set_ylabel("frames")
-    axes.set_xlim(0, last_m)
+    axes.legend(**LEGEND)
+    # There is room for the legend.
+    axes.set(xlabel="height above the ground (m)", ylabel="frames", xlim=(0, last_m))
+    axes.set_ylim(top=1.3 * axes.get_ylim()[1])
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    _finish(axes, "B", "Flight height")
 
 
 def _draw_voxels(axes: Axes, statistics: Statistics) -> None:
     """Three bars a class, one for each denominator; most frequent class first."""
     shares = statistics.class_shares().sort_values("labelled", ascending=False)
     places = np.arange(len(shares))
-
     style = {"edgecolor": "#8a919c", "linewidth": 0.5}
     style["color"] = [VOXEL_COLORS[name] for name in shares.index]
-
     for n, (denominator, opacity) in enumerate(DENOMINATOR_OPACITY.items()):
         axes.bar(places + 0.27 * (n - 1), shares[denominator], 0.25, alpha=opacity, **style)
     labels = [percent(share) if share else "" for share in shares["labelled"]]
@@ -100,19 +96,16 @@ def _draw_voxels(axes: Axes, statistics: Statistics) -> None:
     reported = [(shares.index.get_loc(name), share) for name, share in paper.CLASS_SHARES.items()]
     diamonds = axes.scatter(*zip(*reported), marker="D", s=34, color="white", ec=INK, zorder=3)
     diamonds.set_label("the paper's (of which, it does not say)")
-    least = min(*shares.to_numpy()[shares > 0], *paper.CLASS_SHARES.values())
-    # Free space is thousands of times as frequent as VRUs.
-    axes.set_yscale("log")
-    axes.set_ylim(10 ** np.floor(np.log10(least)), 4)
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{100 * share:g}%"))
-    axes.set_xticks(places, map(readable, shares.index), rotation=25, ha="right")
-    axes.set_ylabel("share of voxels")
     grey = [
         Patch(facecolor=INK, alpha=0.75 * o, label=f"of {d} voxels".replace("in ", "in-"))
         for d, o in DENOMINATOR_OPACITY.items()
     ]
-    axes.legend(handles=[*grey, diamonds], frameon=False, fontsize=9)
-    _finish(axes, "C", "Voxels of each class (log)")
+    axes.legend(handles=[*grey, diamonds], **LEGEND)
+    # Free space is thousands of times as frequent as VRUs.
+    least = min(*shares.to_numpy()[shares > 0], *paper.CLASS_SHARES.values())
+    axes.set(yscale="log", ylabel="share of voxels", ylim=(10 ** np.floor(np.log10(least)), 4))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{100 * share:g}%"))
+    axes.set_xticks(places, map(readable, shares.index), rotation=25, ha="right")
 
 
 def _draw_actors(axes: Axes, statistics: Statistics) -> None:
@@ -130,8 +123,7 @@ def _draw_actors(axes: Axes, statistics: Statistics) -> None:
     axes.set_xticks(places, here.index)
     axes.set_ylabel("visible actors in a frame")
     axes.margins(y=0.1)
-    axes.legend(frameon=False, fontsize=9)
-    _finish(axes, "D", "Visible actors: mean of a frame, and their sum (figures)")
+    axes.legend(**LEGEND)
 
 
 def visible_totals(statistics: Statistics) -> dict[str, int]:
@@ -142,14 +134,3 @@ def visible_totals(statistics: Statistics) -> dict[str, int]:
 def percent(share: float) -> str:
     """A share in percent with three significant digits, as in the paper."""
     return f"{100 * share:.3g}%"
-
-
-def _title(axes: Axes, letter: str, text: str) -> None:
-    axes.set_title(f"$\\bf{{{letter}}}$  {text}", loc="left", fontsize=11, color=INK)
-
-
-def _finish(axes: Axes, letter: str, text: str) -> None:
-    _title(axes, letter, text)
-    axes.grid(axis="y", color=RULE)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)

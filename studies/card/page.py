@@ -3,28 +3,26 @@
 import json
 import shlex
 from collections.abc import Mapping
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from jinja2 import StrictUndefined, Template
 
-from src.atomic import replacing
-from src.data.actors import MIN_VISIBLE_SHARE
+from src.data.actors import MIN_VISIBLE_SHARE, liveliest
 from src.data.clip import CLIP_SECONDS, SUMS, Clip, sha256_of
 from src.data.manifest import DatasetSpec, read_manifest
-from src.report.animation import draw_clip, liveliest
-from src.report.canvas import readable
+from src.report.animation import draw_flight
+from src.report.canvas import readable, write_figure
+from src.report.template import write_text
 from studies.card import paper
 from studies.card.contact_sheet import draw_contact_sheet
 from studies.card.croissant import croissant_of
-from studies.card.figure import draw_statistics, percent, visible_totals
-from studies.card.statistics import Statistics, statistics_of
+from studies.card.figure import percent, statistics_figure, visible_totals
+from studies.card.statistics import statistics_of
 
 TEMPLATE = Path(__file__).with_name("card.md.j2")
 CARD, FIGURES, CROISSANT = "README.md", "card", "croissant.json"
-CARD_SUMS = f"{FIGURES}/{SUMS}"
 
 WHAT_IT_IS = (
     "A semantic occupancy dataset for low-altitude UAV flight: front images of flights of 12 s "
@@ -47,53 +45,24 @@ def write_card(root: Path) -> None:
     Everything comes from the files there, and the same dataset gives the same bytes. Raises
     `UserError` where the dataset is unfinished, a file cannot be read, or nothing can be written.
     """
-    root = Path(root)
-    manifest = read_manifest(root)
-    figures = root / FIGURES
-    statistics = statistics_of(root)
+    root, figures = Path(root), Path(root) / FIGURES
+    manifest, statistics = read_manifest(root), statistics_of(root)
     clips = statistics.clip_table()
 
-    with replacing(figures / "clips.csv") as temporary:
-        clips.to_csv(temporary, index=False, lineterminator="\n")
-    draw_statistics(statistics, figures / "statistics.png")
+    write_text(figures / "clips.csv", clips.to_csv(index=False, lineterminator="\n"))
+    write_figure(statistics_figure(statistics), figures / "statistics.png")
     draw_contact_sheet(root, statistics, figures / "contact_sheet.jpg")
-    draw_flight(root, statistics, figures / "flight.gif")
+    shown = clips["clip"][clips["weather"] == clips["weather"][0]]
+    draw_flight(liveliest([Clip(root / name) for name in shown]), figures / "flight.gif")
     metadata = croissant_of(root, manifest, WHAT_IT_IS.replace("*", ""), figures / "clips.csv")
-    _write(root / CROISSANT, json.dumps(metadata, indent=1) + "\n")
+    write_text(root / CROISSANT, json.dumps(metadata, indent=1) + "\n")
+
     # Pictures of task=portraits may lie here as well.
-    pictures = [path.name for path in figures.iterdir() if path.is_file() and path.name != SUMS]
-    _write(root / CARD, f"{_card(root.name, manifest, statistics, clips, pictures)}\n")
-    files = [root / CARD, root / CROISSANT, *(figures / name for name in sorted(pictures))]
-    sums = "".join(f"{sha256_of(path)}  {path.relative_to(root).as_posix()}\n" for path in files)
-    _write(root / CARD_SUMS, sums)
-
-
-def draw_flight(root: Path, statistics: Statistics, path: str | Path) -> None:
-    """Writes a GIF of the `liveliest` clip of the first weather, 4 s around its middle.
-
-    Raises `UserError` for a clip that cannot be read and a path that cannot be written.
-    """
-    frames, first_weather = statistics.frames, statistics.clips["weather"].iloc[0]
-    clip = Clip(root / liveliest(frames[frames["weather"] == first_weather]))
-    draw_clip(clip, range(len(clip)), None, path)
-
-
-def _write(path: Path, text: str) -> None:
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
-
-
-def _card(
-    name: str, manifest: Mapping, statistics: Statistics, clips: pd.DataFrame, pictures: list[str]
-) -> str:
-    """Returns the card of a dataset as Markdown: its numbers, and the paper's beside them.
-
-    ``name`` is its folder's, ``clips`` its `Statistics.clip_table`, ``pictures`` the files in
-    ``card/``: those of `PICTURES` among them are shown.
-    """
+    files = [path.name for path in figures.iterdir() if path.is_file()]
+    pictures = sorted({*files} - {SUMS})
     text = TEMPLATE.read_text(encoding="utf-8")
-    return Template(text, undefined=StrictUndefined, trim_blocks=True).render(
-        name=name,
+    card = Template(text, undefined=StrictUndefined, trim_blocks=True).render(
+        name=root.name,
         what_it_is=WHAT_IT_IS,
         extra={file: text for file, text in PICTURES.items() if file in pictures},
         overrides=map(shlex.quote, overrides_of(manifest)),
@@ -107,6 +76,10 @@ def _card(
         min_visible_share=MIN_VISIBLE_SHARE,
         **{"readable": readable, "percent": percent, "span": _span, "in_degrees": np.rad2deg},
     )
+    write_text(root / CARD, f"{card}\n")
+    files = [root / CARD, root / CROISSANT, *(figures / name for name in pictures)]
+    sums = "".join(f"{sha256_of(path)}  {path.relative_to(root).as_posix()}\n" for path in files)
+    write_text(figures / SUMS, sums)
 
 
 def _span(form: str, values: pd.Series) -> str:
@@ -117,24 +90,20 @@ def _span(form: str, values: pd.Series) -> str:
 def overrides_of(manifest: Mapping) -> list[str]:
     """The overrides that name this very dataset, whatever the defaults are."""
     sim, held_out = manifest["sim"], manifest["held_out"]
-    overrides = ["task=generate", f"scale={manifest['scale']}"]
-    for key, value in sim.items():
-        # The values of the weathers are files of the configuration, too many for a command line.
-        if key != "weather":
-            overrides += _assignments(f"sim.{key}", value)
-    overrides += [f"data.{part}_clips={_plain(held_out[part])}" for part in ("val", "test")]
-
+    # The values of the weathers are files of the configuration, too many for a command line.
+    settings = {f"sim.{key}": value for key, value in sim.items() if key != "weather"}
+    settings |= {f"data.{part}_clips": held_out[part] for part in ("val", "test")}
     # It shapes no data; but a step that the capture rate does not divide is refused.
     if (0.2 * sim["capture_hz"]) % 1:
-        overrides.append(f"data.history_step_s={1 / sim['capture_hz']:g}")
-    return overrides
+        settings["data.history_step_s"] = f"{1 / sim['capture_hz']:g}"
+    leaves = [each for key, value in settings.items() for each in _assignments(key, value)]
+    return ["task=generate", f"scale={manifest['scale']}", *leaves]
 
 
 def _assignments(key: str, value: object) -> list[str]:
     """``key=value``, one for each leaf. The grid is set once for data and model."""
     if isinstance(value, Mapping):
-        leaves = (_assignments(f"{key}.{name}", leaf) for name, leaf in value.items())
-        return list(chain.from_iterable(leaves))
+        return [each for name in value for each in _assignments(f"{key}.{name}", value[name])]
     key = key.replace("sim.grid.", "grid.")
     # These two groups are empty by default, and take what their classes take.
     add = "++" if key.startswith(("sim.flight.", "sim.traffic.")) else ""

@@ -7,8 +7,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from src.report.canvas import INK, MUTED
-from src.report.figure_file import write_figure
+from src.report.canvas import INK, MUTED, write_figure
 from src.results.render import Cell, Table
 
 SIZE_INCHES, DPI = (9.6, 3.8), 150

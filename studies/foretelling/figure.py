@@ -8,8 +8,7 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from src.report.canvas import INK, MUTED
-from src.report.figure_file import write_figure
+from src.report.canvas import INK, MUTED, write_figure
 from studies.foretelling.correlation import ALL
 
 DPI, WIDTH_INCHES, ROW_INCHES = 150, 4.2, 0.22

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from src.metrics.functional import Penalty
-from src.report.canvas import INK, MUTED
-from src.report.figure_file import write_figure
+from src.report.canvas import INK, MUTED, write_figure
 from studies.sensitivity.metric import PARAMETERS
 
 SYMBOLS = dict(zip(PARAMETERS, ("$v_{min}$ (m/s)", "$T_h$ (s)", r"$\lambda$ (1/s)", r"$\gamma$")))

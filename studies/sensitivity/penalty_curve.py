@@ -7,8 +7,7 @@ import torch
 from matplotlib.figure import Figure
 
 from src.metrics.functional import Penalty
-from src.report.canvas import INK, MUTED
-from src.report.figure_file import write_figure
+from src.report.canvas import INK, MUTED, write_figure
 
 SPEEDS_MPS = (5.0, 8.0, 12.0)
 COLORS = ("#2962ff", "#00898a", "#d1495b")

@@ -13,8 +13,7 @@ from PIL import Image, ImageOps
 
 from src.geometry import in_image, inverse, project
 from src.ontology import FREE, SKY, UNKNOWN
-from src.report.canvas import Pixels, write_picture
-from src.report.titled_sheet import titled_sheet
+from src.report.canvas import Pixels, titled_sheet, write_picture
 from src.report.top import render_top
 from src.report.view import Frustum
 from src.report.voxels import PALETTE, render_voxels, view_of

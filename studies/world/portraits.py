@@ -5,8 +5,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
-from src.report.canvas import readable, write_picture
-from src.report.titled_sheet import titled_sheet
+from src.report.canvas import readable, titled_sheet, write_picture
 from src.sim.clip_maker import ClipPlan
 from src.sim.plan import plan_clips
 from src.sim.renderer import require_renderer

@@ -10,10 +10,10 @@ from plotly.offline import get_plotlyjs
 
 from src.errors import UserError
 from src.report.ladder_report import ladder_report
-from src.report.report_page import learning_curves, report_text, write_report_page
+from src.report.report_page import learning_curves, write_report_pages
 from src.report.run_group import group_of
 from src.tasks.scoring import parts_of
-from tests.report.test_scene_figure import SMALL, scene_of
+from tests.report.street import SMALL, scene_of
 from tests.results.scored import ladder_of, write_ladder
 from tests.results.test_render import TABLE
 
@@ -25,14 +25,15 @@ def _report(tmp_path_factory):
     """What a report of two rungs says."""
     folder = tmp_path_factory.mktemp("runs")
     runs = ladder_of(write_ladder(folder, seeds=(0,), experiments=("baseline", "skyocc")))
-    return ladder_report(group_of(runs), [], parts_of, folder)
+    group = group_of(runs)
+    assert learning_curves(group) == [], "no run has a log"
+    return ladder_report(group, [], parts_of, folder)
 
 
-def written(folder, report, heading="Report", plots=(), figures=None, scenes=()):
+def written(folder, report, plots=(), figures=None, scenes=()):
     """The page without plotly's own script."""
-    path = folder / "report.html"
-    write_report_page(report, heading, plots, figures or {}, scenes, path)
-    return path.read_text(encoding="utf-8").replace(get_plotlyjs(), "ITS SCRIPT")
+    write_report_pages(report, plots, figures or {}, scenes, folder)
+    return (folder / "report.html").read_text().replace(get_plotlyjs(), "ITS SCRIPT")
 
 
 @pytest.fixture(name="content", scope="module")
@@ -44,7 +45,7 @@ def _content(report, tmp_path_factory):
         figures[folder / f"sheet.{kind}"] = f"a sheet as {kind}"
     missing = dataclasses.replace(report, missing=("attitude seed 1: no run",))
     plots = [("Loss", Figure(Scatter(y=[2.0, 1.0])))]
-    return folder, missing, "Heading", plots, figures, [scene_of(SMALL)]
+    return folder, missing, plots, figures, [scene_of(SMALL)]
 
 
 @pytest.fixture(name="whole", scope="module")
@@ -85,26 +86,26 @@ def test_what_is_empty_is_left_out(report, tmp_path):
     page = written(tmp_path, dataclasses.replace(report, missing=()))
     assert re.findall(r"<h2>(.*?)</h2>", page) == ["Facts", "Tables"]
     assert "ITS SCRIPT" not in page, "4.8 MB for nothing"
-    assert learning_curves([("no log", run) for run in report.group.runs]) == []
 
 
 def test_no_name_becomes_markup(whole, content):
-    folder, report, _, plots, figures, scenes = content
+    folder, report, plots, figures, scenes = content
     scene = scene_of(SMALL, title=WICKED, predictions={WICKED: scenes[0].truth})
     texts = {"title": WICKED, "caption": WICKED, "head": WICKED, "columns": [WICKED]}
     table = dataclasses.replace(report.tables[0], **texts, rows=[(WICKED, [WICKED])])
-    wicked = dataclasses.replace(report, tables=(table,), missing=(WICKED,))
+    wicked = dataclasses.replace(report, heading=WICKED, tables=(table,), missing=(WICKED,))
     plots, figures = [(WICKED, plots[0][1])], dict.fromkeys(figures, WICKED)
-    page = written(folder, wicked, WICKED, plots, figures, [scene])
+    page = written(folder, wicked, plots, figures, [scene])
     for tag in ("<script", "</script"):
         assert page.count(tag) == whole.count(tag)
     assert "<img src=x" not in page
     assert page.count("&lt;/script&gt;") > 8
 
 
-def test_the_text_shows_every_column_and_interval_and_marks_the_best(report):
-    text = report_text(dataclasses.replace(report, facts=(), tables=(TABLE,)), "Report", {})
-    rows = [line for line in text.split("## Files")[0].splitlines() if line.startswith("|")]
+def test_the_text_shows_every_column_and_interval_and_marks_the_best(report, tmp_path):
+    written(tmp_path, dataclasses.replace(report, facts=(), tables=(TABLE,)))
+    text = (tmp_path / "report.md").read_text().split("## Files")[0]
+    rows = [line for line in text.splitlines() if line.startswith("|")]
     # Bars that are escaped end no cell.
     cells = [[c.strip() for c in re.split(r"(?<!\\)\|", row)[1:-1]] for row in rows]
     assert {len(row) for row in cells} == {1 + len(TABLE.columns)}

@@ -9,13 +9,12 @@ from src.report.shared_settings import (
     differing,
     factors_of,
     marks_of,
-    others_table,
     settings_table,
-    shared_table,
+    shown_settings,
     surprises,
 )
 from src.results.runs import read_run
-from tests.results.scored import write_run
+from tests.results.scored import WEIGHTS, write_run
 from tests.synthetic import compose_config
 
 
@@ -49,25 +48,24 @@ def test_a_clean_ladder_shares_all_but_its_factors_and_the_seed(run):
     runs = [run(name, seed) for name in PAPER.names for seed in (0, 1)]
     assert list(differing(runs)) == [*FACTORS.values(), "seed"]
     assert surprises(runs) == {}
-    assert {setting: value for setting, (value,) in shared_table(runs).rows} == {
-        **{"trainer.max_epochs": "8", "trainer.devices": "1"},
-        **{"trainer.accumulate_grad_batches": "1", "optimizer.rule._target_": "torch.optim.AdamW"},
-        **{"optimizer.lr": "0.002", "optimizer.weight_decay": "0.01", "optimizer.warmup": "0.05"},
-        **{"data.batch_size": "8", "data.order": "shuffled", "data.mirror": "true"},
-        "data.frames": "4",
-    }
-
-
-def test_what_differs_is_not_called_shared(run):
-    runs = [run("baseline"), run("skyocc", 0, trainer__max_epochs=9, data__order="streams")]
-    assert not {"trainer.max_epochs", "data.order"} & {name for name, _ in shared_table(runs).rows}
+    ends = [each for each in runs if each.experiment in ("baseline", "skyocc")]
+    table = settings_table("k", "t", shown_settings(ends))
+    assert table.columns == ["baseline", "skyocc"]
+    assert table.rows[:4] == [
+        ("model.encoder.projection", ["level", "attitude"]),
+        ("loss.class_weights", ["null", "safety_weights(max_ratio=4.0)"]),
+        ("loss.lovasz_weight", ["0.0", "1.0"]),
+        ("seed", ["0, 1", "0, 1"]),
+    ]
+    assert ("optimizer.rule._target_", ["torch.optim.AdamW"] * 2) in table.rows
+    assert "trainer.limit_train_batches" not in dict(table.rows), "none of them has it"
 
 
 def test_long_values_are_compared_to_their_end_and_told_short(run):
     place = "a/place/of/many/words/" * 5
     runs = [
-        run("baseline", model__weights=f"{place}encoder-a.pth"),
-        run("skyocc", model__weights=f"{place}encoder-b.pth"),
+        run(name, model__weights=f"{place}encoder-{end}.pth")
+        for name, end in (("baseline", "a"), ("skyocc", "b"))
     ]
     ((setting, values),) = settings_table("k", "t", surprises(runs)).rows
     assert setting == "model.weights"
@@ -75,86 +73,43 @@ def test_long_values_are_compared_to_their_end_and_told_short(run):
     assert all(value.startswith("a/place/") and len(value) <= 60 for value in values)
 
 
-def test_the_values_of_what_differs_are_told_by_rung(run):
-    runs = [run(name, seed) for name in ("baseline", "skyocc") for seed in (0, 1)]
-    assert differing(runs) == {
-        "model.encoder.projection": {"baseline": ["level"], "skyocc": ["attitude"]},
-        "loss.class_weights": {"baseline": ["null"], "skyocc": ["safety_weights(max_ratio=4.0)"]},
-        "loss.lovasz_weight": {"baseline": ["0.0"], "skyocc": ["1.0"]},
-        "seed": {"baseline": ["0", "1"], "skyocc": ["0", "1"]},
-    }
-    table = settings_table("k", "t", differing(runs))
-    assert table.columns == ["baseline", "skyocc"]
-    assert table.rows[-1] == ("seed", ["0, 1", "0, 1"])
+MORE = {"loss__class_weights": {**WEIGHTS, "max_ratio": 8.0}}
+LEVEL, LR = {"model__encoder__projection": "level"}, {"optimizer__lr": 0.01}
+BF16 = {"facts": {"precision": "bf16-mixed"}}
+UNCLEAN = {
+    "a setting beside the factors": (
+        {"baseline": {}, "skyocc": LR},
+        {"optimizer.lr": {"baseline": ["0.002"], "skyocc": ["0.01"]}},
+    ),
+    # The first one has no weights at all, so it differs from both in the whole key.
+    "a difference that only two later rungs show": (
+        {"baseline": {}, "weights": {}, "skyocc": MORE},
+        {"loss.class_weights.max_ratio": dict(baseline=["null"], weights=["4.0"], skyocc=["8.0"])},
+    ),
+    "a rung that is not what its name says": (
+        {"baseline": {}, "skyocc": LEVEL},
+        {"model.encoder.projection": {"baseline": ["level"], "skyocc": ["level"]}},
+    ),
+    "another precision under the same configuration": (
+        {"baseline": {}, "mine": BF16},
+        {"precision": {"baseline": ["32-true"], "mine": ["bf16-mixed"]}},
+    ),
+    "a rung of one's own may differ": ({"weights": {}, "skyocc": {}, "mine": LR}, {}),
+    "a rung of the paper may not": (
+        {"attitude": LR, "weights": {}, "mine": {}},
+        {"optimizer.lr": {"attitude": ["0.01"], "weights": ["0.002"], "mine": ["0.002"]}},
+    ),
+}
 
 
-def test_a_setting_beside_the_factors_is_no_clean_comparison(run):
-    runs = [run("baseline", 0), run("skyocc", 0, optimizer__lr=0.01, trainer__max_epochs=9)]
-    assert surprises(runs) == {
-        "optimizer.lr": {"baseline": ["0.002"], "skyocc": ["0.01"]},
-        "trainer.max_epochs": {"baseline": ["8"], "skyocc": ["9"]},
-    }
-
-
-def test_an_own_rung_may_differ_and_is_told_by_how(run):
-    runs = [run("weights"), run("skyocc"), run("mine", 0, optimizer__lr=0.01)]
-    ladder = ladder_named(["weights", "skyocc", "mine"])
-    assert surprises(runs, ladder) == {}
-    assert others_table(runs, ladder).rows == [
-        ("mine", ["skyocc", "optimizer.lr", "0.01", "0.002"])
-    ]
-    runs.append(run("attitude", 0, optimizer__lr=0.03))
-    ladder = ladder_named(["attitude", *ladder.names])
-    assert list(surprises(runs, ladder)) == ["optimizer.lr"]
-
-
-def test_of_a_ladder_without_any_of_the_papers_rungs_the_lowest_is_the_reference(run):
-    runs = [run("one"), run("two", 0, optimizer__lr=0.01)]
-    table = others_table(runs, ladder_named(["one", "two"]))
-    assert table.rows == [("two", ["one", "optimizer.lr", "0.01", "0.002"])]
-
-
-def test_a_difference_that_only_two_later_rungs_show_is_found(run):
-    """The first one has no weights at all, so it differs from both in the whole key."""
-    more = {"_target_": "src.models.losses.safety_weights", "_partial_": True, "max_ratio": 8.0}
-    runs = [run("baseline"), run("weights"), run("skyocc", loss__class_weights=more)]
-    assert surprises(runs) == {
-        "loss.class_weights.max_ratio": {
-            **{"baseline": ["null"], "weights": ["4.0"], "skyocc": ["8.0"]}
-        }
-    }
-
-
-def test_a_rung_that_is_not_what_its_name_says_is_told(run):
-    runs = [run("baseline"), run("skyocc", 0, model__encoder__projection="level")]
-    assert surprises(runs) == {
-        "model.encoder.projection": {"baseline": ["level"], "skyocc": ["level"]}
-    }
-    assert marks_of(runs)["skyocc"] == ["✗", "✓", "✓"]
+@pytest.mark.parametrize("case", UNCLEAN)
+def test_what_makes_a_comparison_unclean_is_told(run, case):
+    made, told = UNCLEAN[case]
+    runs = [run(name, 0, **changes) for name, changes in made.items()]
+    assert surprises(runs, ladder_named(list(made) if "mine" in made else [])) == told
 
 
 def test_seeds_of_a_rung_that_differ_in_a_factor_are_told(run):
-    runs = [run("skyocc", 0), run("skyocc", 1, loss__lovasz_weight=0.5)]
-    assert surprises(runs) == {"loss.lovasz_weight": {"skyocc": ["1.0", "0.5"]}}
-    runs.append(run("skyocc", 2, loss__lovasz_weight=0.0))
-    assert marks_of(runs)["skyocc"] == ["✓", "✓", "✗/✓"]
-
-
-def test_another_precision_is_told_though_the_configuration_is_the_same(run):
-    runs = [run("baseline"), run("mine", facts={"precision": "bf16-mixed"})]
-    assert surprises(runs, ladder_named(["baseline", "mine"])) == {
-        "precision": {"baseline": ["32-true"], "mine": ["bf16-mixed"]}
-    }
-
-
-def test_other_experiments_are_told_by_the_rung_that_they_are_nearest_to(run):
-    runs = [
-        *(run("baseline", 0), run("skyocc", 0)),
-        run("streams", 1, data__order="streams"),
-        run("twin", 0),
-    ]
-    assert others_table(runs).rows == [
-        ("streams", ["skyocc", "data.order", "streams", "shuffled"]),
-        ("twin", ["skyocc", "", "", ""]),
-    ]
-    assert others_table(runs[2:]).rows == []
+    runs = [run("skyocc", 0), run("skyocc", 1, loss__lovasz_weight=0.0), run("weights", 0, **LEVEL)]
+    assert surprises(runs[:2]) == {"loss.lovasz_weight": {"skyocc": ["1.0", "0.0"]}}
+    assert marks_of(runs) == {"skyocc": ["✓", "✓", "✗/✓"], "weights": ["✗", "✓", "✗"]}

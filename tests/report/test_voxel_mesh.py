@@ -5,7 +5,6 @@ import pytest
 
 from src.geometry import VoxelGrid
 from src.ontology import BUILDING, CAR, CLASSES, COLORS, FREE, GROUND, UNKNOWN
-from src.report.canvas import readable
 from src.report.voxel_mesh import exposed_faces, openness, voxel_meshes
 
 GRID = VoxelGrid(lower_m=(0, -2, -1), upper_m=(5, 2, 2), shape=(10, 8, 6))
@@ -14,25 +13,29 @@ GRID = VoxelGrid(lower_m=(0, -2, -1), upper_m=(5, 2, 2), shape=(10, 8, 6))
 def count_faces(solid):
     """How many faces of solid voxels border on none, counted one by one."""
     padded = np.pad(solid, 1)
-    count = 0
-    for voxel in np.argwhere(padded):
-        for step in np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)]):
-            count += not padded[tuple(voxel + step)]
-    return count
+    steps = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
+    return sum(not padded[tuple(at + step)] for at in np.argwhere(padded) for step in steps)
 
 
-def random_labels():
+@pytest.fixture(scope="module")
+def labels():
     choices = [GROUND, BUILDING, CAR, FREE, UNKNOWN]
     return np.random.default_rng(0).choice(choices, GRID.shape).astype(np.uint8)
 
 
-def test_faces_are_those_that_a_brute_force_search_finds():
-    solid = random_labels() == CAR
+def test_faces_are_those_of_a_brute_force_search_and_counterclockwise_from_outside(labels):
+    solid = labels == CAR
     voxels, neighbors, corners = exposed_faces(solid)
     assert len(voxels) == len(neighbors) == len(corners) == count_faces(solid) > 100
     assert solid[tuple(voxels.T)].all()
     assert not np.pad(solid, 1)[tuple(neighbors.T + 1)].any()
     assert len(np.unique(np.hstack([voxels, neighbors]), axis=0)) == len(voxels)
+
+    first, second, third, fourth = np.moveaxis(corners, 1, 0)
+    assert (np.cross(second - first, third - first) == neighbors - voxels).all()
+    assert (np.cross(third - first, fourth - first) == neighbors - voxels).all()
+    # The middle of a face is half way between the middles of its two voxels.
+    assert (corners.mean(axis=1) == (voxels + neighbors + 1) / 2).all()
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (3, 2, 1)])
@@ -41,21 +44,10 @@ def test_a_block_has_no_face_inside(shape):
     assert len(exposed_faces(np.ones(shape, bool))[0]) == 2 * (x * y + y * z + z * x)
 
 
-def test_corners_go_around_the_face_counterclockwise_as_seen_from_outside():
-    voxels, neighbors, corners = exposed_faces(random_labels() == CAR)
-    first, second, third, fourth = np.moveaxis(corners, 1, 0)
-    assert (np.cross(second - first, third - first) == neighbors - voxels).all()
-    assert (np.cross(third - first, fourth - first) == neighbors - voxels).all()
-    # The middle of a face is half way between the middles of its two voxels.
-    assert (corners.mean(axis=1) == (voxels + neighbors + 1) / 2).all()
-
-
-def test_openness_counts_the_free_voxels_around():
-    drawn = random_labels() < FREE
-    padded = np.pad(drawn, 2)
+def test_openness_counts_the_free_voxels_around(labels):
+    padded = np.pad(labels < FREE, 2)
     around = [padded[x : x + 3, y : y + 3, z : z + 3] for x, y, z in np.ndindex(12, 10, 8)]
-    expected = [27 - block.sum() for block in around]
-    assert openness(drawn).ravel().tolist() == expected
+    assert openness(labels < FREE).ravel().tolist() == [27 - block.sum() for block in around]
 
 
 def test_a_mesh_has_its_class_and_lies_where_its_voxels_are():
@@ -70,9 +62,12 @@ def test_a_mesh_has_its_class_and_lies_where_its_voxels_are():
     assert len(mesh.x) == 12, "corners are shared"
 
 
-def test_every_triangle_is_half_a_face_of_a_voxel_of_its_class():
-    labels = random_labels()
-    for mesh in voxel_meshes(labels, GRID):
+def test_free_and_unknown_are_not_drawn_and_a_hidden_class_leaves_no_hole(labels):
+    drawn = {CLASSES[kind]: kind for kind in (GROUND, BUILDING, CAR)}
+    meshes = {mesh.name: mesh for mesh in voxel_meshes(labels, GRID)}
+    assert meshes.keys() == drawn.keys()
+    for name, mesh in meshes.items():
+        assert len(mesh.i) == 2 * count_faces(labels == drawn[name])
         points = np.stack([mesh[axis] for axis in "xyz"], axis=-1)
         corners = points[np.stack([mesh[axis] for axis in "ijk"], axis=-1)]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -80,11 +75,4 @@ def test_every_triangle_is_half_a_face_of_a_voxel_of_its_class():
         # The longest side of a triangle is the face's diagonal: its middle is the face's.
         middles = (corners.min(axis=1) + corners.max(axis=1)) / 2 - normal * GRID.voxel_m / 2
         voxels = np.floor((middles - GRID.lower_m) / GRID.voxel_m).astype(int)
-        assert {readable(CLASSES[n]) for n in labels[tuple(voxels.T)]} == {mesh.name}
-
-
-def test_free_and_unknown_are_not_drawn_and_a_hidden_class_leaves_no_hole():
-    labels = random_labels()
-    meshes = {mesh.name: len(mesh.i) for mesh in voxel_meshes(labels, GRID)}
-    drawn = (GROUND, BUILDING, CAR)
-    assert meshes == {CLASSES[kind]: 2 * count_faces(labels == kind) for kind in drawn}
+        assert {*labels[tuple(voxels.T)]} == {drawn[name]}

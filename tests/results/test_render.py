@@ -3,7 +3,6 @@
 import io
 import math
 import re
-from itertools import accumulate
 
 import pandas as pd
 import pytest
@@ -30,21 +29,12 @@ TABLE = Table(
 )
 
 
-def wide(columns, rows, short=""):
+def wide(columns, rows):
     """A table of the same numbers in every column."""
     names = [f"KAR-mIoU {n}" for n in range(columns)]
     cells = [(row, [Cell(88.8 + n / 100, 77.7, 99.9) for n in range(columns)]) for row in rows]
-    best, shorts = dict.fromkeys(names, "high"), dict.fromkeys(names, short) if short else {}
-    return Table("wide", "Wide", "All.", names, cells, best=best, short=shorts)
-
-
-def ranking(cells, end, ranked=None):
-    """A table of one column, ``a``."""
-    rows = [(str(n), [cell]) for n, cell in enumerate(cells)]
-    return Table("k", "t", "c", ["a"], rows, best={"a": end} if end else {}, ranked=ranked)
-
-
-# ------------------------------------------------------------------------------------ the numbers
+    best, short = (dict.fromkeys(names, word) for word in ("high", "free"))
+    return Table("wide", "Wide", "All.", names, cells, best=best, short=short)
 
 
 def test_what_rounds_to_nothing_has_no_sign():
@@ -55,28 +45,27 @@ def test_what_rounds_to_nothing_has_no_sign():
     assert Cell(1.0).bounds() == []
 
 
+ONE, TWO, THREE = Cell(1.0), Cell(2.0), Cell(3.0)
+NONE_OF_THEM = [ONE, Cell(math.nan), Cell(9.0, signed=True), None]
+
+
 @pytest.mark.parametrize(
-    ("cells", "end", "best"),
+    ("cells", "end", "ranked", "best"),
     [
-        ([Cell(1.0), Cell(3.0), Cell(2.0)], "high", {1}),
-        ([Cell(1.0), Cell(3.0), Cell(2.0)], "low", {0}),
-        ([Cell(1.0), Cell(3.0), Cell(3.0)], "high", {1, 2}),
-        ([Cell(1.0), Cell(math.nan), Cell(9.0, signed=True), None], "high", set()),
-        ([Cell(0.0), Cell(0.0)], "high", set()),
-        ([Cell(1.0), Cell(2.0)], None, set()),
-        ([Cell(1.0, signed=True), Cell(2.0, signed=True)], "high", {1}),
+        ([ONE, THREE, TWO], "high", None, {1}),
+        ([ONE, THREE, TWO], "low", None, {0}),
+        ([ONE, THREE, THREE], "high", None, {1, 2}),
+        (NONE_OF_THEM, "high", None, set()),
+        ([Cell(0.0), Cell(0.0)], "high", None, set()),
+        ([ONE, TWO], None, None, set()),
+        ([Cell(1.0, signed=True), Cell(2.0, signed=True)], "high", None, {1}),
+        ([ONE, TWO, THREE], "high", 2, {1}),  # the others were not scored alike
     ],
 )
-def test_the_best_is_of_scores_and_only_where_there_is_a_choice(cells, end, best):
-    assert ranking(cells, end).best_rows("a") == best
-
-
-def test_the_best_row_is_one_of_those_that_were_scored_alike():
-    cells = [Cell(1.0), Cell(2.0), Cell(3.0)]
-    assert ranking(cells, "high", ranked=2).best_rows("a") == {1}
-
-
-# ------------------------------------------------------------------------------------------- CSV
+def test_the_best_is_of_scores_and_only_where_there_is_a_choice(cells, end, ranked, best):
+    rows = [(str(n), [cell]) for n, cell in enumerate(cells)]
+    table = Table("k", "t", "c", ["a"], rows, best={"a": end} if end else {}, ranked=ranked)
+    assert table.best_rows("a") == best
 
 
 def test_a_csv_has_every_cell_and_reads_back_equal():
@@ -93,40 +82,20 @@ def test_a_csv_has_every_cell_and_reads_back_equal():
                 assert (line.value if isinstance(line.value, str) else "") == (entry or "")
 
 
-# ----------------------------------------------------------------------------------------- LaTeX
-
-
-def body(text):
-    """The lines between the rules."""
-    assert text.count("\\toprule") == text.count("\\bottomrule") == 1
-    return text.split("\\toprule\n")[1].split("\\bottomrule")[0].splitlines()
-
-
-def test_environments_braces_and_columns_are_balanced():
-    text = latex_of(TABLE)
-    begun = re.findall(r"\\begin\{([a-z*]+)\}", text)
-    assert begun == re.findall(r"\\end\{([a-z*]+)\}", text)[::-1] == ["table", "tabular"]
-    braces = re.findall(r"(?<!\\)[{}]", text)
-    depths = list(accumulate(1 if brace == "{" else -1 for brace in braces))
-    assert min(depths) == depths[-1] == 0
-
-    lines = [line for line in body(text) if line != "\\midrule"]
-    assert {len(re.findall(r"(?<!\\)&", line)) for line in lines} == {len(TABLE.columns)}
-    assert all(line.endswith(r" \\") for line in lines)
-    assert re.search(r"\\begin\{tabular\}\{lcccc\}", text)
-
-
-def test_specials_are_escaped():
+def test_specials_are_escaped_in_latex():
     assert latex("a_b & 5 % #1 {x}") == r"a\_b \& 5 \% \#1 \{x\}"
     assert latex("~^\\") == r"\textasciitilde{}\textasciicircum{}\textbackslash{}"
     assert latex("Δ ✓✗ Lovász –") == r"$\Delta$ $\surd$$\times$ Lov\'asz --"
     assert latex("[*] 日") == "{[}{*}] ?"
-    # Nothing of them is left bare, where it would comment out or open something.
-    assert not re.search(r"(?<!\\)[%#]", latex_of(TABLE))
 
 
 def test_latex_marks_the_best_and_sets_signs_and_intervals():
-    lines = body(latex_of(TABLE))
+    text = latex_of(TABLE)
+    assert text.startswith("\\begin{table}[t]")
+    assert latex_of(wide(9, ["a"])).startswith("\\begin{table*}[t]")
+    # Nothing is left bare where it would comment out or open something.
+    assert not re.search(r"(?<!\\)[%#]", text)
+    lines = text.split("\\toprule\n")[1].split("\\bottomrule")[0].splitlines()
     nasty = next(n for n, line in enumerate(lines) if r"] a\textbar" in line)
     assert r"\textbf{25.09}" in lines[nasty]
     assert "$-$1.50" in lines[nasty]
@@ -136,18 +105,11 @@ def test_latex_marks_the_best_and_sets_signs_and_intervals():
     assert r"\textbf{+99.00}" not in gain
 
 
-def test_a_wide_table_spans_the_page():
-    assert latex_of(wide(9, ["a"])).startswith("\\begin{table*}[t]")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("packages", [("booktabs",), ("booktabs", "graphicx")])
 def test_it_compiles_and_fits_the_page_where_graphicx_is_there(tmp_path, packages):
     both = f"{latex_of(TABLE)}\n{latex_of(wide(11, ['Row 0', 'Row 1']))}"
     assert ("Overfull" in typeset(tmp_path, both, packages)) == ("graphicx" not in packages)
-
-
-# ---------------------------------------------------------------------------------- the terminal
 
 
 def printed(table):
@@ -167,7 +129,7 @@ def test_a_printed_table_shows_intervals_below_and_a_star_for_the_best():
 @pytest.mark.parametrize("columns", [5, 11])
 def test_a_printed_table_keeps_to_110_columns_and_cuts_nothing(columns):
     names = ("+ Attitude-aware projection", "an_experiment_of_a_long_name_that_has_to_be_folded")
-    text = printed(wide(columns, names, short="free"))
+    text = printed(wide(columns, names))
     assert max(map(len, text.splitlines())) <= 110
     assert "…" not in text
     assert ("[77.7, 99.9]" in text) == (columns == 5)

@@ -6,9 +6,8 @@ from PIL import Image
 
 from src.geometry import VoxelGrid
 from src.ontology import CAR, FREE
-from src.report.labels_in_image import COLOR_SHARE, labels_in_image
 from src.report.scene import VoxelScene
-from src.report.voxels import PALETTE
+from src.report.voxels import COLOR_SHARE, PALETTE, labels_in_image
 from studies.attitude.tilt_figure import draw_tilt
 from tests.report.street import HEIGHT, WIDTH, fill, street, tilted_frustum
 

@@ -5,8 +5,7 @@ import pytest
 from PIL import Image
 
 from src.ontology import BUILDING, CAR, SKY
-from src.report.canvas import write_picture
-from src.report.titled_sheet import GAP_PIX, TITLE_PIX, titled_sheet
+from src.report.canvas import GAP_PIX, TITLE_PIX, titled_sheet, write_picture
 from src.sim.plan import plan_clips
 from studies.world.pipeline import draw_pipeline
 from studies.world.portraits import portraits
