@@ -2,8 +2,8 @@
 
 import inspect
 from collections.abc import Sequence
+from pkgutil import resolve_name
 
-from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 
 from .dotted import differences, is_listed
@@ -54,7 +54,7 @@ def _require_read(key: str, before: DictConfig, cfg: DictConfig) -> None:
     """
     group, _, name = key.rpartition(".")
     old, new = (OmegaConf.select(node, group) or {} for node in (before, cfg))
-    known = list(map(str, old))
+    known = [str(each) for each in old if each != "hydra"]
     if TARGET in new:
         arguments = _arguments(new[TARGET])
         if arguments is None or name.startswith("_"):
@@ -80,8 +80,8 @@ def _is_class(node: object) -> bool:
 def _arguments(target: str) -> list[str] | None:
     """Names what a class or a function may be given; ``None`` for anything, or for unknown."""
     try:
-        parameters = inspect.signature(get_object(target)).parameters.values()
-    except (ImportError, TypeError, ValueError):
+        parameters = inspect.signature(resolve_name(target)).parameters.values()
+    except (AttributeError, ImportError, TypeError, ValueError):
         return None
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return None

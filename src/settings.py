@@ -118,8 +118,9 @@ def _require_values(cfg: DictConfig) -> None:
         raise UserError(f"optimizer.warmup: {cfg.optimizer.warmup} is no share; give 0 to 1")
     for part in ("train", "val", "test"):
         key = f"trainer.limit_{part}_batches"
-        if OmegaConf.select(cfg, key) == 0:
-            raise UserError(f"{key}: 0 leaves nothing; give a number of batches, or a share")
+        value = OmegaConf.select(cfg, key)
+        if value is not None and not (isinstance(value, int | float) and value > 0):
+            raise UserError(f"{key}: {value!r}; give a number of batches above 0, or a share")
     if cfg.data.order == "streams" and cfg.data.frames == 1:
         raise UserError(
             "data.order: streams keep a past, and data.frames=1 has none; give 2 or more"
