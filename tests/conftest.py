@@ -8,6 +8,7 @@ import runpy
 import shutil
 import sys
 from functools import cache
+from importlib.metadata import distributions
 from pathlib import Path
 
 import jaxtyping
@@ -54,12 +55,12 @@ def mini_config(request):
     It lies in pytest's cache, for the next session too. Its own folder is named after the code that
     makes the clips; the code and the packages that this name leaves out name the folder above.
     """
-    from src.data.manifest import package_versions
     from src.provenance import digest_of
     from tests.synthetic import generated_config  # only here: Lightning takes seconds to import
 
-    beside = [path.read_text() for path in sorted((ROOT / "src/data").glob("*.py"))]
-    name = f"generated-{digest_of([package_versions(), beside])}"
+    packages = sorted(f"{each.name} {each.version}" for each in distributions())
+    code = [path.read_text() for path in sorted((ROOT / "src/data").glob("*.py"))]
+    name = f"generated-{digest_of([packages, code])}"
     return generated_config(request.config.cache.mkdir(name), workers=2)
 
 
