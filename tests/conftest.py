@@ -9,7 +9,7 @@ import runpy
 import shutil
 import sys
 from functools import cache
-from importlib import metadata
+from importlib.metadata import distributions
 from pathlib import Path
 
 import jaxtyping
@@ -59,9 +59,9 @@ def mini_config(request):
     from src.provenance import digest_of
     from tests.synthetic import generated_config  # only here: Lightning takes seconds to import
 
-    beside = [path.read_text() for path in sorted((ROOT / "src/data").glob("*.py"))]
-    packages = sorted(f"{each.name}=={each.version}" for each in metadata.distributions())
-    name = f"generated-{digest_of([packages, beside])}"
+    packages = sorted(f"{each.name} {each.version}" for each in distributions())
+    code = [path.read_text() for path in sorted((ROOT / "src/data").glob("*.py"))]
+    name = f"generated-{digest_of([packages, code])}"
     return generated_config(request.config.cache.mkdir(name), workers=2)
 
 

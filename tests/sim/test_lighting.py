@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from src.ontology import BUILDING
-from src.sim.lighting import cast_shadows, illuminate
+from src.sim.lighting import illuminate
 from src.sim.scene import Scene, parts_of
 from tests.sim.scenery import (
     HEIGHT,
@@ -75,19 +75,6 @@ def test_an_actors_shadow_moves_with_it():
             # From the actor, the shadow lies where the sun is not.
             assert beside_m[:2] @ TOWARDS[:2] < -0.3
             assert np.linalg.norm(beside_m[:2]) < 3
-
-
-def test_what_is_turned_away_from_the_light_is_not_darkened_twice():
-    scene = Scene(parts_of([ground(), solid(BUILDING, (4, 6, 5), (14, 0, 2.5))]), ())
-    behind = replace(CLEAR, light_azimuth_rad=0.0, light_elevation_rad=np.arctan(0.2))
-    shaded, view, places_m = relit(cast_shadows, scene, behind)
-    facade = (view.class_id == BUILDING) & (np.abs(places_m[..., 0] - 12) < 0.02)
-    facade &= (places_m[..., 2] > 0.3) & (places_m[..., 2] < 4.7)
-    roof = (view.class_id == BUILDING) & (np.abs(places_m[..., 2] - 5) < 0.02)
-    assert facade.sum() > 50
-    assert (shaded[facade] == 200).all()
-    assert (shaded[roof] == 200).mean() > 0.95
-    assert (shaded[(view.class_id != BUILDING) & np.isfinite(view.depth_m)] < 200).any()
 
 
 def test_bare_colors_are_lit_by_the_slope_of_their_face_and_its_shadows():

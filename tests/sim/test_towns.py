@@ -242,13 +242,3 @@ def test_the_ground_is_gentle_but_never_flat(town):
     assert height_m.std() > 0.05
     slope = np.hypot(*np.gradient(height_m, 5.0))
     assert slope.max() < 0.08
-
-
-def test_towns_differ_in_what_they_are_made_of():
-    names = ("downtown", "suburb", "park", "old_town")
-    downtown, suburb, park, old_town = (town_of(name, 0).solids for name in names)
-    tallest_m = [max(bounds_m(s)[1][2] for s in solids) for solids in (downtown, suburb, park)]
-    assert tallest_m[0] > 1.5 * max(tallest_m[1:])
-    for class_id, more, fewer in ((VEGETATION, park, old_town), (BUILDING, old_town, park)):
-        shares = [np.mean([s.class_id == class_id for s in solids]) for solids in (more, fewer)]
-        assert shares[0] > shares[1]

@@ -13,6 +13,11 @@ def field(places, octaves):
     return np.array([value_noise(x, y, octaves) for x, y in places.tolist()])
 
 
+def test_a_place_has_its_value_for_ever():
+    pinned = [value_noise(*place) for place in ((0.25, 0.5, 1), (-3.7, 12.1, 2), (88.8, -0.4, 3))]
+    assert pinned == pytest.approx(PINNED, abs=1e-6)
+
+
 @pytest.mark.parametrize("octaves", [1, 2, 3])
 def test_values_fill_the_unit_interval_about_a_half(octaves):
     values = field(PLACES, octaves)

@@ -177,20 +177,3 @@ def test_worlds_of_both_renderers_follow_each_other_in_silence(needs_egl, capfd)
     np.testing.assert_array_equal(pictures[1], pictures[3])
     assert (pictures[0] != pictures[1]).any()
     assert capfd.readouterr() == ("", "")
-
-
-def test_a_second_world_with_egl_is_refused_while_one_is_open(egl):
-    before = render(egl, HERE)
-    with pytest.raises(RuntimeError, match="EGL"), world_of(SCENE, "egl"):
-        pass
-    assert_same(before, render(egl, HERE))
-
-
-def test_a_world_that_could_not_be_filled_is_closed(needs_egl, monkeypatch):
-    monkeypatch.setattr("src.sim.drawing._obj", lambda *mesh: 1 / 0)
-    # Were it left open, the second world would be refused.
-    with pytest.raises(ZeroDivisionError), world_of(SCENE, "egl"):
-        pass
-    monkeypatch.undo()
-    with world_of(SCENE, "egl"):
-        pass
