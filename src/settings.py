@@ -162,9 +162,11 @@ def do_task(cfg: DictConfig, hydra: DictConfig) -> object:
     """
     add_named_weathers(cfg, hydra)
     task, cfg = instantiate(cfg.task), adopted(cfg, hydra.overrides.task)
-    # What is imported and composed by now stays: no search for garbage looks through it again.
-    gc.freeze()
-    gc.enable()
+    # As run.py begins. What is imported and composed by now stays, so no search for garbage looks
+    # through it; but what an earlier job of a sweep has left is garbage.
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
     return task(cfg)
 
 
