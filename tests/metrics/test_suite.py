@@ -14,7 +14,7 @@ from src.metrics.suite import ScoreSuite, import_metrics
 from src.results.counts import Counts
 from src.results.table import Resamples, run_table
 from tests.metrics.inputs import CLIPS, METRIC, SUITE, scores_of, truth_of, updated
-from tests.synthetic import compose_config
+from tests.synthetic import sound_config
 
 
 @pytest.fixture
@@ -156,7 +156,7 @@ def own(tmp_path, monkeypatch):
     (tmp_path / "suite").mkdir()
     (tmp_path / "suite/mine.yaml").write_text(ENTRY)
     monkeypatch.syspath_prepend(tmp_path)
-    cfg = compose_config("suite=mine", f"hydra.searchpath=[file://{tmp_path}]")
+    cfg = sound_config("suite=mine", folder=tmp_path)
     yield OmegaConf.to_container(cfg.suite, resolve=True) | {"rays": [6, 4]}
     sys.modules.pop("my_metrics", None)
 
