@@ -14,7 +14,7 @@ from src.metrics.suite import ScoreSuite, import_metrics
 from src.results.counts import Counts
 from src.results.table import Resamples, run_table
 from tests.metrics.inputs import CLIPS, METRIC, SUITE, scores_of, truth_of, updated
-from tests.synthetic import sound_config
+from tests.synthetic import compose_config, sound_config
 
 
 @pytest.fixture
