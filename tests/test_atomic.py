@@ -1,10 +1,10 @@
-"""Folders of results that are written whole or not at all."""
+"""Files and folders that are written whole or not at all."""
 
 import os
 
 import pytest
 
-from src.atomic import replacing_folder
+from src.atomic import replacing, replacing_folder
 from src.errors import UserError
 
 
@@ -24,6 +24,18 @@ def names(folder):
 def write_and_fail(path):
     path.write_text("")
     raise KeyError(path)
+
+
+def test_a_file_takes_the_old_ones_place_when_it_is_whole(results):
+    for text in ("first", "second"):
+        with replacing(results / "new/file.csv") as temporary:
+            temporary.write_text(text)
+        assert (results / "new/file.csv").read_text() == text
+
+    with pytest.raises(KeyError), replacing(results / "new/file.csv") as temporary:
+        write_and_fail(temporary)
+    assert (results / "new/file.csv").read_text() == "second"
+    assert names(results / "new") == ["file.csv"]
 
 
 def test_a_new_folder_takes_the_old_ones_place(tmp_path):

@@ -13,6 +13,7 @@ from src.errors import UserError
 from src.models.checkpoint import Checkpoint
 from src.models.export import DESCRIPTION, FORMATS
 from src.models.stream import SkyOccStream
+from src.models.weights import read_encoder
 from src.settings import adopted
 from src.tasks.dataset import root_of
 from src.tasks.export import export, made_up_flight
@@ -172,6 +173,23 @@ def changed(checkpoint, tmp_path):
         return Checkpoint.read(tmp_path / "some.ckpt")
 
     return read
+
+
+class Intruder:
+    """Runs code of its own where a pickle of it is loaded."""
+
+    def __reduce__(self):
+        return Path.touch, (Path("intruder"),)
+
+
+@pytest.mark.parametrize("read", [Checkpoint.read, read_encoder])
+def test_no_code_in_a_checkpoint_is_run(read, changed, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError, match=r"some\.ckpt is no readable"):
+        changed(lambda content: content.update(intruder=Intruder()))
+    with pytest.raises(UserError, match=r"some\.ckpt is no readable"):
+        read(tmp_path / "some.ckpt")
+    assert not Path("intruder").exists()
 
 
 def backbone_of(content):
