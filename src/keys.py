@@ -107,7 +107,7 @@ def _require_type(key: str, old: object, new: object) -> None:
 
 
 def _mismatch(old: object, new: object) -> str | None:
-    """Says what a value should have been, or returns ``None`` where it has the right type."""
+    """Returns the type that a value should have, or ``None`` where it has it."""
     match old:
         case bool():
             return None if isinstance(new, bool) else "true or false"

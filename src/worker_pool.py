@@ -20,7 +20,7 @@ SPAWN: Final = multiprocessing.get_context("spawn")
 
 
 def default_workers() -> int:
-    """Returns how many cores this process may use: a worker for each."""
+    """Returns the number of cores that this process may use: a worker for each."""
     return len(os.sched_getaffinity(0))
 
 

@@ -43,7 +43,7 @@ class ClipCounts:
             self.frames.update(clips)
 
     def counts(self, protocol: Protocol) -> Counts:
-        """Returns what was counted, under a protocol."""
+        """Returns the counts, under a protocol."""
         clips, counted = self.metric.clips, {"occupancy": self.metric.of_clips()}
         return Counts(self.name, protocol, clips, [self.frames[clip] for clip in clips], counted)
 

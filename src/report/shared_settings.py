@@ -70,7 +70,7 @@ def surprises(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> Values:
 
 
 def shown_settings(runs: Sequence[ScoredRun]) -> Values:
-    """Returns what runs differ in, and the settings of their schedule and data."""
+    """Returns the keys in which runs differ, and the settings of their schedule and data."""
     given = [key for key in SHOWN if any(value_at(run.config, key) is not None for run in runs)]
     return differing(runs) | {key: _values(runs, key) for key in given}
 
@@ -86,7 +86,7 @@ def settings_table(key: str, title: str, values: Values) -> Table:
 
 
 def factors_of(config: Mapping) -> tuple[bool, bool, bool]:
-    """Returns which of the ladder's factors a run's configuration has."""
+    """Returns the factors of the ladder that a run's configuration has."""
     projection, weights, lovasz = (value_at(config, key) for key in _factor_keys(config))
     return projection == "attitude", weights is not None, bool(lovasz)
 

@@ -110,7 +110,7 @@ def check_labels(labels: np.ndarray, grid: VoxelGrid) -> None:
 def cast_pixels(
     labels: Labels, grid: VoxelGrid, camera: Frustum, floor_m: float = -np.inf
 ) -> PixelHits:
-    """Returns what the ray through each pixel's center meets first: a voxel, or the floor.
+    """Returns the first hit of the ray through each pixel's center: a voxel, or the floor.
 
     The rays have unit z-depth: a hit's distance is its z-depth in metres.
     """

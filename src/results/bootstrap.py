@@ -41,7 +41,7 @@ class Difference(NamedTuple):
 
 
 def resamplings(clips: int, resamples: int, generator: Generator) -> Float[Tensor, "r n"]:
-    """Returns how often each of n clips is drawn in each of r resamples of n clips."""
+    """Returns the number of times that each of n clips is drawn, in r resamples of n clips."""
     if clips < 1 or resamples < 1:
         raise UserError(f"resamples: cannot draw {resamples} times from {clips} clips")
 

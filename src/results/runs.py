@@ -158,7 +158,7 @@ def read_run(path: Path) -> ScoredRun | UnfinishedRun:
 
 
 def _epochs_logged(path: Path) -> int | None:
-    """Returns how many epochs a run has begun; ``None`` where no log can be read."""
+    """Returns the number of epochs that a run has begun; ``None`` where no log can be read."""
     # The logs of sessions are joined when training ends, or is interrupted in good order.
     last = 0
     for log in (path / METRICS, *path.glob(f"{SESSIONS}/*/{METRICS}")):

@@ -67,7 +67,7 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
 
 
 def _facts(session: Session, config: Mapping) -> dict[str, object]:
-    """Returns what the description beside the graphs says of the model."""
+    """Returns the facts of the model in the description beside the graphs."""
     return {
         "name": config["name"],
         "frames": config["data"]["frames"],
@@ -135,5 +135,5 @@ def run_stream(
 
 
 def _cells(worst: float, alike: float, seconds: Sequence[float]) -> tuple[str, ...]:
-    """Returns what the printed table says of a graph, beside its name and its size."""
+    """Returns the cells of a graph in the printed table, beside its name and its size."""
     return f"{worst:.1e}", f"{100 * alike:.3f} %", f"{1e3 * min(seconds):.1f}"

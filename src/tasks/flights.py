@@ -97,7 +97,7 @@ def _read(place: Path) -> Iterator[tuple[str, float, pd.DataFrame]]:
 
 
 def _tables(path: Path) -> Iterator[tuple[str, float, pd.DataFrame]]:
-    """Yields what `_read` does, of the flights ``flown`` of a published table."""
+    """Yields the same as `_read`, from the flights ``flown`` of a published table."""
     try:
         table = pd.read_csv(path, keep_default_na=False)
         flown = table[table["frames"] == "flown"]

@@ -41,13 +41,13 @@ def clips_of(samples: Sequence[tuple[str, int]]) -> list[str]:
 def counts_of(
     name: str, protocol: Protocol, suite: ScoreSuite, samples: Sequence[tuple[str, int]]
 ) -> Counts:
-    """Returns what a suite has counted over all samples."""
+    """Returns the counts of a suite over all samples."""
     frames = Counter(clip for clip, _ in samples)
     of_clips = [frames[clip] for clip in suite.clips]
     return Counts(name, protocol, suite.clips, of_clips, suite.counts())
 
 
 def protocol_of(cfg: DictConfig, data: SkyShieldData, frames: int) -> Protocol:
-    """Returns what is counted, of so many frames of the test split, and how."""
+    """Returns the protocol of scores of ``frames`` frames of the test split."""
     settings = score_settings(cfg)
     return Protocol.of(data.root.name, "test", frames, data.grid, SUPERVISED, *settings)

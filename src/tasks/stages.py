@@ -108,7 +108,7 @@ def generation_s(sim: Mapping, clips: int) -> float:
 
 
 def work_of(sim: Mapping, clips: int) -> dict[str, int]:
-    """Returns how many clips, frames, pixels and voxels there are to make."""
+    """Returns the numbers of clips, frames, pixels and voxels to make."""
     frames = frames_per_clip(sim["capture_hz"]) * clips
     return {
         "clip": clips,

@@ -76,7 +76,7 @@ class Condition:
         return self.part if self.presented == TRUE else f"{self.presented}_{self.part}"
 
     def holds(self, batch: Batch) -> Bool[Tensor, "b"]:
-        """Says which frames of a batch, with its true attitude, belong here."""
+        """Returns a mask of the frames of a batch, with its true attitude, that belong here."""
         tilt_deg = torch.rad2deg(batch["attitude_rad"].abs().sum(dim=-1))
         return (tilt_deg >= self.tilt_low_deg) & (tilt_deg < self.tilt_high_deg)
 

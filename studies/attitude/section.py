@@ -32,7 +32,7 @@ def attitude_section(reported: Reported) -> Section:
 
 @lru_cache(maxsize=1)
 def scores_of(reported: Reported) -> AttitudeScores:
-    """Returns what `task=attitude` has counted, resampled once for all sections of a report."""
+    """Returns the counts of `task=attitude`, resampled once for all sections of a report."""
     return AttitudeScores.of(read_conditions(reported.runs), reported.ladder)
 
 

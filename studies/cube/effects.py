@@ -166,7 +166,7 @@ def _tuned_table(runs: Sequence[ScoredRun], resamples: Resamples) -> Table:
 
 
 def _by_tilt(bins: Mapping[Condition, Resamples], weights: Mapping[str, float]) -> Table:
-    """Returns what the attitude adds to KAR-mIoU in frames of each tilt."""
+    """Returns the gain of KAR-mIoU by the attitude in frames of each tilt."""
     cells = [_cell(resamples, weights, "kar_miou") for resamples in bins.values()]
     columns = [tilt_in_words(condition, each.frames) for condition, each in bins.items()]
     text = "Effect on KAR-mIoU in frames of each tilt |roll| + |pitch|."

@@ -210,7 +210,7 @@ def _scores(counts: Sequence[Counts], weights: Float[Tensor, "r m"]) -> dict[str
 def _targets(
     tables: Sequence[pd.DataFrame], reference: pd.DataFrame, weights: Float[Tensor, "r m"]
 ) -> dict[str, Samples]:
-    """Returns what came of the flights; collisions are those beyond the reference's."""
+    """Returns the outcomes of the flights; collisions are in excess of the reference's."""
     weights = torch.cat([torch.ones_like(weights[:1]), weights])
     of_table = [samples_of(each, weights) for each in (*tables, reference)]
     of_target = {t: np.stack([each[t].numpy() for each in of_table], axis=1) for t in TARGETS}

@@ -90,7 +90,7 @@ def main() -> None:
 
 
 def compared(logits: Tensor, target: Tensor) -> tuple[str, str]:
-    """Says how far both losses and their gradients are apart, and how far from float64."""
+    """Prints the differences of both losses and their gradients, and from float64."""
     pair = (lovasz_softmax, published_loop)
     # The loop subtracts running sums in float32, which costs it digits.
     losses = torch.stack([loss(logits, target) for loss in pair])

@@ -51,7 +51,7 @@ class Penalty:
         return distance_m / max(speed_mps, self.min_speed_mps)
 
     def excess(self, distance_m: Float[Tensor, "*v"], speed_mps: float) -> Float[Tensor, "*v"]:
-        """Returns how much more than 1 an error at a distance weighs."""
+        """Returns the weight of an error at a distance, less 1."""
         ttc_s = self.ttc_s(distance_m, speed_mps)
         near = ttc_s <= self.horizon_s
         return near * self.penalty_scale * torch.exp(-self.decay_per_s * ttc_s)

@@ -62,7 +62,7 @@ def swept(
     grid: VoxelGrid,
     free_index: int,
 ) -> Swept:
-    """Returns what each path of `primitive_paths` sweeps, on the CPU.
+    """Returns the voxels that each path of `primitive_paths` sweeps, on the CPU.
 
     ``codes`` are those of `encode`; voxels that it does not count are passed over. A voxel is swept
     whose center is within the radius of a point of the path. Raises `UserError` for logits that
