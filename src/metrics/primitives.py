@@ -56,7 +56,7 @@ class PrimitiveMetric(VoxelMetric):
         mask: F.Mask | None,
         logits: F.Logits | None = None,
     ) -> list[F.Swept]:
-        """Returns the voxels swept by the primitives of each frame, climb by climb with all its turns.
+        """Returns the voxels that each frame's primitives sweep, climb by climb with all turns.
 
         Raises `UserError` for a bad batch, and for speeds: a primitive needs the direction.
         """

@@ -1,6 +1,6 @@
 """Why attitude matters: one tilted frame, with its camera where it is, and where a level UAV's is.
 
-The paper's dynamic extrinsics (Eq. 5, App. B on the kinematic-geometric coupling), as a picture.
+The paper's dynamic extrinsics (Eq. 5, App. A.1 on the kinematic-geometric coupling), as a picture.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The paper's four panels of dataset statistics (App. B, "SkyShield Dataset and Generation")."""
+"""The paper's four panels of dataset statistics (App. A.1, "SkyShield Dataset and Generation")."""
 
 import numpy as np
 from matplotlib.axes import Axes

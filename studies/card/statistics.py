@@ -2,7 +2,7 @@
 
 The paper gives shares of voxels without saying of which voxels, so that every share here comes with
 three denominators: the labelled voxels, those whose center lies in the front image, and all of the
-grid (App. B of the paper, "SkyShield Dataset and Generation Details").
+grid (App. A.1 of the paper, "SkyShield Dataset and Generation Details").
 """
 
 from collections.abc import Mapping, Sequence
