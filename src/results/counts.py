@@ -22,7 +22,7 @@ AGAIN = "give the command of its run again, which scores it, or task=score for p
 
 @dataclass(frozen=True)
 class Counts:
-    """NamedCounts [clips, ...] of every metric, the clips in their order, and the protocol.
+    """Integer tables [clips, ...] of every metric, the clips in their order, and the protocol.
 
     ``frames`` holds the number of scored frames of each clip. ``name`` says whose predictions were
     counted.

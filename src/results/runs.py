@@ -25,8 +25,8 @@ from .files import read_results
 
 SEED, ASIDE = re.compile(r"seed\d+"), re.compile(r"\.before\d+$")
 
-# Levels from a folder that is named down to its runs, at most: those of a published report may lie
-# in ``runs/group2/<experiment>/seed<k>``.
+# Levels from a folder that is named down to its runs, at most: one more than in
+# ``runs/<scale>/<experiment>/seed<k>``.
 DEPTH = 4
 
 UNKNOWN_CODE = "unknown code"
@@ -109,10 +109,10 @@ def run_folders(places: Sequence[Path], out: Path) -> list[Path]:
 
     for place in places:
         if not place.is_dir():
-            archive = f"unpack it first: python -m tarfile -e {place} FOLDER"
-            missing = "train first, or name runs in task.runs"
-            way = archive if place.is_file() else missing
-            raise UserError(f"{place}: no such folder; {way}")
+            if place.is_file():
+                unpack = f"python -m tarfile -e {place} FOLDER"
+                raise UserError(f"{place}: is a file; unpack an archive first: {unpack}")
+            raise UserError(f"{place}: no such folder; train first, or name runs in task.runs")
         below = list(_below(place, out.resolve(), DEPTH))
         if not below:
             raise UserError(f"{place}: holds no run folder; train first, or name runs in task.runs")

@@ -74,8 +74,8 @@ def require_buildable(cfg: DictConfig) -> None:
     drops them, so that what is wrong with them is refused before any data are generated or read."""
     if cfg.model.sight is not None and not cfg.data.pixels:
         raise UserError(
-            "data.pixels: false, and model/sight=on learns from what pixels see; leave it to "
-            "model/sight, and give model/sight=off"
+            "data.pixels: false, and model/sight=on learns from what pixels see; drop the key, "
+            "or give model/sight=off"
         )
 
     # The weights of the network to train are drawn later, from an untouched generator.
