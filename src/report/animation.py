@@ -10,13 +10,13 @@ from PIL import Image
 from ..atomic import replacing
 from ..data.clip import Clip
 from ..data.predictions import Predictions
-from .canvas import GAP_PIX, Canvas, encoded, resized, within_bytes
+from .canvas import GAP_PIX, TITLE_PIX, encoded, resized, titled_sheet, within_bytes
 from .scene import VoxelScene
 from .view import Frustum, PlaceM
 from .voxels import view_of
 
 SECONDS, FRAME_HZ = 4.0, 5.0
-IMAGE_PIX, VOXEL_PIX, TITLE_PIX = 264, (360, 288), 28
+IMAGE_PIX, VOXEL_PIX = 264, (360, 288)
 MAX_BYTES = 1_000_000
 
 
@@ -77,17 +77,9 @@ def _page(scene: VoxelScene, title: str, view: PlaceM) -> Image.Image:
     """Draws the image and the volumes of a frame side by side, with a title over each and the
     colors of the classes below the image."""
     image = resized(scene.image, width_pix=IMAGE_PIX)
-    pictures = {title: image, **scene.drawn(VOXEL_PIX, view)}
-    width = sum(picture.shape[1] + GAP_PIX for picture in pictures.values()) - GAP_PIX
-    page, left = Canvas(width, TITLE_PIX + VOXEL_PIX[1]), 0
-
-    for title, picture in pictures.items():
-        page.picture(picture, left, TITLE_PIX)
-        page.text(left + picture.shape[1] / 2, TITLE_PIX / 2, title, size=12, ha="center")
-        left += picture.shape[1] + GAP_PIX
-
+    page = titled_sheet([[(title, image), *scene.drawn(VOXEL_PIX, view).items()]])
     below = (TITLE_PIX + image.shape[0] + page.height_pix) / 2
-    page.legend(below, u=IMAGE_PIX / 2, columns=2, size=10, skip=["free"])
+    page.legend(below, u=GAP_PIX + IMAGE_PIX / 2, columns=2, size=10, skip=["free"])
     return page.drawn()
 
 

@@ -22,8 +22,8 @@ INK, MUTED = "#181c24", "#5a606a"
 MAX_BYTES = {".png": 1_500_000, ".jpg": 500_000}
 # Qualities of a JPEG, the best first.
 QUALITIES = range(92, 39, -4)
-# Of pictures in rows: the white between them, and the height of their titles.
-GAP_PIX, TITLE_PIX = 8, 32
+# Of pictures in rows: the white between them, and the height and the letters of their titles.
+GAP_PIX, TITLE_PIX, TITLE_SIZE = 8, 32, 13
 
 Pixels = UInt8[np.ndarray, "h w 3"]
 
@@ -81,24 +81,30 @@ class Canvas:
 
 def titled_sheet(
     rows: Sequence[Sequence[tuple[str, Pixels]]],
-    cell_width_pix: int,
+    cell_width_pix: int | None = None,
     header_pix: int = 0,
     footer_pix: int = 0,
+    title_size: int = TITLE_SIZE,
 ) -> Canvas:
     """Places rows of titled pictures on a page, below a header and above a footer that are empty.
 
-    All pictures are scaled to one width; their shapes are taken to be the same.
+    All pictures are scaled to ``cell_width_pix``; without it they keep their sizes.
     """
-    cells = [[(title, resized(picture, cell_width_pix)) for title, picture in row] for row in rows]
-    row_pix = TITLE_PIX + cells[0][0][1].shape[0]
-    width = GAP_PIX + max(map(len, rows)) * (cell_width_pix + GAP_PIX)
-    page = Canvas(width, header_pix + len(rows) * row_pix + GAP_PIX + footer_pix)
+    if cell_width_pix:
+        rows = [[(title, resized(each, cell_width_pix)) for title, each in row] for row in rows]
+    title_pix = TITLE_PIX * title_size // TITLE_SIZE
+    widths = [GAP_PIX + sum(each.shape[1] + GAP_PIX for _, each in row) for row in rows]
+    heights = [title_pix + max(each.shape[0] for _, each in row) for row in rows]
+    page = Canvas(max(widths), header_pix + sum(heights) + GAP_PIX + footer_pix)
 
-    for n, row in enumerate(cells):
-        for k, (title, picture) in enumerate(row):
-            left, top = GAP_PIX + k * (cell_width_pix + GAP_PIX), header_pix + n * row_pix
-            page.text(left + 2, top + 0.55 * TITLE_PIX, title, size=13)
-            page.picture(picture, left, top + TITLE_PIX)
+    top = header_pix
+    for row, height in zip(rows, heights):
+        left = GAP_PIX
+        for title, picture in row:
+            page.text(left + 2, top + 0.55 * title_pix, title, size=title_size)
+            page.picture(picture, left, top + title_pix)
+            left += picture.shape[1] + GAP_PIX
+        top += height
     return page
 
 

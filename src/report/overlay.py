@@ -16,8 +16,8 @@ FLOOR_LINE_M = 10.0
 FLOOR_LINE_COLOR, PLUMB_COLOR, FRUSTUM_COLOR = (214, 219, 226), (90, 96, 106), (235, 94, 20)
 UAV_COLOR, ROTOR_COLOR = (24, 28, 36), (225, 230, 236)
 
-# Span of the drawn UAV and depth of the drawn frustum, as shares of the grid's length.
-UAV_SHARE, FRUSTUM_SHARE = 0.045, 0.16
+# Span of the drawn UAV, as a share of the grid's length.
+UAV_SHARE = 0.045
 
 Point = Sequence[float]
 
@@ -86,13 +86,3 @@ def draw_uav(pen: Pen, grid: VoxelGrid, floor_m: float, width_pix: int) -> None:
         pen.disc(rotor, 0.26 * span_m, UAV_COLOR)
         pen.disc(rotor, 0.17 * span_m, ROTOR_COLOR)
     pen.disc(origin, 0.2 * span_m, UAV_COLOR)
-
-
-def draw_frustum(pen: Pen, grid: VoxelGrid, frustum: Frustum, share: float, width_pix: int) -> None:
-    """The pyramid between the camera and its image, as tilted as the UAV is, and as deep as a share
-    of the grid's length."""
-    corners = frustum.corners(share * (grid.upper_m[0] - grid.lower_m[0])).tolist()
-    apex = frustum.corners(0.0)[0].tolist()
-    for corner, following in zip(corners, corners[1:] + corners[:1]):
-        pen.line(apex, corner, FRUSTUM_COLOR, width_pix)
-        pen.line(corner, following, FRUSTUM_COLOR, width_pix)

@@ -12,8 +12,8 @@ from plotly.subplots import make_subplots
 from ..geometry import VoxelGrid
 from ..ontology import FREE
 from .canvas import address, encoded
-from .overlay import FRUSTUM_SHARE
 from .scene import VoxelScene
+from .view import FRUSTUM_SHARE
 from .voxel_mesh import voxel_meshes
 
 # A browser draws 16 volumes on a page, and forgets the first ones for any more: so all scenes share
@@ -90,11 +90,8 @@ def _lines(scene: VoxelScene, floor_m: float) -> Iterator[go.Scatter3d]:
     """Yields the UAV's plumb line and, if there is a camera, the edges of its frustum."""
     lines = {UAV_COLOR: [(0, 0, floor_m), (0, 0, 0)]}
     if scene.frustum is not None:
-        lens = scene.frustum.corners(0.0).tolist()[0]
         depth_m = FRUSTUM_SHARE * (scene.grid.upper_m[0] - scene.grid.lower_m[0])
-        corners = scene.frustum.corners(depth_m).tolist()
-        spokes = [point for corner in corners for point in (lens, corner)]
-        lines[FRUSTUM_COLOR] = [*corners, *spokes, corners[0]]
+        lines[FRUSTUM_COLOR] = scene.frustum.outline(depth_m)
     for color, points_m in lines.items():
         line = {"line": {"color": color, "width": 4}, "mode": "lines", "hoverinfo": "skip"}
         yield go.Scatter3d(**dict(zip("xyz", zip(*points_m))), showlegend=False, **line)

@@ -15,6 +15,8 @@ from ..geometry import camera_from_occ, front_mount, inverse, pinhole, project, 
 PITCH_RAD, HFOV_RAD = math.radians(32), math.radians(36)
 # Room around what the observer sees, as a share of the picture.
 MARGIN = 0.02
+# Depth of a drawn frustum, as a share of the grid's length.
+FRUSTUM_SHARE = 0.16
 
 # A place in the occ frame; width and height of a picture; class ids of voxels.
 PlaceM = tuple[float, float, float]
@@ -56,6 +58,12 @@ class Frustum:
         depths_m = torch.full((4,), depth_m, dtype=torch.float64)
         corners_camera = unproject(pix, depths_m, self.pix_from_camera.double())
         return transform(inverse(self.camera_from_occ.double()), corners_camera)
+
+    def outline(self, depth_m: float) -> list[list[float]]:
+        """A line in the occ frame along all edges of the pyramid between the lens and the image at
+        a z-depth."""
+        points = [*self.corners(depth_m).tolist(), self.corners(0.0)[0].tolist()]
+        return [points[n] for n in (0, 1, 2, 3, 0, 4, 1, 2, 4, 3)]
 
 
 def place_behind(points_occ: Float[Tensor, "n 3"], aspect: float) -> PlaceM:

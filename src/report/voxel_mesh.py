@@ -4,12 +4,13 @@ from itertools import product
 
 import numpy as np
 import plotly.graph_objects as go
-from jaxtyping import Bool, Int, UInt8
+from jaxtyping import Bool, Int
 
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES, COLORS, OCCUPIED
 from .canvas import readable
 from .view import Labels
+from .voxels import IN_CORNER, IN_OPEN, openness
 
 # The darkest that a face gets between its neighbors, as a share of its class's color.
 DARKEST = 0.5
@@ -20,8 +21,8 @@ DARKEST = 0.5
 LOOK = {
     "flatshading": True,
     "intensitymode": "cell",
-    "cmin": 8,
-    "cmax": 17,
+    "cmin": IN_CORNER,
+    "cmax": IN_OPEN,
     "showscale": False,
     "lightposition": {"x": -42_000, "y": 60_000, "z": 95_000},
     "lighting": {"ambient": 0.68, "diffuse": 0.5, "specular": 0.03, "facenormalsepsilon": 0},
@@ -53,17 +54,6 @@ def exposed_faces(
 
     voxels, neighbors, corners = (np.concatenate(parts) for parts in zip(*faces))
     return voxels, neighbors, corners
-
-
-def openness(drawn: Bool[np.ndarray, "X Y Z"]) -> UInt8[np.ndarray, "X+2 Y+2 Z+2"]:
-    """Returns how many of the 3 x 3 x 3 voxels around each voxel are not drawn.
-
-    The result has a border of one voxel, so that an index of `exposed_faces` plus one fits it.
-    """
-    count = np.pad(drawn, 2).astype(np.uint8)
-    for axis in range(3):
-        count = sum(np.roll(count, step, axis) for step in (-1, 0, 1))
-    return 27 - count[1:-1, 1:-1, 1:-1]
 
 
 def voxel_meshes(labels: Labels, grid: VoxelGrid) -> list[go.Mesh3d]:

@@ -1,10 +1,11 @@
 """Semantic voxels as a shaded 3-D picture, seen from behind and above the UAV."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import torch
-from jaxtyping import UInt8
+from jaxtyping import Bool, UInt8
 from PIL import Image, ImageDraw
 
 from ..errors import UserError
@@ -12,9 +13,9 @@ from ..geometry import VoxelGrid, pixel_centers
 from ..ontology import CLASSES, COLORS, FREE
 from ..voxels import rays_in_grid
 from .canvas import Pixels
-from .overlay import FRUSTUM_SHARE, Pen, draw_floor, draw_frustum, draw_uav
-from .raycast import FLOOR, VOXEL, PixelHits, cast
-from .view import Frustum, Labels, PlaceM, SizePix, place_behind
+from .overlay import FRUSTUM_COLOR, Pen, draw_floor, draw_uav
+from .raycast import PixelHits, cast
+from .view import FRUSTUM_SHARE, Frustum, Labels, PlaceM, SizePix, place_behind
 
 SUPERSAMPLING = 2
 
@@ -26,6 +27,8 @@ PALETTE = np.array([COLORS[name] for name in CLASSES], dtype=np.float32)
 SUN = np.array([-0.42, 0.52, 0.95])
 SKY_LIGHT, SUN_LIGHT = 0.76, 0.44
 SHARE_IN_CORNERS = 0.55
+# The light of the sky on a face by `openness`: in a corner, and in the open.
+IN_CORNER, IN_OPEN = 8, 17
 EDGE_DARKENING, EDGE_PIX = 0.28, 0.55
 FLOOR_COLOR = np.array([246.0, 248.0, 250.0], dtype=np.float32)
 
@@ -88,14 +91,27 @@ def render_voxels(
 
     # Lines keep their share of the picture at any size.
     line_pix = max(1, round(width / 500))
-    depth_m = hits.distance.reshape(height, width)
-    pen = Pen(ImageDraw.Draw(image), depth_m, camera, tolerance_m=0.3 * grid.voxel_m)
+    seen_m = hits.distance.reshape(height, width)
+    pen = Pen(ImageDraw.Draw(image), seen_m, camera, tolerance_m=0.3 * grid.voxel_m)
     draw_floor(pen, grid, floor_m, line_pix)
     if frustum is not None:
-        draw_frustum(pen, grid, frustum, frustum_share, line_pix + 1)
+        depth_m = frustum_share * (grid.upper_m[0] - grid.lower_m[0])
+        for start, end in pairwise(frustum.outline(depth_m)):
+            pen.line(start, end, FRUSTUM_COLOR, line_pix + 1)
     draw_uav(pen, grid, floor_m, line_pix + 1)
 
     return np.asarray(image.reduce(SUPERSAMPLING))
+
+
+def openness(solid: Bool[np.ndarray, "X Y Z"]) -> UInt8[np.ndarray, "X+2 Y+2 Z+2"]:
+    """Returns how many of the 3 x 3 x 3 voxels around each voxel are not solid.
+
+    The result has a border of one voxel, so that the index of a neighbor plus one fits it.
+    """
+    count = np.pad(solid, 2).astype(np.uint8)
+    for axis in range(3):
+        count = sum(np.roll(count, step, axis) for step in (-1, 0, 1))
+    return 27 - count[1:-1, 1:-1, 1:-1]
 
 
 def check_labels(labels: np.ndarray, grid: VoxelGrid) -> None:
@@ -127,7 +143,7 @@ def labels_in_image(image: Pixels, labels: Labels, grid: VoxelGrid, camera: Frus
     the image, colors stand beside their objects.
     """
     hits = cast_pixels(labels, grid, camera)
-    met = hits.kind == VOXEL
+    met = hits.on_voxel
     # An edge is a pixel wide, however far away it is.
     pixel = hits.distance[met] / float(camera.pix_from_camera[0, 0]) / grid.voxel_m
     edge = EDGE_SHARE * (hits.edge[met] < pixel)
@@ -146,15 +162,15 @@ def _shade(
     observer_m: float,
 ) -> UInt8[np.ndarray, "n 3"]:
     """Color of every ray: class color x light x edge, fading with distance; white for a miss."""
-    rgb = np.full((len(hits.kind), 3), 255.0, dtype=np.float32)
-    floor, voxel = hits.kind == FLOOR, hits.kind == VOXEL
-    rgb[floor] = FLOOR_COLOR * np.where(hits.sunlit[floor], 1.0, 0.90)[:, None]
-    face = PixelHits(*(field[voxel] for field in hits))
+    rgb = np.full((len(hits.voxel), 3), 255.0, dtype=np.float32)
+    rgb[hits.on_floor] = FLOOR_COLOR * np.where(hits.sunlit[hits.on_floor], 1.0, 0.90)[:, None]
+    face = PixelHits(*(field[hits.on_voxel] for field in hits))
 
-    # Sky and sun: how open the corners are, the orientation, the shadows.
-    sun = (SUN / np.linalg.norm(SUN))[face.axis] * face.side
-    light = SKY_LIGHT * (SHARE_IN_CORNERS + (1 - SHARE_IN_CORNERS) * face.openness)
-    light = light + SUN_LIGHT * np.clip(sun, 0, 1) * face.sunlit
+    # Sky and sun: how open the space before the face is, the orientation, the shadows.
+    before = tuple((face.voxel + face.normal + 1).T)
+    is_open = np.interp(openness(labels < FREE)[before], (IN_CORNER, IN_OPEN), (0, 1))
+    light = SKY_LIGHT * (SHARE_IN_CORNERS + (1 - SHARE_IN_CORNERS) * is_open)
+    light += SUN_LIGHT * (face.normal @ SUN) / np.linalg.norm(SUN) * face.sunlit
     # The edges of faces are dark, as thin as a pixel; none where voxels get tiny.
     pix_per_voxel = focal_pix * grid.voxel_m / face.distance
     on_edge = face.edge * pix_per_voxel < EDGE_PIX * SUPERSAMPLING
@@ -165,5 +181,5 @@ def _shade(
     # Haze begins where the grid does, and is thickest at its far end.
     length_m = grid.upper_m[0] - grid.lower_m[0]
     haze = HAZE * np.clip((face.distance - (grid.lower_m[0] - observer_m)) / length_m, 0, 1)
-    rgb[voxel] = color + (255 - color) * haze[:, None]
+    rgb[hits.on_voxel] = color + (255 - color) * haze[:, None]
     return rgb.round().astype(np.uint8)
