@@ -12,27 +12,6 @@ CLIPS = ["town/clip00", "town/clip01", "town/clip02"]
 PAPER_METRIC = OmegaConf.to_container(OmegaConf.load("conf/metric/occupancy.yaml"))
 METRIC = {key: value for key, value in PAPER_METRIC.items() if not key.startswith("_")}
 FOUR_CLASSES = {"num_classes": 4, "free_index": 0, "ignore_index": -100}
-SHARED = {
-    "ttc_edges_s": [1.0, 5.0],
-    "distance_edges_m": [5.0, 10.0],
-    "tube_radius_m": 3.0,
-    "tube_s": 2.0,
-    "turns_deg_per_s": [-30, 0, 30],
-    "climbs_deg": [0, 10],
-    "phantoms": 0.01,
-    "collision": 2.0,
-    "object_near_m": 4.0,
-    "object_s": 2.0,
-    "object_tolerance_m": 0.5,
-    "thin_tolerance": 1,
-    "calibration_bins": 5,
-    "ray_thresholds_m": [1.0, 4.0],
-    "rays": [6, 4],
-    "resamples": 50,
-    "level": 0.9,
-    "seed": 0,
-}
-
 LINE = VoxelGrid(lower_m=(0, -1, -1), upper_m=(20, 1, 1), shape=(10, 1, 1))  # 1, 3, 5 ... m away
 
 
@@ -65,15 +44,15 @@ def random_rays(seed, frames=4, n=12):
     return origin_m, torch.nn.functional.normalize(towards - origin_m[:, None], dim=-1)
 
 
-def with_metrics(metric, suite):
-    """These settings of a suite, and the entries of the metrics of `conf/suite/default.yaml`."""
-    entries = OmegaConf.load("conf/suite/default.yaml").metrics
+def with_metrics(metric, changes):
+    """The suite of `conf/suite/default.yaml` with these changes, and the metrics that it lists."""
+    suite = OmegaConf.merge(OmegaConf.load("conf/suite/default.yaml"), changes)
     metric = metric | {"_target_": "src.metrics.OccupancyScores"}
-    cfg = OmegaConf.create({"metric": metric, "suite": {**suite, "metrics": entries}})
+    cfg = OmegaConf.create({"metric": metric, "suite": suite})
     return OmegaConf.to_container(cfg.suite, resolve=True)
 
 
-SUITE = with_metrics(METRIC, SHARED)
+SUITE = with_metrics(METRIC, {"tube_radius_m": 3.0, "rays": [6, 4], "resamples": 50})
 
 
 def truth_of(target, velocity, clips):

@@ -257,6 +257,8 @@ BAD_BATCHES = {
     },
     (Calibration,): {
         "labels": ("preds:.*logits", lambda x, t, v: (t, t, v)),
+    },
+    (Calibration, PrimitiveMiss): {
         "all infinite": ("preds:", lambda x, t, v: (torch.full_like(x, math.inf), t, v)),
     },
     (RayIoU,): {

@@ -5,22 +5,9 @@ from itertools import product
 import pytest
 import torch
 
-from src.geometry import VoxelGrid
 from src.metrics import ObjectMiss
 from src.ontology import CAR, FREE, GROUND, THIN_STRUCTURE
-from tests.metrics.inputs import scores_of
-
-# The way leads along its middle; the center of each voxel beside it is a quarter of a metre off.
-HALF_METRES = VoxelGrid(lower_m=(0, -1, -1), upper_m=(4, 1, 1), shape=(8, 4, 4))
-AHEAD = torch.tensor([[4.0, 0.0, 0.0]])
-
-
-def volume(**occupied):
-    """Free labels of `HALF_METRES` with class ids at ``x<index>`` of the way."""
-    labels = torch.full((1, *HALF_METRES.shape), FREE)
-    for name, class_id in occupied.items():
-        labels[0, int(name[1:]), 2, 2] = class_id
-    return labels
+from tests.metrics.inputs import LINE, line, scores_of
 
 
 def flooded(true, said, near, tolerance):
@@ -69,12 +56,13 @@ def test_the_count_is_that_of_a_flood(grid, random_batch, seed, tolerance):
 
 
 def test_rates_are_shares_of_the_objects_met():
-    """A wire beside a car; half a metre from it a prediction saves it, and a metre from it not."""
+    """A prediction in the voxel beside a wire saves it, and one two voxels away does not."""
+    ahead = torch.tensor([[5.0, 0.0, 0.0]])
     scores = scores_of(
-        ObjectMiss(HALF_METRES),
-        (volume(x1=CAR, x4=CAR), volume(x1=CAR, x5=THIN_STRUCTURE), AHEAD),
-        (volume(x3=CAR), volume(x5=THIN_STRUCTURE), AHEAD),
-        (volume(), volume(x1=CAR), AHEAD),
+        ObjectMiss(LINE, tolerance_m=2.0, seconds=2.0),
+        (line(x1=CAR, x4=CAR), line(x1=CAR, x3=THIN_STRUCTURE), ahead),
+        (line(x3=CAR), line(x5=THIN_STRUCTURE), ahead),
+        (line(), line(x1=CAR), ahead),
     )
     assert scores["object_miss_rate"] == 0.5
     assert scores["object_miss_rate/car"] == 0.5

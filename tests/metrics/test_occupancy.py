@@ -4,7 +4,9 @@ import pytest
 import torch
 from torchmetrics.classification import MulticlassJaccardIndex
 
+from src.errors import UserError
 from src.metrics import OccupancyScores
+from src.metrics.functional import is_compiled
 from src.ontology import CAR, CLASSES, VRU
 from tests.metrics.inputs import FOUR_CLASSES, scores_of
 
@@ -49,18 +51,19 @@ def test_a_class_that_is_only_predicted_scores_zero_and_one_that_never_occurs_no
     assert scores["miou_occupied"] == pytest.approx((sum(iou[:VRU]) + iou[7]) / 7)
 
 
-def test_counts_accumulate_over_frames_instead_of_a_mean_of_scores(grid):
-    target = torch.full((2, *grid.shape), 255)
-    target[0, 0, 0, :2] = CAR
-    target[1, 0] = CAR
-    preds = torch.full_like(target, 8)
-    preds[0, 0, 0, :2] = CAR
-    batches = ((preds[b : b + 1], target[b : b + 1], torch.tensor([5.0])) for b in range(2))
-    assert scores_of(OccupancyScores(grid), *batches)["iou/car"] == pytest.approx(2 / 17)
+@pytest.mark.parametrize("backend", ["numba", "torch"])
+@pytest.mark.parametrize("num_classes", [4, 15])
+def test_other_classes_free_and_unknown_labels(grid, random_batch, num_classes, backend):
+    preds, target, velocity = random_batch(0, num_classes=num_classes)
+    batch = preds, torch.where(target == 255, -100, target.long()), velocity
+    options = FOUR_CLASSES | {"num_classes": num_classes, "backend": backend}
+    scores = scores_of(OccupancyScores(grid, **options), batch)
+    iou = [scores[f"iou/{class_id}"] for class_id in range(num_classes)]
+    assert iou == pytest.approx(jaccard([batch], num_classes, -100), abs=1e-6)
+    assert scores["miou_occupied"] == pytest.approx(sum(iou[1:]) / (num_classes - 1))
 
 
-def test_other_classes_free_and_unknown_labels(grid, four_classes):
-    scores = scores_of(OccupancyScores(grid, **FOUR_CLASSES), four_classes)
-    iou = [scores[f"iou/{class_id}"] for class_id in range(4)]
-    assert iou == pytest.approx(jaccard([four_classes], 4, -100), abs=1e-6)
-    assert scores["miou_occupied"] == pytest.approx(sum(iou[1:]) / 3)
+def test_a_backend_that_there_is_not_is_refused():
+    for backend, device in (("cupy", "cpu"), ("numba", "cuda")):
+        with pytest.raises(UserError, match=rf"^backend: '?{backend}"):
+            is_compiled(backend, torch.device(device))

@@ -6,17 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from src.errors import UserError
 from src.metrics import PrimitiveMiss
 from src.metrics import functional as F
 from src.ontology import BUILDING, CAR, FREE, THIN_STRUCTURE
-from tests.metrics.inputs import LINE, assert_same, line, random_logits, scores_of, updated
-
-AHEAD = {"turns_deg_per_s": [0.0], "climbs_deg": [0.0]}
-
-
-# Slower than the slowest speed that counts, 5 m/s: the path leads 10 m ahead.
-SLOW = torch.tensor([[1.0, 0.0, 0.0]])
+from tests.metrics.inputs import LINE, assert_same, line, one_hot, random_logits, scores_of, updated
 
 # ----------------------------------------------------------------------------------- the paths
 
@@ -101,25 +94,21 @@ def test_the_curve_is_that_of_all_pairs(grid, random_batch):
 # ------------------------------------------------------------------------------------ by hand
 
 
-def sure_of(labels, log_odds=8.0):
-    """Logits that are as sure of labels being free or not."""
-    logits = torch.zeros(1, 9, *labels.shape[1:])
-    logits[:, FREE] = torch.where(labels == FREE, log_odds, -log_odds)
-    return logits
-
-
-def test_a_wire_that_is_called_free_is_missed_and_one_that_is_seen_is_not():
+@pytest.mark.parametrize("seen", [False, True])
+def test_a_wire_that_is_called_free_is_missed_and_one_that_is_seen_is_not(seen):
+    """On the one path ahead, 10 m long; a second frame is free and seen so."""
     target = line(x2=THIN_STRUCTURE, x3=BUILDING)
-    missed = scores_of(PrimitiveMiss(LINE, **AHEAD), (sure_of(line()), target, SLOW))
-    assert missed["primitive_miss_argmax"] == 1
-    seen = scores_of(
-        PrimitiveMiss(LINE, **AHEAD),
-        (sure_of(target), target, SLOW),
-        (sure_of(line()), line(), SLOW),
-    )
-    assert seen["primitive_miss"] == seen["primitive_miss/thin_structure"] == 0
-    assert seen["primitive_auc"] == 1
-    assert seen["primitive_phantoms_argmax"] == seen["primitive_miss_argmax"] == 0
+    metric = PrimitiveMiss(LINE, turns_deg_per_s=[0.0], climbs_deg=[0.0])
+    batches = [
+        (8 * one_hot(said), true, torch.tensor([[1.0, 0.0, 0.0]]))
+        for said, true in ((target if seen else line(), target), (line(), line()))
+    ]
+    scores = scores_of(metric, *batches)
+    assert scores["primitive_miss_argmax"] == 1 - seen
+    # As sure of the wire as of nothing, one finds as many wires as phantoms.
+    assert scores["primitive_miss/thin_structure"] == pytest.approx(0 if seen else 0.99)
+    assert scores["primitive_phantoms_argmax"] == 0
+    assert scores["primitive_auc"] == (1 if seen else 0.5)
 
 
 def test_labels_alone_have_both_shares_and_no_curve(grid, random_batch):
@@ -135,11 +124,3 @@ def test_labels_alone_have_both_shares_and_no_curve(grid, random_batch):
     beside.update(preds, target, velocity, logits=logits)
     whole = updated(PrimitiveMiss(grid), (logits, target, velocity))
     assert_same(beside.blocked, whole.blocked)
-
-
-def test_infinite_logits_are_refused():
-    logits = sure_of(line())
-    logits[:, 0] = math.inf
-    logits[:, FREE] = math.inf
-    with pytest.raises(UserError, match=r"^preds: the logits hold infinities"):
-        updated(PrimitiveMiss(LINE, **AHEAD), (logits, line(), SLOW))

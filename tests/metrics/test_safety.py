@@ -12,16 +12,9 @@ from tests.metrics.inputs import LINE, coins, line, scores_of
 
 
 def expected_scores(
-    grid,
-    preds,
-    target,
-    velocity,
-    horizon_s=5.0,
-    min_speed_mps=5.0,
-    tube_radius_m=1.0,
-    tube_s=2.0,
-    thin_tolerance=1,
+    grid, batch, horizon_s=5.0, min_speed_mps=5.0, tube_radius_m=1.0, tube_s=2.0, thin_tolerance=1
 ):
+    preds, target, velocity = batch
     centers_m = grid.centers(torch.float64)
     every, bubble, tube, frames = [], [], [], []  # of (truly occupied, predicted occupied)
     thin = []  # of (found, found nearby)
@@ -60,7 +53,7 @@ def expected_scores(
 
 
 def check(grid, batch, **arguments):
-    expected = expected_scores(grid, *batch, **arguments)
+    expected = expected_scores(grid, batch, **arguments)
     actual = scores_of(SafetyScores(grid, **arguments), batch)
     assert actual == pytest.approx(expected, abs=1e-6, nan_ok=True)
     assert list(actual) == list(expected), "the documented order"
@@ -79,42 +72,27 @@ def test_every_score_matches_its_definition(grid, random_batch, seed):
 
 
 OTHERS = [
-    {"tube_radius_m": 0.5},
+    *({"tube_radius_m": radius_m} for radius_m in (0.5, 2.0, 5.0)),
     {"tube_radius_m": 6.0, "tube_s": 0.25},
     {"tube_radius_m": 40.0, "tube_s": 10.0},
     {"horizon_s": 0.5, "min_speed_mps": 20.0},
     *({"thin_tolerance": voxels} for voxels in (0, 2, 9)),
 ]
+VELOCITIES = [(0, 0, 0), (-8, 3, 1), (1000, -350, 90), (0, 0, -1e6), (1e-30, 0, 0)]
 
 
 @pytest.mark.parametrize("arguments", OTHERS)
-def test_other_parameters_match_their_definition(grid, random_batch, arguments):
-    check(grid, random_batch(3), **arguments)
-
-
-@pytest.mark.parametrize(
-    "velocity",
-    [
-        [0.0, 0.0, 0.0],
-        [-8.0, 3.0, 1.0],
-        [1000.0, -350.0, 90.0],
-        [0.0, 0.0, -1e6],
-        [1e-30, 0.0, 0.0],
-    ],
-)
-def test_any_velocity_matches_its_definition(grid, random_batch, velocity):
-    preds, target, like = random_batch(5)
-    for radius_m in (2.0, 5.0):
-        batch = preds, target, torch.tensor(velocity).expand_as(like)
-        check(grid, batch, tube_radius_m=radius_m)
+def test_other_parameters_and_any_velocity_match_their_definition(grid, random_batch, arguments):
+    preds, target, velocity = random_batch(3, frames=len(VELOCITIES))
+    for each in (velocity, torch.tensor(VELOCITIES)):
+        check(grid, (preds, target, each), **arguments)
 
 
 def test_a_grid_that_the_path_never_enters_has_no_tube(random_batch):
-    aside = VoxelGrid((0.0, 30.0, -6.0), (24.0, 50.0, 6.0), (6, 5, 3))
-    scores = scores_of(SafetyScores(aside), random_batch(0))
-    assert math.isnan(scores["collision_miss_rate"])
-    assert math.isnan(scores["phantom_voxel_rate"])
-    assert not math.isnan(scores["geometric_iou"])
+    expected = check(VoxelGrid((0.0, 30.0, -6.0), (24.0, 50.0, 6.0), (6, 5, 3)), random_batch(0))
+    without = {name for name, score in expected.items() if math.isnan(score)}
+    assert {"collision_miss_rate", "phantom_voxel_rate"} <= without
+    assert "geometric_iou" not in without
 
 
 @pytest.mark.parametrize(("index", "rate"), [(2, 1.0), (3, math.nan)])

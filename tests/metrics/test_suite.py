@@ -17,9 +17,8 @@ from tests.metrics.inputs import CLIPS, METRIC, SUITE, scores_of, truth_of, upda
 from tests.synthetic import compose_config, sound_config
 
 
-@pytest.fixture
-def suite(grid):
-    return ScoreSuite(grid, CLIPS, SUITE)
+def protocol_of(grid, settings):
+    return Protocol.of("mini-0", "test", 4, grid, SUPERVISED, METRIC, settings)
 
 
 @pytest.fixture
@@ -49,16 +48,15 @@ def test_a_metric_that_says_so_stays_out_of_the_table_of_scores(scored, grid, mo
     for name, by_clip in scored.by_clip.items():
         scores = by_clip.scores(by_clip.counts)
         assert (scores.keys() <= listed.keys()) == (name != "breakdown")
-    protocol = Protocol.of("mini-0", "test", 8, grid, SUPERVISED, METRIC, SUITE)
-    counts = Counts("mine", protocol, CLIPS, [4, 4, 0], scored.counts())
+    counts = Counts("mine", protocol_of(grid, SUITE), CLIPS, [4, 4, 0], scored.counts())
     table = run_table({0: [counts]}, {"test": lambda clip: True})
     assert list(table["score"]) == list(listed)
 
 
 def test_a_metric_is_fed_where_the_batch_has_what_it_needs_and_forgotten_if_only_partly(
-    suite, batch, grid, random_batch
+    batch, grid, random_batch
 ):
-    preds, truth = batch
+    suite, (preds, truth) = ScoreSuite(grid, CLIPS, SUITE), batch
     suite.update(*batch, torch.zeros(4, 9, *grid.shape))
     assert suite.forget_partly_fed() == []
     alone = updated(KARMeanIoU(grid), random_batch(0)).compute()
@@ -82,25 +80,25 @@ CALIBRATION = "src.metrics.Calibration"
 RAYS = SUITE["metrics"]["rays"]
 
 
-@pytest.mark.parametrize(
-    ("message", "settings"),
-    [
-        *((r"suite.level: ", SUITE | {"level": level}) for level in (0, 95)),
-        ("suite.resamples: 0", SUITE | {"resamples": 0}),
-        *(
-            ("rays: .*suite.metrics.rays", with_entry("rays", **RAYS | {"rays": rays}))
-            for rays in ([6], [6, 0], [6.5, 4])
-        ),
-        ("bins: 0 .*suite.metrics.mine", with_entry("mine", _target_=CALIBRATION, bins=0)),
-        (".*`bin` .suite.metrics.mine", with_entry("mine", _target_=CALIBRATION, bin=3)),
-        ("suite.metrics.mine: ece .*calibration", with_entry("mine", _target_=CALIBRATION)),
-        ("suite.metrics.mine: .*origin_m", with_entry("mine", _target_="src.metrics.RayIoU")),
-        *(
-            (f"suite.metrics.mine._target_: {target}", with_entry("mine", _target_=target))
-            for target in ("src.metrics.Nothing", "torch.nn.Linear", "nowhere.Mine")
-        ),
-    ],
-)
+BAD_SETTINGS = [
+    *(("suite.level: ", SUITE | {"level": level}) for level in (0, 95)),
+    ("suite.resamples: 0", SUITE | {"resamples": 0}),
+    *(
+        ("rays: .*suite.metrics.rays", with_entry("rays", **RAYS | {"rays": rays}))
+        for rays in ([6], [6, 0], [6.5, 4])
+    ),
+    ("bins: 0 .*suite.metrics.mine", with_entry("mine", _target_=CALIBRATION, bins=0)),
+    (".*`bin` .suite.metrics.mine", with_entry("mine", _target_=CALIBRATION, bin=3)),
+    ("suite.metrics.mine: ece .*calibration", with_entry("mine", _target_=CALIBRATION)),
+    ("suite.metrics.mine: .*origin_m", with_entry("mine", _target_="src.metrics.RayIoU")),
+    *(
+        (f"suite.metrics.mine._target_: {target}", with_entry("mine", _target_=target))
+        for target in ("src.metrics.Nothing", "torch.nn.Linear", "nowhere.Mine")
+    ),
+]
+
+
+@pytest.mark.parametrize(("message", "settings"), BAD_SETTINGS)
 @pytest.mark.usefixtures("unchecked")
 def test_settings_that_would_fail_after_the_counting_are_refused_before(grid, message, settings):
     with pytest.raises(UserError, match=rf"^{message}"):
@@ -119,9 +117,8 @@ def test_shared_settings_reach_every_metric_that_has_them(grid):
 
 def test_counts_of_before_the_metrics_were_named_are_one_clear_error(grid):
     settings = {key: value for key, value in SUITE.items() if key != "metrics"}
-    protocol = Protocol.of("mini-0", "test", 4, grid, SUPERVISED, METRIC, settings)
     with pytest.raises(UserError, match=r"^suite\.metrics: "):
-        ScoreSuite.of(protocol, CLIPS)
+        ScoreSuite.of(protocol_of(grid, settings), CLIPS)
 
 
 # ------------------------------------------------------------------------- a metric of one's own
@@ -168,15 +165,14 @@ def test_ones_own_metric_is_counted_saved_resampled_and_scored(own, grid, batch,
     free = float((preds[truth["visible"]] == 8).double().mean())
     assert suite.scores()["free_share"] == pytest.approx(free)
 
-    protocol = Protocol.of("mini-0", "test", 4, grid, SUPERVISED, METRIC, own)
     path = tmp_path / "mine.npz"
-    Counts("mine", protocol, CLIPS, [4, 0, 0], suite.counts()).write(path)
+    Counts("mine", protocol_of(grid, own), CLIPS, [4, 0, 0], suite.counts()).write(path)
     table = Resamples({"mine": {0: Counts.read(path)}}).table().set_index("score")
     assert table.loc["free_share", "value"].tolist() == pytest.approx([free, free])
 
 
 def test_a_file_of_counts_imports_nothing_and_a_module_that_there_is_not_is_refused(own, grid):
-    protocol = Protocol.of("mini-0", "test", 4, grid, SUPERVISED, METRIC, own)
+    protocol = protocol_of(grid, own)
     with pytest.raises(UserError, match=r"^suite.metrics.mine._target_: my_metrics.FreeShare"):
         ScoreSuite.of(Protocol.from_json(protocol.to_json()), CLIPS)
     assert "my_metrics" not in sys.modules
