@@ -13,7 +13,8 @@ from src.data.clip import Clip
 from src.data.predictions import Predictions, save_predictions
 from src.ontology import BUILDING, UNKNOWN
 from src.report import animation
-from src.report.animation import GAP_PIX, IMAGE_PIX, TITLE_PIX, VOXEL_PIX, draw_flight
+from src.report.animation import IMAGE_PIX, VOXEL_PIX, draw_flight
+from src.report.canvas import GAP_PIX, TITLE_PIX
 from src.tasks.predict import _draw
 from tests.synthetic import write_clip
 
@@ -52,9 +53,11 @@ def frames_of(path):
 def panels_of(picture):
     """The image and the volumes of a frame, without their titles."""
     image, *volumes = np.split(
-        picture[TITLE_PIX:], range(IMAGE_PIX, picture.shape[1], VOXEL_PIX[0] + GAP_PIX), axis=1
+        picture[TITLE_PIX:-GAP_PIX, GAP_PIX:],
+        range(IMAGE_PIX + GAP_PIX, picture.shape[1] - GAP_PIX, VOXEL_PIX[0] + GAP_PIX),
+        axis=1,
     )
-    return image[: SIZE_PIX[1]], *(volume[:, GAP_PIX:] for volume in volumes)
+    return image[: SIZE_PIX[1], :IMAGE_PIX], *(volume[:, : VOXEL_PIX[0]] for volume in volumes)
 
 
 def shows(picture, clip, frame):

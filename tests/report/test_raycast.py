@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from src.report.raycast import FLOOR, MISS, VOXEL, cast
+from src.report.raycast import cast
 
 SUN = np.array([-0.4, 0.5, 0.9])
 
@@ -27,51 +27,42 @@ def test_hits_and_shadows_are_those_of_a_slab_test_of_every_voxel():
     origin = np.array([-9.0, 2.0, 8.0])
     directions = rng.uniform((0, 0, 0), (7, 6, 5), (400, 3)) - origin
     hits = cast(occupied, origin, directions, SUN, 0.0)
-    assert (hits.kind == VOXEL).sum() > 100
-    found = hits.kind != MISS
+    found = hits.on_voxel | hits.on_floor
+    assert hits.on_voxel.sum() > 100
     assert 20 < hits.sunlit[found].sum() < found.sum() - 20
 
     for n, direction in enumerate(directions):
         box, distance = first_box(occupied, origin, direction)
-        assert (hits.kind[n] == VOXEL) == (box is not None)
-        point = origin + hits.distance[n] * direction
+        assert hits.on_voxel[n] == (box is not None)
+        point, normal = origin + hits.distance[n] * direction, hits.normal[n]
         if box is not None:
             assert hits.distance[n] == pytest.approx(distance)
             assert hits.voxel[n].tolist() == box.tolist()
-            face = hits.voxel[n, hits.axis[n]] + (hits.side[n] > 0)
-            assert point[hits.axis[n]] == pytest.approx(face)
-            assert hits.side[n] == -np.sign(direction[hits.axis[n]])
+            # The middle of the face is half a voxel before that of its voxel.
+            from_face = point - (box + 0.5 + 0.5 * normal)
+            assert from_face @ normal == pytest.approx(0, abs=1e-9)
+            assert direction @ normal < 0
+            apart = 0.5 - np.abs(from_face)[normal == 0]
+            assert hits.edge[n] == pytest.approx(apart.min(), abs=1e-9)
         if found[n]:
-            normal = np.eye(3)[hits.axis[n]] * hits.side[n]
             shadow, _ = first_box(occupied, point + 1e-4 * normal, SUN)
             assert hits.sunlit[n] == (shadow is None and SUN @ normal > 0)
 
 
-def hits_of(voxels, origin, targets):
-    """What rays from one place to others hit in a grid of 5 x 5 x 5 with some voxels."""
-    occupied = np.zeros((5, 5, 5), dtype=bool)
-    for voxel in voxels:
-        occupied[voxel] = True
-    return cast(occupied, np.array(origin), np.array(targets) - origin, SUN, 0.0)
-
-
 @pytest.mark.parametrize("start", [-5.0, 1.5])
 def test_a_ray_along_an_axis_and_one_that_starts_inside_the_grid(start):
-    targets = [[start + 1, 1.5, 2.5], [start, 2.5, 2.5]]
-    hits = hits_of([(3, 1, 2)], [start, 1.5, 2.5], targets)
-    assert hits.kind.tolist() == [VOXEL, MISS]
-    assert hits.distance[0] == 3.0 - start
+    occupied = np.zeros((5, 5, 5), dtype=bool)
+    occupied[3, 1, 2] = True
+    directions = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    hits = cast(occupied, np.array([start, 1.5, 2.5]), directions, SUN, 0.0)
+    assert hits.on_voxel.tolist() == [True, False]
+    assert hits.distance.tolist() == [3.0 - start, np.inf]
 
 
 def test_the_floor_ends_with_the_footprint_and_lies_behind_voxels():
+    occupied, origin = np.zeros((5, 5, 5), dtype=bool), np.array([-1.0, 1.5, 6.0])
+    occupied[1, 1, 0] = True
     targets = [[3.5, 1.5, 0.0], [1.5, 1.5, 0.0], [5.5, 1.5, 0.0], [1.0, 5.5, 0.0]]
-    hits = hits_of([(1, 1, 0)], [-1.0, 1.5, 6.0], targets)
-    assert hits.kind.tolist() == [FLOOR, VOXEL, MISS, MISS]
-
-
-def test_corners_are_closed_and_lone_faces_open():
-    ground, wall = np.s_[:, :, 0], np.s_[3, :, 1]
-    targets = [[2.95, 2.5, 1.0], [0.5, 2.5, 1.0], [3.5, 2.5, 2.0]]
-    in_corner, in_open, on_top = hits_of([ground, wall], [2.5, 2.5, 9.0], targets).openness
-    assert in_corner < 0.6
-    assert in_open == on_top == 1.0
+    hits = cast(occupied, origin, np.array(targets) - origin, SUN, 0.0)
+    assert hits.on_floor.tolist() == [True, False, False, False]
+    assert hits.on_voxel.tolist() == [False, True, False, False]
