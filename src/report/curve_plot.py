@@ -43,25 +43,20 @@ def curve_plot(points: pd.DataFrame, unit: str = "") -> go.Figure | None:
     # At an epoch that some seeds lack, the mean would jump and nothing was learned.
     seeds = means["run"].map(points.groupby("run")["seed"].nunique())
     means = means[means["count"] == seeds].sort_values("epoch", kind="stable")
-    means["text"] = [_text(unit, *row[2:]) for row in means.itertuples(index=False)]
 
     order = {"run": list(points["run"].unique())}
     style = {"x": "epoch", "color": "run", "line_dash": "run", "category_orders": order, **LINES}
     thin = px.line(points.sort_values("epoch"), y="value", line_group="seed", **style)
     thin.update_traces(line_width=1, opacity=0.5, showlegend=False)
     thin.update_traces(hoverinfo="skip", hovertemplate=None)
-    thick = px.line(means, y="mean", custom_data="text", markers=True, **style)
-    thick.update_traces(line_width=2.5, hovertemplate="%{customdata[0]}")
+    thick = px.line(means, y="mean", custom_data=["min", "max", "count"], markers=True, **style)
+    # One decimal of a percentage, and three digits of anything else.
+    form, unit = ".1f" if unit == "%" else ".3g", f" {escape(unit)}".rstrip()
+    low, high = (f"%{{customdata[{n}]:{form}}}" for n in range(2))
+    text = f"%{{y:{form}}}{unit} ({low} to {high}, seeds: %{{customdata[2]}})"
+    thick.update_traces(line_width=2.5, hovertemplate=text)
 
     figure = go.Figure([*thin.data, *thick.data], LAYOUT)
     # About eight ticks, none of them between two epochs.
     figure.update_xaxes(dtick=math.ceil(points["epoch"].max() / 8))
-    return figure.update_yaxes(ticksuffix=f" {escape(unit)}".rstrip())
-
-
-def _text(unit: str, mean: float, low: float, high: float, seeds: int) -> str:
-    """Returns one decimal of a percentage, and three digits of anything else."""
-    form = ".1f" if unit == "%" else "#.3g"
-    mean, low, high = (format(value, form).rstrip(".") for value in (mean, low, high))
-    text = f"{mean} {unit}".rstrip()
-    return text if seeds == 1 else f"{text} ({low} to {high}, seeds: {seeds})"
+    return figure.update_yaxes(ticksuffix=unit)

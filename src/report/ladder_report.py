@@ -7,12 +7,14 @@ from pathlib import Path
 
 import pandas as pd
 
+from ..ontology import CLASSES
 from ..results.render import Table
 from ..results.runs import UNKNOWN_CODE, UnfinishedRun
-from ..results.table import Parts, joined
+from ..results.table import AS_RECORDED, Parts, Resamples, joined
+from ..run_folder import ANCHORS
+from .canvas import readable
 from .paper_tables import paper_tables
 from .run_group import RunGroup
-from .sampling import sampling_table
 from .section import Draw, Reported, Section
 from .shared_settings import (
     PRECISION,
@@ -23,6 +25,17 @@ from .shared_settings import (
     shown_settings,
     surprises,
 )
+
+# The caption of the table of the intervals.
+SAMPLING = (
+    "Percentile intervals over seeds and, independently, clips, the same draws for every row; of a "
+    "single seed over clips alone. From fewer than ten seeds or clips they are rather too narrow. "
+    "Lost: resamples that draw no voxel of some class, which their means leave out. Blocked: "
+    "frames with something in the tube that the body sweeps, on which the collision-miss rate "
+    "rests. Of each class: the clips with a labelled voxel."
+)
+# Its columns before those of the classes.
+SAMPLING_FACTS = ("clips", "frames", "seeds", "resamples", "interval", "lost", "blocked")
 
 
 @dataclass(frozen=True)
@@ -87,6 +100,7 @@ def _facts(group: RunGroup) -> Table:
     seeds = grouped((run.experiment, str(run.seed)) for run in runs)
     parameters = grouped((f"{run.row['parameters']:,}", run.experiment) for run in runs)
     grid = runs[0].counts.protocol.voxel_grid
+    unlike = max(run.counts.unlike_labels(runs[0].counts) for run in runs)
 
     facts = {
         "Runs, seeds": [listed(seeds)],
@@ -97,10 +111,32 @@ def _facts(group: RunGroup) -> Table:
         "Precision": [run.row[PRECISION] for run in runs],
         # One size needs no names: it is that of every experiment.
         "Parameters": [listed(parameters)] if len(parameters) > 1 else list(parameters),
-        "Labels of other processors": [f"{1e6 * group.unlike_labels:.1f} of a million voxels"],
+        "Labels of other processors": [f"{1e6 * unlike:.1f} of a million voxels"],
     }
     rows = [(name, ["; ".join(dict.fromkeys(values))]) for name, values in facts.items()]
     return Table("facts", "Runs, data and code", "", ["value"], rows, head="Fact")
+
+
+def sampling_table(parts: Iterable[Resamples]) -> Table:
+    """Returns a row for each part of the test split, and each condition of its frames."""
+    rows = []
+    for part in parts:
+        names = [name for name in part.samples if name not in ANCHORS]
+        seeds = grouped((", ".join(map(str, part.seeds(name))), name) for name in names)
+        frames, clips = part.blocked
+        of_seeds = listed(seeds) if len(seeds) > 1 else "".join(seeds)
+        facts = [
+            *(str(part.clips), str(part.frames), of_seeds),
+            *(f"{part.resamples:,}", f"{100 * part.level:g} %", f"{100 * part.lost:.2g} %"),
+            f"{frames} in {clips} clips" if "safety" in part.first.tables else "",
+            *(str(part.labelled_clips[name]) for name in CLASSES),
+        ]
+
+        row = part.part if part.condition == AS_RECORDED else f"{part.part}, {part.condition}"
+        rows.append((row, facts))
+
+    columns = [*SAMPLING_FACTS, *map(readable, CLASSES)]
+    return Table("sampling", "What the intervals rest on", SAMPLING, columns, rows, head="Part")
 
 
 def _missing(

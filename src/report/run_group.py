@@ -116,11 +116,6 @@ class RunGroup:
                     counts.setdefault(anchor, {0: run.anchors[anchor]})
         return counts
 
-    @property
-    def unlike_labels(self) -> float:
-        """The largest share of voxels that a run labels otherwise than the first one."""
-        return max(run.counts.unlike_labels(self.runs[0].counts) for run in self.runs)
-
     def parts(self, parts_of: Callable[[Sequence[str]], Parts]) -> list[Part]:
         """Returns the parts of the test split that have a frame, resampled.
 

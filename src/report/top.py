@@ -76,12 +76,7 @@ def _draw_scale(
     draw: ImageDraw.ImageDraw, left: int, top: int, length_pix: float, strip: int
 ) -> None:
     """Draws a bar of 10 m below the map's lower left corner."""
-    right = left + length_pix
-    v, tick = top + 0.42 * strip, 0.12 * strip
-    line = max(SUPERSAMPLING, round(0.05 * strip))
-    draw.line([(left, v), (right, v)], fill=INK, width=line)
-    for u in (left + line / 2, right):
-        draw.line([(u, v - tick), (u, v + tick)], fill=INK, width=line)
-
+    right, v = left + length_pix, top + 0.42 * strip
+    draw.line([(left, v), (right, v)], fill=INK, width=round(0.1 * strip))
     font = ImageFont.load_default(size=0.55 * strip)
     draw.text((right + 0.2 * strip, v), f"{SCALE_BAR_M} m", fill=INK, font=font, anchor="lm")

@@ -7,47 +7,29 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from src.geometry import (
-    VoxelGrid,
-    camera_from_occ,
-    front_mount,
-    in_image,
-    pinhole,
-    rigid,
-    rotation_from_euler,
-)
-from src.ontology import (
-    BUILDING,
-    CAR,
-    FREE,
-    GENERAL,
-    GROUND,
-    LARGE_VEHICLE,
-    THIN_STRUCTURE,
-    UNKNOWN,
-    VEGETATION,
-    VRU,
-)
+from src import geometry, ontology
+from src.geometry import VoxelGrid
+from src.ontology import CAR, FREE, UNKNOWN
 from src.report.scene import VoxelScene
 from src.report.view import Frustum
 
 GRID, SMALL = VoxelGrid(shape=(50, 50, 30)), VoxelGrid(shape=(25, 25, 15))
 WIDTH, HEIGHT = 224, 128
 
-FLOOR = (GROUND, (0, -25, -11), (50, 25, -10))
+FLOOR = (ontology.GROUND, (0, -25, -11), (50, 25, -10))
 BOXES = (
     FLOOR,
-    (GROUND, (0, 7, -10), (50, 25, -9.5)),
-    (BUILDING, (10, 12, -10), (26, 24, 4)),
-    (BUILDING, (38, -25, -10), (50, -12, 8)),
-    (CAR, (20, 2, -10), (25, 4, -8)),
-    (LARGE_VEHICLE, (24, -5, -10), (32, -2, -6)),
-    (VRU, (17, 8, -10), (18, 9, -8)),
-    (GENERAL, (22, -10, -10), (24, -9, -8)),
-    (THIN_STRUCTURE, (28, 8, -10), (29, 9, 0)),
-    (THIN_STRUCTURE, (28, -10, -1), (29, 9, 0)),
-    (VEGETATION, (36, 6, -10), (37, 7, -6)),
-    (VEGETATION, (34, 4, -6), (39, 9, -2)),
+    (ontology.GROUND, (0, 7, -10), (50, 25, -9.5)),
+    (ontology.BUILDING, (10, 12, -10), (26, 24, 4)),
+    (ontology.BUILDING, (38, -25, -10), (50, -12, 8)),
+    (ontology.CAR, (20, 2, -10), (25, 4, -8)),
+    (ontology.LARGE_VEHICLE, (24, -5, -10), (32, -2, -6)),
+    (ontology.VRU, (17, 8, -10), (18, 9, -8)),
+    (ontology.GENERAL, (22, -10, -10), (24, -9, -8)),
+    (ontology.THIN_STRUCTURE, (28, 8, -10), (29, 9, 0)),
+    (ontology.THIN_STRUCTURE, (28, -10, -1), (29, 9, 0)),
+    (ontology.VEGETATION, (36, 6, -10), (37, 7, -6)),
+    (ontology.VEGETATION, (34, 4, -6), (39, 9, -2)),
 )
 
 
@@ -55,13 +37,12 @@ def fill(
     labels: UInt8[np.ndarray, "X Y Z"],
     grid: VoxelGrid,
     class_id: int,
-    lower_m: tuple[float, float, float],
-    upper_m: tuple[float, float, float],
+    lower_m: Sequence[float],
+    upper_m: Sequence[float],
 ) -> None:
     """Set the voxels whose center lies in a box of the occ frame."""
     centers = grid.centers().numpy()
-    inside = ((centers >= lower_m) & (centers < upper_m)).all(axis=-1)
-    labels[inside] = class_id
+    labels[((centers >= lower_m) & (centers < upper_m)).all(axis=-1)] = class_id
 
 
 def labels_of(*boxes: tuple, grid: VoxelGrid = GRID) -> UInt8[np.ndarray, "X Y Z"]:
@@ -83,19 +64,20 @@ def pixels_of(image: UInt8[np.ndarray, "h w 3"], color: Sequence[float]) -> np.n
 
 def tilted_frustum(roll_rad: float, pitch_rad: float) -> Frustum:
     """A 90-degree camera on a UAV with some tilt."""
-    angles = torch.tensor([roll_rad, pitch_rad, 0.0], dtype=torch.float64)
-    world_from_body = rigid(rotation_from_euler(*angles), torch.zeros(3, dtype=torch.float64))
-    chain = camera_from_occ(world_from_body, front_mount((0.2, 0.0, 0.0), math.radians(15)))
-    return Frustum(chain, pinhole(WIDTH, HEIGHT, math.radians(90)), (WIDTH, HEIGHT))
+    rotation = geometry.rotation_from_euler(*torch.tensor([roll_rad, pitch_rad, 0.0]).double())
+    world_from_body = geometry.rigid(rotation, torch.zeros(3).double())
+    mount = geometry.front_mount((0.2, 0.0, 0.0), math.radians(15))
+    chain = geometry.camera_from_occ(world_from_body, mount)
+    return Frustum(chain, geometry.pinhole(WIDTH, HEIGHT, math.radians(90)), (WIDTH, HEIGHT))
 
 
 def street(grid: VoxelGrid = GRID, frustum: Frustum | None = None) -> UInt8[np.ndarray, "X Y Z"]:
     """Buildings left and right of a road with everything on it; unknown outside the frustum."""
     labels = labels_of(*BOXES, grid=grid)
     if frustum is not None:
-        centers = grid.centers(torch.float64).reshape(-1, 3)
-        seen = in_image(*frustum.project(centers), *frustum.size_pix).reshape(grid.shape).numpy()
-        labels[~seen] = UNKNOWN
+        projected = frustum.project(grid.centers(torch.float64).reshape(-1, 3))
+        seen = geometry.in_image(*projected, *frustum.size_pix)
+        labels[~seen.reshape(grid.shape).numpy()] = UNKNOWN
     return labels
 
 

@@ -69,9 +69,11 @@ def test_a_thin_line_a_seed_and_a_thick_one_for_their_mean_which_ends_with_the_f
     colors = {(line.name, line.line.color) for line in figure.data}
     assert colors == {("skyocc", COLORS[0]), (other, COLORS[1])}
     assert [line.name for line in figure.data if line.showlegend] == ["skyocc", other]
-    texts = [text for line in figure.data if line.line.width > 2 for (text,) in line.customdata]
-    of_skyocc = ["3.0 % (2.0 to 4.0, seeds: 2)", "4.5 % (4.0 to 5.0, seeds: 2)"]
-    assert texts == [*of_skyocc, "3.0 %", "1.0 %"]
+    of_seeds = [[*map(float, each)] for line in figure.data[3:] for each in line.customdata]
+    assert of_seeds == [[2, 4, 2], [4, 5, 2], [3, 3, 1], [1, 1, 1]]
+    low_to_high = "%{customdata[0]:.1f} to %{customdata[1]:.1f}"
+    text = f"%{{y:.1f}} % ({low_to_high}, seeds: %{{customdata[2]}})"
+    assert {line.hovertemplate for line in figure.data[3:]} == {text}
     assert "<" not in figure.to_json(), "names are no markup"
 
 
@@ -80,7 +82,7 @@ def test_many_runs_look_unlike_each_other_and_a_loss_has_three_digits():
     points = [(f"run{n:02d}", n, epoch, 0.0345) for n in range(count) for epoch in (1, 2)]
     means = [line for line in plot_of(points).data if line.showlegend]
     assert len({(line.line.color, line.line.dash) for line in means}) == count
-    assert means[0].customdata[0] == ["0.0345"]
+    assert means[0].hovertemplate.startswith("%{y:.3g} (")
 
 
 @pytest.mark.parametrize(("epochs", "step"), [(1, 1), (3, 1), (24, 3), (100, 13)])

@@ -8,25 +8,15 @@ from src.errors import UserError
 from src.metrics.safety import BLOCKED
 from src.ontology import CLASSES
 from src.report.ladder import PAPER, ladder_named
-from src.report.paper_tables import (
-    CLASS_NAMES,
-    ablation_table,
-    beyond_table,
-    incremental_table,
-    long_tail_table,
-    main_table,
-    progression_table,
-)
+from src.report.ladder_report import sampling_table
+from src.report.paper_tables import CLASS_NAMES, paper_tables
 from src.report.run_group import APART, DERIVED, Part
-from src.report.sampling import sampling_table
 from src.results.render import Cell
 from src.results.table import Resamples
 from tests.results.scored import RIGHT, counts, counts_by_seed
 
-MARKS = {
-    **{"baseline": ("✗", "✗", "✗"), "attitude": ("✓", "✗", "✗")},
-    **{"weights": ("✓", "✓", "✗"), "skyocc": ("✓", "✓", "✓"), "lss": ("✓", "✓", "✓")},
-}
+RUNGS = ["Baseline", "+ Attitude-aware projection", "+ Safety-prior class weights", "SkyOcc"]
+MARKS = {name: [name, "✓", "✗"] for name in (*RIGHT, "lss")}
 
 
 @pytest.fixture(scope="module")
@@ -36,17 +26,24 @@ def scored():
     return counts_by_seed(of_seeds | {"voxel_prior": {0: 0.1}})
 
 
-def part_of(scored, name="test", ladder=()):
+def part_of(scored, name="test", ladder=(), without=()):
+    scored = {key: runs for key, runs in scored.items() if key not in without}
     return Part(Resamples(scored, name, without=APART, derived=DERIVED), ladder_named(ladder))
 
 
-def without(scored, *names):
-    return part_of({key: runs for key, runs in scored.items() if key not in names})
+def tables_of(part, frames=4):
+    """The tables of a part by their keys."""
+    return {table.key: table for table in paper_tables(part, MARKS, {frames})}
 
 
 @pytest.fixture(scope="module")
 def part(scored):
     return part_of(scored)
+
+
+@pytest.fixture(scope="module")
+def tables(part):
+    return tables_of(part)
 
 
 def names(table):
@@ -62,12 +59,9 @@ def change(part, *key):
     return pytest.approx(100 * float(part.resamples.change(*key)[0]))
 
 
-def test_the_main_table_has_the_ladder_then_the_others_by_name_then_the_anchors(part, scored):
-    table = main_table(part)
-    assert names(table) == [
-        *("Baseline", "+ Attitude-aware projection", "+ Safety-prior class weights", "SkyOcc"),
-        *("bilinear", "lss", "Voxel prior"),
-    ]
+def test_the_main_table_has_the_ladder_then_the_others_by_name_then_the_anchors(tables, scored):
+    table = tables["main"]
+    assert names(table) == [*RUNGS, "bilinear", "lss", "Voxel prior"]
     assert table.lines == (4, 6)
     assert table.columns == [*(CLASS_NAMES[name] for name in CLASSES), "mIoU", "KAR-mIoU"]
     assert all(isinstance(cell, Cell) and cell.bounds() for _, row in table.rows for cell in row)
@@ -76,39 +70,35 @@ def test_the_main_table_has_the_ladder_then_the_others_by_name_then_the_anchors(
         assert numbers(table, "mIoU")[row] == pytest.approx(100 * sum(scores) / 2)
 
 
-def test_differences_are_those_of_the_scores_beside_them(part):
+def test_differences_are_those_of_the_scores_beside_them(tables):
     """With the same seeds everywhere every table tells the same story."""
-    main, ablation = main_table(part), ablation_table(part, MARKS)
     columns = {"mIoU": "Δ mIoU", "KAR-mIoU": "Δ KAR", "Thin Struct.": "Δ Thin", "VRU": "Δ VRU"}
     for score, delta in columns.items():
-        scores = numbers(main, score)
-        for name, change in numbers(ablation, delta).items():
+        scores = numbers(tables["main"], score)
+        for name, change in numbers(tables["ablation"], delta).items():
             assert change == pytest.approx(scores[name] - scores["Baseline"])
 
-    steps, miou = numbers(incremental_table(part), "Δ mIoU"), numbers(ablation, "mIoU")
-    expected = [above - below for below, above in pairwise(miou.values())]
-    assert list(steps.values()) == pytest.approx(expected)
+    miou = numbers(tables["ablation"], "mIoU")
+    steps = numbers(tables["incremental"], "Δ mIoU")
+    assert list(steps.values()) == pytest.approx([b - a for a, b in pairwise(miou.values())])
 
 
-def test_the_ablation_has_the_factors_and_what_they_gain(part):
-    table = ablation_table(part, MARKS)
-    assert table.rows[2][1][:3] == ["✓", "✓", "✗"]
+def test_the_ablation_has_the_factors_and_what_they_gain(tables):
+    table = tables["ablation"]
+    assert names(table) == RUNGS
+    assert table.rows[2][1][:3] == MARKS["weights"]
     assert table.columns == [
         *("Att. Proj.", "Class Weight", "Lovász", "mIoU", "KAR-mIoU"),
         *("Δ mIoU", "Δ KAR", "Δ Thin", "Δ VRU"),
     ]
     assert all(cell.value == 0 and not cell.bounds() for cell in table.rows[0][1][5:])
-    assert names(table) == names(main_table(part))[:4]
 
 
-def test_the_long_tail_ends_with_the_gain_of_the_full_model(part):
-    table = long_tail_table(part, frames={4})
+def test_the_long_tail_ends_with_the_gain_of_the_full_model(tables):
+    table = tables["long_tail"]
     *rungs, (name, gain) = table.rows
     assert (name, table.lines) == ("Gain of full model", (4,))
-    assert [row for row, _ in rungs] == [
-        *("Multi-frame baseline", "+ Attitude-aware projection"),
-        *("+ Safety-prior class weights", "+ Lovász-Softmax"),
-    ]
+    assert [row for row, _ in rungs] == ["Multi-frame baseline", *RUNGS[1:3], "+ Lovász-Softmax"]
     for n, cell in enumerate(gain):
         assert cell.signed
         assert cell.value == pytest.approx(rungs[3][1][n].value - rungs[0][1][n].value)
@@ -117,17 +107,16 @@ def test_the_long_tail_ends_with_the_gain_of_the_full_model(part):
     assert 4 not in table.best_rows("Car")
 
 
-def test_the_progression_has_the_gap(part):
-    table = progression_table(part, frames={4})
+def test_the_progression_has_the_gap(tables, part):
+    table = tables["progression"]
     miou, kar, gap = (numbers(table, name) for name in ("mIoU", "KAR-mIoU", "Gap"))
     assert gap == pytest.approx({name: miou[name] - kar[name] for name in miou})
     assert not table.best_rows("Gap"), "the lowest is that of what finds nothing"
-    assert names(progression_table(part, frames={1}))[0] == "Single-frame baseline"
+    assert names(tables_of(part, frames=1)["progression"])[0] == "Single-frame baseline"
 
 
-def test_scores_beyond_the_paper_say_which_end_is_better_and_include_those_of_ones_own(part):
-    table = beyond_table(part)
-    assert table.best == {
+def test_scores_beyond_the_paper_say_which_end_is_better_and_include_those_of_ones_own(tables):
+    assert tables["beyond"].best == {
         **dict.fromkeys(("mIoU occupied", "Geometric IoU", "RayIoU", "Primitive AUC"), "high"),
         **dict.fromkeys(("Primitive miss", "Object miss", "Plan regret"), "low"),
         **dict.fromkeys(("Collision-miss rate", "False-free rate"), "low"),
@@ -135,7 +124,7 @@ def test_scores_beyond_the_paper_say_which_end_is_better_and_include_those_of_on
     blind = counts("skyocc", lambda target, n: target.clamp(max=8), cameras=False)
     mine = part_of({"skyocc": {0: blind}})
     mine.resamples.scores_of["mine"] = ["collision_miss_frames"]
-    columns = beyond_table(mine).columns
+    columns = tables_of(mine)["beyond"].columns
     assert columns[-1] == "collision_miss_frames"
     assert "RayIoU" not in columns, "a score that no run has"
 
@@ -155,25 +144,26 @@ def test_the_long_table_has_every_run_its_means_and_its_steps(part):
 
 def test_an_own_ladder_has_its_own_rungs_and_reference(scored):
     part = part_of(scored, ladder=["weights", "skyocc", "lss"])
-    table, steps = ablation_table(part, MARKS), incremental_table(part)
-    assert names(table) == ["weights", "SkyOcc", "lss"]
-    assert "relative to weights." in table.caption
-    changes = numbers(table, "Δ KAR")
+    tables = tables_of(part)
+    assert names(tables["ablation"]) == ["weights", "SkyOcc", "lss"]
+    assert "relative to weights." in tables["ablation"].caption
+    changes = numbers(tables["ablation"], "Δ KAR")
     assert changes["lss"] == change(part, "lss", "weights", "kar_miou")
     assert changes["weights"] == 0
-    assert names(steps) == ["Lovász-Softmax", "lss"]
-    assert numbers(steps, "Δ mIoU")["lss"] == change(part, "lss", "skyocc", "miou")
-    assert names(progression_table(part, {4})) == ["weights", "+ Lovász-Softmax", "lss"]
-    assert names(long_tail_table(part, {4}))[-1] == "Gain of lss"
-    assert names(main_table(part))[3:6] == ["attitude", "baseline", "bilinear"]
+    steps = numbers(tables["incremental"], "Δ mIoU")
+    assert list(steps) == ["Lovász-Softmax", "lss"]
+    assert steps["lss"] == change(part, "lss", "skyocc", "miou")
+    assert names(tables["progression"]) == ["weights", "+ Lovász-Softmax", "lss"]
+    assert names(tables["long_tail"])[-1] == "Gain of lss"
+    assert names(tables["main"])[3:6] == ["attitude", "baseline", "bilinear"]
 
 
-def test_a_step_that_the_paper_does_not_take_has_not_its_name(scored):
-    for last, name in (("skyocc", "SkyOcc"), ("weights", "weights")):
-        part = part_of(scored, ladder=["baseline", last])
-        assert names(incremental_table(part)) == [name]
-        assert names(progression_table(part, {4})) == ["Multi-frame baseline", name]
-        assert names(main_table(part))[1] == name
+@pytest.mark.parametrize(("last", "name"), [("skyocc", "SkyOcc"), ("weights", "weights")])
+def test_a_step_that_the_paper_does_not_take_has_not_its_name(scored, last, name):
+    tables = tables_of(part_of(scored, ladder=["baseline", last]))
+    assert names(tables["incremental"]) == [name]
+    assert names(tables["progression"]) == ["Multi-frame baseline", name]
+    assert names(tables["main"])[1] == name
 
 
 @pytest.mark.parametrize("experiments", [["skyocc", "skyocc"], ["skyocc", "all_free"]])
@@ -187,34 +177,34 @@ def test_a_rung_twice_or_an_anchor_is_refused(experiments):
 
 
 def test_a_missing_rung_leaves_its_row_out_and_no_wrong_change_behind(scored):
-    part = without(scored, "attitude")
-    rungs = ["Baseline", "+ Safety-prior class weights", "SkyOcc"]
-    assert names(ablation_table(part, MARKS)) == rungs
-    steps = incremental_table(part)
+    tables = tables_of(part_of(scored, without=["attitude"]))
+    assert names(tables["ablation"]) == [RUNGS[0], *RUNGS[2:]]
+    steps = tables["incremental"]
     assert names(steps) == ["Safety-prior class weights", "Lovász-Softmax"]
     weights, lovasz = (entries for _, entries in steps.rows)
     assert set(weights) == {None}  # not the change from the baseline
     assert None not in lovasz
 
 
-def test_without_either_end_there_is_no_gain(scored):
-    parts = [without(scored, name) for name in ("baseline", "skyocc")]
-    for _, entries in ablation_table(parts[0], MARKS).rows:
-        assert entries[5:] == [None] * 4
+@pytest.mark.parametrize("missing", ["baseline", "skyocc"])
+def test_without_either_end_there_is_no_gain(scored, missing):
+    tables = tables_of(part_of(scored, without=[missing]))
+    assert names(tables["long_tail"])[-1].startswith("+ ")
+    assert tables["long_tail"].lines == ()
+    for _, entries in tables["ablation"].rows:
+        assert (entries[5:] == [None] * 4) == (missing == "baseline")
         assert entries[3].value > 0
-    for part in parts:
-        table = long_tail_table(part, {4})
-        assert names(table)[-1].startswith("+ ")
-        assert table.lines == ()
 
 
 def test_a_single_rung_has_no_step_and_a_part_its_own_name(scored):
-    only = part_of({"baseline": scored["baseline"]}, "test_unseen_clips")
-    assert names(incremental_table(only)) == []
-    table = main_table(only)
-    assert len(table.rows) == 1
-    assert table.key == "main_test_unseen_clips"
-    assert table.title == "Main results, test_unseen_clips of tiny-0123"
+    of_test, of_unseen = (
+        tables_of(part_of({"baseline": scored["baseline"]}, name))
+        for name in ("test", "test_unseen_clips")
+    )
+    assert list(of_test) == ["main", "ablation", "long_tail", "progression", "beyond"]
+    assert list(of_unseen) == [f"{key}_test_unseen_clips" for key in ("main", "ablation", "beyond")]
+    title = of_unseen["main_test_unseen_clips"].title
+    assert title == "Main results, test_unseen_clips of tiny-0123"
 
 
 # ------------------------------------------------------------------------------------- intervals
@@ -230,15 +220,12 @@ def sampled(part):
 
 def test_what_the_intervals_rest_on_is_counted(scored):
     part = part_of(scored)
-    facts = sampled(part)
     frames = scored["skyocc"][0].tables["safety"]["frames"][:, BLOCKED]
-    of_clips = int((frames > 0).sum())
-    assert of_clips
     expected = {
         **{"clips": "5", "frames": "7", "resamples": "60", "interval": "90 %", "seeds": "0, 1"},
-        **{"lost": "0 %", "blocked": f"{int(frames.sum())} in {of_clips} clips"},
+        **{"lost": "0 %", "blocked": f"{int(frames.sum())} in {int((frames > 0).sum())} clips"},
     }
-    assert expected.items() <= facts.items()
+    assert expected.items() <= sampled(part).items()
 
     part.resamples.lost = 0.125
     part.resamples.labelled_clips = part.resamples.labelled_clips | {"vru": 0}

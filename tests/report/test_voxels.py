@@ -1,6 +1,6 @@
 """What the 3-D picture and the map show, and where."""
 
-import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -88,16 +88,14 @@ def test_every_occupied_voxel_the_uav_and_the_ground_are_in_the_view():
     assert room.min() < 0.05 * max(SIZE), "and no further away than that needs"
 
 
-def test_the_frustum_tilts_with_the_uav():
-    level, rolled = (tilted_frustum(math.radians(roll), 0.0).corners(10.0) for roll in (0, 20))
-    top_left, top_right, bottom_right, bottom_left = rolled
-    assert top_right[2] < top_left[2], "positive roll is right side down"
-    assert bottom_right[2] < bottom_left[2]
-    assert level[0, 2] == pytest.approx(float(level[1, 2]))
-    assert top_left[1] > top_right[1], "left is +y"
-    width_m = (top_left - top_right).norm()
-    assert width_m == pytest.approx(20.0), "a 90-degree camera"
-    assert (top_left - bottom_left).norm() / width_m == pytest.approx(HEIGHT / WIDTH)
+def test_the_corners_of_a_frustum_are_those_of_its_image():
+    frustum = tilted_frustum(0.3, -0.2)
+    pix, depth_m = frustum.project(frustum.corners(10.0))
+    corners = torch.tensor([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT]]).double()
+    torch.testing.assert_close(pix, corners, atol=1e-4, rtol=0)
+    torch.testing.assert_close(depth_m, torch.full((4,), 10.0).double())
+    edges = {tuple(sorted(map(tuple, edge))) for edge in pairwise(frustum.outline(10.0))}
+    assert len(edges) == 8
 
 
 def test_the_frustum_is_drawn_and_voxels_hide_it():
