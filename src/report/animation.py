@@ -7,10 +7,9 @@ from pathlib import Path
 
 from PIL import Image
 
-from ..atomic import replacing
 from ..data.clip import Clip
 from ..data.predictions import Predictions
-from .canvas import GAP_PIX, TITLE_PIX, encoded, resized, titled_sheet, within_bytes
+from .canvas import GAP_PIX, TITLE_PIX, encoded, resized, titled_sheet, write_light
 from .scene import VoxelScene
 from .view import Frustum, PlaceM
 from .voxels import view_of
@@ -67,10 +66,7 @@ def draw_scenes(
     titles = titles or ["Front camera"] * len(scenes)
     pictures = [_page(scene, title, view) for scene, title in zip(scenes, titles)]
     encode = partial(_gif, durations_ms=durations_ms)
-    content = within_bytes(pictures, encode, max_bytes or MAX_BYTES)
-
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
+    write_light(pictures, path, encode, max_bytes or MAX_BYTES)
 
 
 def _page(scene: VoxelScene, title: str, view: PlaceM) -> Image.Image:

@@ -136,8 +136,7 @@ def write_figure(figure: Figure, path: str | Path) -> None:
 
     Raises `UserError` for a path that cannot be written.
     """
-    with replacing(path) as temporary:
-        _image_of(figure).quantize(256).save(temporary, format="png", optimize=True)
+    write_picture(_image_of(figure).quantize(256), path)
 
 
 def write_picture(image: Image.Image, path: str | Path, max_bytes: int | None = None) -> None:
@@ -148,16 +147,16 @@ def write_picture(image: Image.Image, path: str | Path, max_bytes: int | None = 
     suffix = Path(path).suffix
     kind = Image.registered_extensions()[suffix]
     encode = partial(encoded, kind=kind, optimize=True, quality=QUALITY, progressive=True)
-    content = within_bytes([image], lambda each: encode(*each), max_bytes or MAX_BYTES[suffix])
-
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
+    write_light([image], path, lambda images: encode(*images), max_bytes or MAX_BYTES[suffix])
 
 
-def within_bytes(
-    pictures: list[Image.Image], encode: Callable[[list[Image.Image]], bytes], max_bytes: int
-) -> bytes:
-    """Encodes pictures of one size, and smaller ones where the whole ones are too heavy."""
+def write_light(
+    pictures: list[Image.Image],
+    path: str | Path,
+    encode: Callable[[list[Image.Image]], bytes],
+    max_bytes: int,
+) -> None:
+    """Writes pictures of one size as one file, and smaller ones where that is too heavy."""
     content = encode(pictures)
     while len(content) > max_bytes:
         share = max(0.5, min(0.95, (max_bytes / len(content)) ** 0.5))
@@ -165,7 +164,8 @@ def within_bytes(
         pictures = [picture.resize(size_pix, Image.Resampling.LANCZOS) for picture in pictures]
         content = encode(pictures)
 
-    return content
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def encoded(image: Image.Image, kind: str, **options: object) -> bytes:

@@ -1,5 +1,6 @@
 """Labels laid over the images that they belong to: for the eye that trusts no number."""
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -21,15 +22,13 @@ def draw_check_sheet(root: Path, clip_ids: list[str], path: str | Path, heading:
     clips, more frames each. A wrong attitude, mount or grid shows as colors beside their objects.
     Raises `UserError` for a clip that cannot be read and a path that cannot be written.
     """
-    count = min(FRAMES, len(clip_ids))
     # Evenly spaced, so that a long list shows several towns.
-    places = np.unique(np.linspace(0, len(clip_ids) - 1, count).round().astype(int)).tolist()
+    places = np.linspace(0, len(clip_ids) - 1, FRAMES).round().astype(int)
     pairs = []
-    for n, place in enumerate(places):
+    for place, share in Counter(places.tolist()).items():
         clip = Clip(root / clip_ids[place])
         tilt_rad = clip.frames[["roll_rad", "pitch_rad"]].abs().sum(axis=1).to_numpy()
         # The most tilted of as many equal parts of the clip as there are frames to show.
-        share = FRAMES // len(places) + (n < FRAMES % len(places))
         for part in np.array_split(np.arange(len(clip)), share):
             pairs.append(_pair(clip, int(part[tilt_rad[part].argmax()])))
 
