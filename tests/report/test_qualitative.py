@@ -10,7 +10,7 @@ from src.errors import UserError
 from src.ontology import CAR, FREE, UNKNOWN
 from src.report.canvas import GAP_PIX, MAX_BYTES, write_picture
 from src.report.qualitative import HEADER_PIX, WIDTHS_PIX, pick_frames, qualitative_sheet
-from tests.report.street import SMALL, scene_of, street
+from tests.report.street import SMALL, scene_of
 
 
 @pytest.mark.parametrize(
@@ -46,30 +46,27 @@ def drawn(folder, scenes, tops=True):
         return np.asarray(sheet)
 
 
-def test_the_prediction_is_hidden_where_nothing_is_supervised(tmp_path, scene):
-    same, unknown = street(SMALL), scene.truth == UNKNOWN
-    junk, other = np.where(unknown, CAR, same), np.where(unknown, same, CAR)
-    sheets = [
-        drawn(tmp_path, [predicting(scene, Prediction=labels.astype(np.uint8))])
-        for labels in (same, junk, other)
-    ]
-    assert (sheets[0] == sheets[1]).all()
-    assert (sheets[0] != sheets[2]).any()
+def test_models_stand_side_by_side_in_3d_and_from_above_where_something_is_supervised(
+    tmp_path, scene
+):
+    junk = np.where(scene.truth == UNKNOWN, np.uint8(CAR), scene.truth)
+    row = predicting(scene, baseline=np.full_like(junk, FREE), skyocc=junk)
+    pixels = drawn(tmp_path, [row])
+    image_pix, width_pix, top_pix = WIDTHS_PIX
+    *ends, width = np.cumsum([GAP_PIX + w for w in (image_pix, *[width_pix] * 3, *[top_pix] * 3)])
+    assert pixels.shape[1] == width + GAP_PIX
+    _, *views = np.split(pixels[HEADER_PIX + 60 : HEADER_PIX + 400, GAP_PIX:-GAP_PIX], ends, axis=1)
+    for truth, baseline, skyocc in (views[:3], views[3:]):
+        pix = min(view.shape[1] for view in (truth, baseline, skyocc)) - GAP_PIX
+        assert (truth[:, :pix] == skyocc[:, :pix]).all()
+        assert np.ptp(truth, axis=-1).max() > 60, "colored voxels"
+        assert (truth[:, :pix] != baseline[:, :pix]).any()
 
 
-def test_models_stand_side_by_side_in_their_order_and_there_is_a_row_a_scene(tmp_path, scene):
-    empty = np.full_like(scene.truth, FREE)
-    row = predicting(scene, baseline=empty, skyocc=scene.truth)
-    pixels, rows = drawn(tmp_path, [row], tops=False), drawn(tmp_path, [row, row], tops=False)
-    image_pix, width_pix, _ = WIDTHS_PIX
-    ends = np.cumsum([image_pix + 2 * GAP_PIX, *[width_pix + GAP_PIX] * 3])
-    assert pixels.shape[1] == ends[3]
-    views = np.split(pixels[HEADER_PIX + 60 : HEADER_PIX + 400], ends[:3], axis=1)
-    truth, baseline, skyocc = (view[:, :width_pix] for view in views[1:])
-    assert (truth == skyocc).all()
-    assert np.ptp(truth, axis=-1).max() > 60, "colored voxels"
-    assert (truth != baseline).any()
-    assert rows.shape[0] - pixels.shape[0] > 300
+def test_there_is_a_row_a_scene(tmp_path, scene):
+    one, two = (drawn(tmp_path, [scene] * count, tops=False) for count in (1, 2))
+    assert two.shape[0] - one.shape[0] > 300
+    assert two.shape[1] == one.shape[1]
 
 
 def test_no_frames_and_rows_of_different_models_are_refused(tmp_path, scene):
