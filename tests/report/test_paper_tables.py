@@ -129,16 +129,6 @@ def test_scores_beyond_the_paper_say_which_end_is_better_and_include_those_of_on
     assert "RayIoU" not in columns, "a score that no run has"
 
 
-def test_the_long_table_has_every_run_its_means_and_its_steps(part):
-    table = part.scores
-    rows = table[table["score"] == "miou"].set_index(["experiment", "seed", "reference"])["value"]
-    of_skyocc = rows.loc["skyocc"]
-    references = [("0", ""), ("1", ""), *(("mean", x) for x in ("", "baseline", "weights"))]
-    assert list(of_skyocc.index) == references
-    assert of_skyocc["mean", ""] == pytest.approx(of_skyocc[["0", "1"]].mean())
-    assert 100 * of_skyocc["mean", "weights"] == change(part, "skyocc", "weights", "miou")
-
-
 # ----------------------------------------------------------------------------------- an own ladder
 
 

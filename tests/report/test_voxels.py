@@ -48,20 +48,16 @@ def test_what_is_higher_is_further_up_and_what_stands_in_front_hides_what_is_beh
     car, vru = (CAR, (30, 5, -10), (34, 9, -6)), (VRU, (30, -9, 0), (34, -5, 4))
     wall = (BUILDING, (20, 0, -10), (22, 15, 2))
     view = view_of([labels_of(FLOOR, car, vru)], GRID, SIZE)
-    seen, hidden = (
-        render_voxels(labels_of(FLOOR, *boxes), GRID, SIZE, view)
-        for boxes in ([car, vru], [car, vru, wall])
-    )
+    seen = render_voxels(labels_of(FLOOR, car, vru), GRID, SIZE, view)
+    hidden = render_voxels(labels_of(FLOOR, car, vru, wall), GRID, SIZE, view)
     assert middle_of(seen, VRU)[0] < middle_of(seen, CAR)[0]
     assert len(pixels_of(hidden, PALETTE[CAR])) == 0
 
 
 def test_free_and_unknown_are_not_drawn_and_an_empty_grid_shows_footprint_and_uav_only():
-    known = street()
-    blank = np.where(known == FREE, np.uint8(UNKNOWN), known)
-    assert (render_voxels(known, GRID, SIZE) == render_voxels(blank, GRID, SIZE)).all()
-    empty = np.full(GRID.shape, UNKNOWN, dtype=np.uint8)
+    empty, free = (np.full(GRID.shape, kind, dtype=np.uint8) for kind in (UNKNOWN, FREE))
     image = render_voxels(empty, GRID, SIZE)
+    assert (image == render_voxels(free, GRID, SIZE)).all()
     assert image.min() < 100, "the UAV"
     assert np.ptp(image, axis=-1).max() < 20, "no class color"
     assert ground_level(empty, GRID) == GRID.lower_m[2]
