@@ -16,11 +16,8 @@ from .ladder import PAPER
 from .run_group import BEYOND, LONG_TAIL, Part
 
 # Names of the classes in the heads of the paper's tables.
-CLASS_NAMES = {
-    **dict(zip(CLASSES[:3], ("Building", "Ground", "Vegetation"))),
-    **dict(zip(LONG_TAIL, ("Thin Struct.", "Large Veh.", "Car", "VRU"))),
-    **dict(zip(CLASSES[7:], ("General", "Free Space"))),
-}
+HEADS = ("Building", "Ground", "Vegetation", "Thin Struct.", "Large Veh.", "Car", "VRU", "General")
+CLASS_NAMES = dict(zip(CLASSES, (*HEADS, "Free Space")))
 PERCENT = "All numbers are percentages, in brackets their intervals."
 
 

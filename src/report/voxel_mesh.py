@@ -32,12 +32,12 @@ LOOK = {
 
 def exposed_faces(
     solid: Bool[np.ndarray, "X Y Z"],
-) -> tuple[Int[np.ndarray, "n 3"], Int[np.ndarray, "n 3"], Int[np.ndarray, "n 4 3"]]:
+) -> tuple[Int[np.ndarray, "n 3"], Int[np.ndarray, "n 4 3"]]:
     """Returns every face between a solid voxel and one that is not, or the grid's end.
 
-    The first array holds the indices of the solid voxel, the second those of its neighbor across
-    the face, which may lie one voxel outside the grid. The third holds the four corners as indices
-    of voxel corners, counterclockwise as seen from the neighbor.
+    The first array holds the indices of the neighbor across the face, which may lie one voxel
+    outside the grid. The second holds the four corners as indices of voxel corners,
+    counterclockwise as seen from the neighbor.
     """
     padded = np.pad(solid, 1)
     faces = []
@@ -50,10 +50,10 @@ def exposed_faces(
         normal, u, v = np.roll(np.eye(3, dtype=int), axis, axis=1)
         first = normal * (1 + step) // 2
         square = np.stack([first, first + u, first + u + v, first + v])[::step]
-        faces.append((voxels, voxels + step * normal, voxels[:, None] + square))
+        faces.append((voxels + step * normal, voxels[:, None] + square))
 
-    voxels, neighbors, corners = (np.concatenate(parts) for parts in zip(*faces))
-    return voxels, neighbors, corners
+    neighbors, corners = map(np.concatenate, zip(*faces))
+    return neighbors, corners
 
 
 def voxel_meshes(labels: Labels, grid: VoxelGrid) -> list[go.Mesh3d]:
@@ -66,7 +66,7 @@ def voxel_meshes(labels: Labels, grid: VoxelGrid) -> list[go.Mesh3d]:
     meshes = []
 
     for kind in OCCUPIED:
-        _, neighbors, corners = exposed_faces(labels == kind)
+        neighbors, corners = exposed_faces(labels == kind)
         if len(corners) == 0:
             continue
 

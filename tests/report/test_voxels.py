@@ -54,6 +54,19 @@ def test_what_is_higher_is_further_up_and_what_stands_in_front_hides_what_is_beh
     assert len(pixels_of(hidden, PALETTE[CAR])) == 0
 
 
+def test_the_foot_of_a_wall_is_darker_than_the_open():
+    floor, wall = (CAR, *FLOOR[1:]), (BUILDING, (46, -25, -10), (50, 25, 5))
+    view = view_of([labels_of(floor, wall)], GRID, SIZE)
+    lone, walled = (
+        render_voxels(labels_of(*boxes), GRID, SIZE, view).sum(axis=-1, dtype=int)
+        for boxes in ([floor], [floor, wall])
+    )
+    colored = pixels_of(render_voxels(labels_of(floor, wall), GRID, SIZE, view), PALETTE[CAR])
+    foot = tuple(colored[colored[:, 0] <= colored[:, 0].min() + 1].T)
+    assert (walled[foot] <= lone[foot]).all()
+    assert (walled[foot] < lone[foot]).sum() > 50
+
+
 def test_free_and_unknown_are_not_drawn_and_an_empty_grid_shows_footprint_and_uav_only():
     empty, free = (np.full(GRID.shape, kind, dtype=np.uint8) for kind in (UNKNOWN, FREE))
     image = render_voxels(empty, GRID, SIZE)
