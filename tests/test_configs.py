@@ -185,15 +185,14 @@ def test_a_training_seed_changes_no_data():
     assert root_of(compose_config("sim.seed=1")) != root
 
 
-@pytest.mark.parametrize(
-    ("task", "batch_size", "width", "height"),
-    [("fit", 1, 64, 32), ("fit", 1, 32, 64), ("fit", 2, 32, 32), ("predict", 1, 32, 32)],
-)
-def test_a_batch_of_one_is_sound_but_for_training_on_the_smallest_image(
-    task, batch_size, width, height
-):
-    image = f"sim.image.width={width}", f"sim.image.height={height}"
-    assert sound_config(f"task={task}", f"data.batch_size={batch_size}", *image)
+def test_a_batch_of_one_is_sound_but_for_training_on_the_smallest_image():
+    for words in (
+        ("data.batch_size=1", "sim.image.width=64"),
+        ("data.batch_size=1", "sim.image.height=64"),
+        ("data.batch_size=2",),
+        ("data.batch_size=1", "task=predict"),
+    ):
+        assert sound_config("sim.image.width=32", "sim.image.height=32", *words)
 
 
 # What is typed, and how the message about it begins.
