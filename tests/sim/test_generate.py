@@ -4,12 +4,9 @@ import json
 import multiprocessing
 import os
 import signal
-import subprocess
 import sys
 import time
 from collections import Counter
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,8 +18,9 @@ from src.errors import UserError
 from src.ontology import ACTOR_TYPES, FREE, UNKNOWN
 from src.sim.generate import LOCK, generate
 from src.sim.plan import plan_clips
+from tests import sessions
+from tests.sessions import running_in
 
-ROOT = Path(__file__).parents[2]
 DRIVER = """
 import json, pathlib, sys
 from src.sim.generate import generate
@@ -38,11 +36,7 @@ def hashes(root):
 
 def start(sim, root):
     """The generator as a process of its own."""
-    command = [sys.executable, "-c", DRIVER, json.dumps(sim), str(root)]
-    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-    # Where the tests are a background job, its shell has made them deaf to Ctrl-C.
-    hears = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    return subprocess.Popen(command, cwd=ROOT, preexec_fn=hears, **streams)
+    return sessions.start("-c", DRIVER, json.dumps(sim), str(root))
 
 
 # The patience is for a machine that does much else at the same time.
@@ -53,28 +47,19 @@ def wait_for(condition, patience_s=60.0):
         time.sleep(0.05)
 
 
-def workers_of(pid):
-    """Process ids of the spawned workers of a process."""
-    task = Path(f"/proc/{pid}/task/{pid}/children")
-    pids = [int(child) for child in task.read_text().split()]
-    return [p for p in pids if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
-
-
-def is_running(pid):
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False
+def workers_of(process):
+    """Process ids of the spawned workers of a generator."""
+    running = running_in(process.pid)
+    return [pid for pid, command in running.items() if "spawn_main" in command]
 
 
 def kill(process):
-    """Kills a generator, and returns when its workers are gone: how many there were."""
-    # Workers are counted first, because the kernel gives them to another parent.
-    workers = workers_of(process.pid) if is_running(process.pid) else []
+    """Kills a generator, and returns when its workers are gone: which there were."""
+    workers = workers_of(process)
     process.kill()
-    process.wait()
-    wait_for(lambda: not any(map(is_running, workers)))
-    return len(workers)
+    process.communicate()
+    wait_for(lambda: not running_in(process.pid))
+    return workers
 
 
 # ------------------------------------------------------------------------------- what is made
@@ -157,7 +142,7 @@ def test_killed_at_any_point_it_goes_on_to_the_same_bytes(mini_dataset, mini_sim
     root, sim, hit = tmp_path / "data", mini_sim | {"workers": 1}, 0
     process = start(sim, root)
     wait_for(lambda: list(root.glob("*/.clip*.part/rgb.zip")))
-    assert kill(process) > 0
+    assert kill(process)
     assert list(root.glob("*/.clip*.part"))
 
     for moment_s in np.random.default_rng(0).uniform(0.3, 9.0, 10):
@@ -175,9 +160,9 @@ def test_killed_at_any_point_it_goes_on_to_the_same_bytes(mini_dataset, mini_sim
 @pytest.mark.parametrize(
     ("killed", "by", "message"),
     [
-        ("worker", signal.SIGKILL, b"sim.workers"),
+        ("worker", signal.SIGKILL, "sim.workers"),
         # After Ctrl-C nobody waits for the clips to be finished either.
-        ("generator", signal.SIGINT, b"KeyboardInterrupt"),
+        ("generator", signal.SIGINT, "KeyboardInterrupt"),
     ],
 )
 def test_a_death_leaves_nothing_running_and_nothing_partial(
@@ -186,11 +171,10 @@ def test_a_death_leaves_nothing_running_and_nothing_partial(
     root = tmp_path / "data"
     process = start(mini_sim, root)
     wait_for(lambda: len(list(root.glob("*/.clip*.part"))) == 2)
-    workers = workers_of(process.pid)
-    os.kill(workers[0] if killed == "worker" else process.pid, by)
+    os.kill(workers_of(process)[0] if killed == "worker" else process.pid, by)
 
-    assert message in process.communicate(timeout=60)[1].strip().splitlines()[-1]
-    wait_for(lambda: not any(map(is_running, workers)))
+    assert message in process.communicate(timeout=60)[0].strip().splitlines()[-1]
+    wait_for(lambda: not running_in(process.pid))
     assert not list(root.glob("*/*"))
 
 
