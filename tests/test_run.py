@@ -448,14 +448,6 @@ def test_data_made_under_another_configuration_are_refused(place, here, refusal)
     assert not folder_of(here).exists()
 
 
-def test_a_broken_clip_stops_training_with_its_name(place, tmp_path, refusal):
-    overrides = mini_overrides(tmp_path, *FIT, "data.workers=1")
-    shutil.copytree(place / "data", tmp_path / "data")
-    (path,) = tmp_path.glob("data/*/downtown/clip00/rgb.zip")
-    path.write_bytes(path.read_bytes()[:5000])
-    assert str(path) in refusal(*overrides)
-
-
 @pytest.mark.parametrize("key", ["paths.data", "paths.runs"])
 def test_a_place_that_cannot_be_written_is_named(here, tmp_path, key, refusal):
     """Below a file nobody can make a folder, not even root."""
