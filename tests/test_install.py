@@ -165,15 +165,11 @@ def installed(checkout, monkeypatch):
     return called
 
 
-def test_a_whole_one_is_left_alone_and_the_tests_bring_more(installed):
+def test_a_whole_one_is_left_alone_and_what_is_listed_anew_is_added(installed, checkout):
     assert installed() == ["made", "installed "]
     assert installed() == []
     assert installed("dev") == ["installed dev"]
     assert installed() == installed("dev") == []
-
-
-def test_a_longer_list_of_packages_is_installed_into_it(installed, checkout):
-    installed()
     (checkout / "constraints.txt").write_text("torch==99\n")
     assert installed() == ["installed "]
 

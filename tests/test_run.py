@@ -428,16 +428,6 @@ def test_a_mistake_in_a_command_is_one_line_and_makes_nothing(typed, tmp_path, r
     assert not list(tmp_path.iterdir())
 
 
-def test_an_experiment_in_a_folder_of_ones_own_is_checked_too(tmp_path, refusal):
-    text = "# @package _global_\ndefaults: [skyocc, _self_]\nname: mine\nsize: { layer: 3 }\n"
-    (tmp_path / "experiment").mkdir()
-    (tmp_path / "experiment/mine.yaml").write_text(text)
-    there = f"hydra.searchpath=[file://{tmp_path}]"
-    line = refusal("-m", "seed=0,1", "+experiment=mine", there, f"paths.runs={tmp_path}/runs")
-    assert "experiment=mine, scale=small: size.layer: nothing reads this key" in line
-    assert not (tmp_path / "runs").exists()
-
-
 def test_data_made_under_another_configuration_are_refused(place, here, refusal):
     (made,) = (place / "data").iterdir()
     manifest = (made / "manifest.json").read_bytes()
