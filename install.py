@@ -72,7 +72,7 @@ def complete(extra: str) -> None:
     STAMP.write_text(stamp_of(extra))
 
     minutes = (time.monotonic() - start_s) / 60
-    say(f".venv is ready: {gigabytes(VENV):.1f} GB, after {minutes:.1f} minutes")
+    say(f".venv is ready, after {minutes:.1f} minutes")
 
 
 def run(command: "list[str]") -> "subprocess.CompletedProcess[str]":
@@ -136,15 +136,6 @@ def interpreter(wanted: str) -> "tuple[str, str]":
         f"no Python 3.10 to 3.13 is on the PATH, only {', '.join(others)}; install one with its "
         "module venv, or uv, or name one: make setup PYTHON=/path/to/python3.11"
     )
-
-
-def gigabytes(folder: Path) -> float:
-    sizes = (
-        os.lstat(os.path.join(at, name)).st_size
-        for at, _, names in os.walk(folder)
-        for name in names
-    )
-    return sum(sizes) / 1e9
 
 
 # --------------------------------------------------------------------------- what is refused

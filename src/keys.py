@@ -43,7 +43,7 @@ def _require_sound(key: str, before: DictConfig, cfg: DictConfig) -> None:
             return  # The command removes it.
         if name not in old or new.get(TARGET) != old.get(TARGET):
             return _require_read(".".join(names[: depth + 1]), before, cfg)
-    _require_type(key, *(plain(OmegaConf.select(node, key)) for node in (before, cfg)))
+    _require_type(key, *(_plain(OmegaConf.select(node, key)) for node in (before, cfg)))
 
 
 def _require_read(key: str, before: DictConfig, cfg: DictConfig) -> None:
@@ -127,6 +127,6 @@ def _mismatch(old: object, new: object) -> str | None:
     return None
 
 
-def plain(node: object) -> object:
+def _plain(node: object) -> object:
     """Returns a value of a configuration without OmegaConf's classes."""
     return OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node

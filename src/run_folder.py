@@ -5,6 +5,7 @@ import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 import pandas as pd
@@ -162,9 +163,8 @@ class RunFolder:
         return _recorded(self.path / VERSION) == self.version
 
     def _move_aside(self) -> None:
-        number = 1
-        while (aside := self.path.with_name(f"{self.path.name}.before{number}")).exists():
-            number += 1
+        names = (self.path.with_name(f"{self.path.name}.before{n}") for n in count(1))
+        aside = next(path for path in names if not path.exists())
         os.rename(self.path, aside)
 
         file = different_file(recorded_code(aside), self.code)

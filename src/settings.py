@@ -17,12 +17,12 @@ from .data.rates import require_rates
 from .dotted import is_listed
 from .errors import UserError
 from .geometry import VoxelGrid
-from .keys import plain, require_keys
+from .keys import require_keys
 from .limits import require_at_least, require_choice, require_count
 from .run_folder import KEYS
 
 GROUPS = Path(__file__).parent.parent / "conf"
-TRAINING, LOOK = "src.tasks.fit.fit", "src.tasks.look.look"
+TRAINING = "src.tasks.fit.fit"
 # Geometry is computed in fp32, so the network has no pure half or double precision.
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 CHOICES = {
@@ -136,7 +136,7 @@ def _require_grids(cfg: DictConfig) -> None:
     of_model = "model.decoder.grid" if cfg.model.ground is None else "model.ground.grid"
     for follower in ("sim.grid", of_model):
         for key, value in grid.items():
-            if plain(OmegaConf.select(cfg, f"{follower}.{key}")) != value:
+            if OmegaConf.select(cfg, f"{follower}.{key}") != value:
                 raise UserError(f"{follower}.{key}: differs from grid.{key}; set grid.{key} alone")
 
 
@@ -199,7 +199,7 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
     # An override of the model names another rung, whose configuration must then be given whole.
     parsed = OverridesParser.create().parse_overrides(list(overrides))
     keys = [override.key_or_group for override in parsed]
-    flights = KEYS["flights"] if cfg.task._target_ == LOOK else ()
+    flights = KEYS["flights"] if "task=look" in overrides else ()
     says_nothing = (*KEYS["place"], *KEYS["machine"], *KEYS["scoring"], *flights)
     neutral = all(is_listed(key, says_nothing) for key in keys)
     if cfg.ckpt_path in (None, "best", "last") or not neutral:

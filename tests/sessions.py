@@ -36,9 +36,10 @@ def start(*words: str) -> subprocess.Popen:
     )
 
 
-def running_in(session: int) -> list[str]:
-    """Command lines of the processes of a session that have not ended."""
-    return [(path / "cmdline").read_text() for path, fields in _stats(session) if fields[0] != "Z"]
+def running_in(session: int) -> dict[int, str]:
+    """Command lines, by their ids, of the processes of a session that have not ended."""
+    running = [path for path, fields in _stats(session) if fields[0] != "Z"]
+    return {int(path.name): (path / "cmdline").read_text() for path in running}
 
 
 def spent_s(session: int) -> float:

@@ -142,8 +142,6 @@ class _Methods(TorchFunctionMode):
         name = getattr(func, "__name__", "")
         first = args[0] if args else None
         if isinstance(first, SimulatedCuda):
-            if name == "numpy":
-                raise TypeError("can't convert cuda:0 device type tensor to numpy")
             if name == "tolist":
                 _waits[name] += 1
                 return first.inner.tolist()
@@ -155,8 +153,6 @@ class _Methods(TorchFunctionMode):
             index = args[1] if isinstance(args[1], tuple) else (args[1],)
             index = tuple(torch.tensor(i) if isinstance(i, list) else i for i in index)
             return func(first, index)
-        if name == "cuda":
-            name, args = "to", (first, CUDA)
         if name == "to":
             return self._moved(func, args, kwargs)
         return func(*args, **kwargs)

@@ -85,21 +85,14 @@ def test_a_loss_is_trained_with(added, tmp_path):
     cfg = added("+experiment=dice", *mini_overrides(tmp_path, "data.frames=1"))
     module = untrained(cfg, data := data_of(cfg, write_dataset(cfg)))
     batch = next(iter(data.train_dataloader()))
-    optimizer = torch.optim.AdamW(module.network.parameters(), lr=1e-3)
+    values = module.loss(module(batch), batch["semantics"])
+    values["total"].backward()
 
-    steps = []
-    for _ in range(2):
-        values = module.loss(module(batch), batch["semantics"])
-        optimizer.zero_grad()
-        values["total"].backward()
-        optimizer.step()
-        steps.append({name: value.item() for name, value in values.items()})
-
-    assert set(steps[0]) == {"cross_entropy", "lovasz", "dice", "total"}
-    assert 0 < steps[1]["dice"] < 1
-    total = steps[0]["cross_entropy"] + steps[0]["lovasz"] + 0.5 * steps[0]["dice"]
-    assert steps[0]["total"] == pytest.approx(total)
-    assert steps[1]["total"] < steps[0]["total"]
+    assert set(values) == {"cross_entropy", "lovasz", "dice", "total"}
+    assert 0 < values["dice"] < 1
+    assert values["dice"].requires_grad
+    total = values["cross_entropy"] + values["lovasz"] + 0.5 * values["dice"]
+    torch.testing.assert_close(values["total"], total)
 
 
 @pytest.mark.parametrize("added", ["A metric"], indirect=True, ids=str)

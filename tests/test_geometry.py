@@ -59,9 +59,6 @@ def test_quaternion_and_euler_give_the_same_rotation() -> None:
     torch.testing.assert_close(torch.stack(g.euler_from_rotation(rotation)), angles)
 
 
-# ----------------------------------------------------------------------------- rigid transforms
-
-
 # ------------------------------------------------------------------------- the projection chain
 
 
@@ -133,16 +130,9 @@ def test_leading_batch_dimensions() -> None:
     ("function", "inputs"),
     [
         (g.rotation_from_euler, f64([0.3, -0.2, 0.9])),
-        (g.quat_from_euler, f64([0.3, -0.2, 0.9])),
-        (g.rotation_from_quat, (f64([[0.1, 0.2, -0.3, 0.9]]),)),
         (g.euler_from_rotation, (pose(*ATTITUDE_RAD)[:3, :3],)),
-        (g.rigid, (pose(*ATTITUDE_RAD)[:3, :3], f64([3.0, 4.0, 5.0]))),
-        (g.inverse, (pose(*ATTITUDE_RAD),)),
-        (g.world_from_occ, (pose(*ATTITUDE_RAD),)),
         (g.transform, (pose(*ATTITUDE_RAD), POINTS_OCC)),
-        (g.rotate, (pose(*ATTITUDE_RAD), POINTS_OCC)),
         (g.project, (POINTS_OCC, g.inverse(BODY_FROM_CAMERA), PIX_FROM_CAMERA)),
-        (g.unproject, (POINTS_OCC[:, :2], POINTS_OCC[:, 2], PIX_FROM_CAMERA)),
         (g.in_image, (POINTS_OCC[:, :2], POINTS_OCC[:, 2], WIDTH, HEIGHT)),
     ],
     ids=lambda value: getattr(value, "__name__", ""),

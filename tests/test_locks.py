@@ -1,13 +1,12 @@
 """Locks between processes, and between the file descriptors of one."""
 
-import subprocess
-import sys
 from contextlib import ExitStack
 
 import pytest
 
 from src.errors import UserError
 from src.locks import locked, locked_if_free
+from tests.sessions import start
 
 HOLDER = """
 import sys, time
@@ -35,8 +34,7 @@ def is_free(path):
 @pytest.mark.parametrize("kind", ["shared", "alone"])
 def test_another_process_keeps_out_whom_it_must_until_it_is_killed(tmp_path, kind):
     path = tmp_path / "lock"
-    command = [sys.executable, "-c", HOLDER, str(path), kind]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as holder:
+    with start("-c", HOLDER, str(path), kind) as holder:
         assert holder.stdout.readline() == "held\n"
         assert not is_free(path)
         with ExitStack() as held:

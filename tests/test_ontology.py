@@ -19,11 +19,6 @@ def test_ids_are_those_of_the_page_of_conventions() -> None:
     assert [int(class_id) for class_id, _ in rows] == [*range(ontology.NUM_CLASSES), 255]
 
 
-def test_unknown_and_sky_fit_a_byte_and_are_no_class() -> None:
-    for value in (ontology.UNKNOWN, ontology.SKY):
-        assert ontology.NUM_CLASSES <= value <= 255
-
-
 def test_a_tie_has_one_winner_and_the_rare_classes_come_first() -> None:
     assert sorted(ontology.RAREST_FIRST) == sorted(ontology.OCCUPIED)
     share_percent = {"thin_structure": 0.26, "car": 0.071, "vru": 0.016}

@@ -133,6 +133,28 @@ def interrupt(monkeypatch):
     return interrupted
 
 
+@pytest.fixture
+def half_done(here, made_once, interrupt, monkeypatch):
+    """The overrides of a run that was killed while its second checkpoint was written.
+
+    The system's folder for temporary files, often another disk, has no part in it.
+    """
+    save = torch.save
+
+    def half(checkpoint, path):
+        if "last" in path.name and checkpoint["epoch"] == 1:
+            path.write_bytes(b"half of it")
+            raise Stop
+        save(checkpoint, path)
+
+    def make(folder):
+        monkeypatch.setattr(tempfile, "tempdir", "nowhere")
+        interrupt([*here, f"paths.runs={folder}"], (torch, "save", half))
+
+    shutil.copytree(made_once("half_done", make), folder_of(here).parents[2])
+    return here
+
+
 def require_same_training(folder, other):
     """Same weights to the last bit, and every epoch logged once."""
     mine, others = (weights(path / "checkpoints/last.ckpt") for path in (folder, other))
@@ -217,15 +239,12 @@ def test_it_says_what_it_trains_and_nothing_of_what_libraries_say(printed):
 # -------------------------------------------------------------------------- interrupted and resumed
 
 
-def test_a_half_done_run_goes_on_as_if_undisturbed(
-    finished, here, interrupt, monkeypatch, unscored
-):
+def test_a_half_done_run_goes_on_as_if_undisturbed(finished, half_done, monkeypatch, unscored):
     """Same order, same mirrors, same schedule; and it does not count the labels once more."""
-    interrupt(here, at(1, 2))
-    folder = folder_of(here)
+    folder = folder_of(half_done)
     assert not (folder / "results.csv").exists()
     monkeypatch.setattr(SkyShieldData, "labels", None)
-    assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
+    assert fit(compose_config(*half_done)) == "finished, went on after epoch 1 of 2"
     require_same_training(folder, finished[0])
 
 
@@ -240,64 +259,44 @@ def test_the_best_one_stays_and_no_later_one_is_trained_again(here, interrupt, u
     assert epochs == [1, 3]
 
 
-def test_a_run_killed_before_its_results_repeats_no_training(
-    finished, here, interrupt, monkeypatch
-):
-    interrupt(here, ("src.tasks.fit.evaluate", Mock(side_effect=Stop)))
+def test_a_run_killed_before_its_results_repeats_no_training(finished, here, monkeypatch):
+    results = shutil.ignore_patterns("results.csv", "scores.csv", "tallies", "figures")
+    folder = folder_of(here)
+    shutil.copytree(finished[0], folder, ignore=results)
     monkeypatch.setattr(*at(1, 0))
     assert fit(compose_config(*here)) == "finished, went on after epoch 2 of 2"
-    folder = folder_of(here)
     again, before = (read_results(path / "results.csv") for path in (folder, finished[0]))
     columns = [name for name in again if name not in ("seconds", "git_commit")]
     pd.testing.assert_frame_equal(again[columns], before[columns])
     require_same_training(folder, finished[0])
 
 
-def test_a_run_killed_while_a_checkpoint_is_written_goes_on_from_the_one_before(
-    finished, here, interrupt, monkeypatch, unscored
-):
-    """The system's folder for temporary files, often another disk, has no part in it."""
-    save = torch.save
-
-    def half(checkpoint, path):
-        if "last" in path.name and checkpoint["epoch"] == 1:
-            path.write_bytes(b"half of it")
-            raise Stop
-        save(checkpoint, path)
-
-    monkeypatch.setattr(tempfile, "tempdir", "nowhere")
-    interrupt(here, (torch, "save", half))
-    assert fit(compose_config(*here)) == "finished, went on after epoch 1 of 2"
-    require_same_training(folder_of(here), finished[0])
-
-
-def test_last_goes_on_and_no_other_configuration_code_or_broken_file(here, interrupt, unscored):
-    interrupt(here, at(1, 1))
+def test_last_goes_on_and_no_other_configuration_code_or_broken_file(half_done, unscored):
     with pytest.raises(UserError, match=r"optimizer\.lr=0\.002.* 0\.1"):
-        fit(compose_config(*here, "ckpt_path=last", "optimizer.lr=0.1"))
-    last = folder_of(here) / "checkpoints/last.ckpt"
+        fit(compose_config(*half_done, "ckpt_path=last", "optimizer.lr=0.1"))
+    last = folder_of(half_done) / "checkpoints/last.ckpt"
     ours, content = last.read_bytes(), torch.load(last, weights_only=True)
     content["skyshield"]["code"]["models/losses.py"] = "0123456789ab"
     torch.save(content, last)
     with pytest.raises(UserError, match=r"last\.ckpt .*src/models/losses"):
-        fit(compose_config(*here, "ckpt_path=last"))
+        fit(compose_config(*half_done, "ckpt_path=last"))
 
     last.write_bytes(ours[:1000])
     for words in ([], ["ckpt_path=last"]):
         with pytest.raises(UserError, match=r"last\.ckpt is no readable checkpoint"):
-            fit(compose_config(*here, *words))
+            fit(compose_config(*half_done, *words))
     assert last.stat().st_size == 1000, "it is not replaced"
 
     last.write_bytes(ours)
-    fit(compose_config(*here, "ckpt_path=last"))
-    table = pd.read_csv(folder_of(here) / "metrics.csv")
+    fit(compose_config(*half_done, "ckpt_path=last"))
+    table = pd.read_csv(folder_of(half_done) / "metrics.csv")
     assert table.dropna(subset=["val/kar_miou"])["epoch"].tolist() == [0, 1]
 
 
 def test_a_precision_holds_for_training_and_for_what_comes_after(here, monkeypatch):
     overrides = [*here, "trainer.precision=bf16-mixed", "trainer.max_epochs=1"]
     overrides += ["data.batch_size=2", "+trainer.limit_test_batches=1"]
-    fit(compose_config(*overrides))
+    assert fit(compose_config(*overrides)) == "finished"
     table = read_results(folder_of(overrides) / "results.csv").set_index("experiment")
     assert set(table.loc["skyocc", "precision"]) == {"bf16-mixed"}
     forward, autocast = SkyOcc.forward, []
@@ -334,12 +333,12 @@ def test_what_cannot_be_done_is_refused_before_a_finished_run_is_moved(finished,
     assert not folder.with_name("seed0.before1").exists()
 
 
-def test_overwriting_keeps_the_old_run_aside(finished, here, unscored):
+def test_overwriting_trains_anew_and_keeps_the_old_run_aside(finished, here, interrupt):
     shutil.copytree(finished[0], folder_of(here))
-    assert fit(compose_config(*here, "overwrite=true")) == "finished"
+    interrupt([*here, "overwrite=true"], at(0, 0))
     aside = folder_of(here).with_name("seed0.before1")
     assert (aside / "results.csv").read_bytes() == (finished[0] / "results.csv").read_bytes()
-    assert not (folder_of(here) / "results.csv").read_bytes()
+    assert not (folder_of(here) / "results.csv").exists()
 
 
 # ----------------------------------------------------------------------------- scoring a checkpoint
@@ -364,7 +363,7 @@ def test_scoring_a_checkpoint_repeats_the_run_s_own_scores_or_says_of_how_much_t
         compare(compose_config(), [str(folder), str(folder / "test")], str(folder / "out"))
 
 
-def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path, monkeypatch):
+def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path):
     folder, overrides = finished
     overrides = [*overrides, f"predictions={tmp_path}/mine"]
     predict(compose_config(*overrides, "task=predict", "ckpt_path=best"), "test", logits=True)
@@ -380,36 +379,20 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path, monkeyp
         pd.read_csv(path / "scores.csv").query("experiment == 'skyocc'").set_index("score")
         for path in (tmp_path / "mine/scores", folder)
     )
+    # The class scores were rounded to half precision, and nothing else.
     of_logits = kept.index.str.startswith(("ece", "nll", "primitive_"))
     of_logits &= ~kept.index.str.endswith("_argmax")
+    assert kept[of_logits]["value"].notna().sum() > 3
     pd.testing.assert_frame_equal(whole[~of_logits], kept[~of_logits], atol=1e-6, rtol=0)
-
-    # The class scores were rounded to half precision, and nothing else: as if the network had.
-    forward = SkyOcc.forward
-    monkeypatch.setattr(SkyOcc, "forward", lambda self, b: forward(self, b).half().float())
-    score(compose_config(*finished[1], "task=test", "ckpt_path=best"))
-    rounded = pd.read_csv(folder / "test/scores.csv").query("experiment == 'skyocc'")
-    rounded = rounded.set_index("score")
-    pd.testing.assert_frame_equal(whole[of_logits], rounded[of_logits], atol=1e-6, rtol=0)
-    assert rounded[of_logits]["value"].notna().sum() > 3
+    pd.testing.assert_frame_equal(whole[of_logits], kept[of_logits], atol=1e-3, rtol=0)
 
 
-@pytest.mark.parametrize(
-    ("other", "said"),
-    [
-        ("+experiment=baseline", 'name="skyocc".* "baseline"'),
-        ("loss/lovasz='off'", "lovasz.weight=1.0.* 0.0"),
-        ("model.encoder.dim=32", r"decoder\.dim=16.* 32"),
-    ],
-)
-def test_a_checkpoint_is_not_scored_as_another_rung(finished, other, said):
-    """Its weights would fit, but for those of another size."""
+def test_a_checkpoint_is_not_scored_as_another_rung(finished):
+    """Its weights would fit."""
     folder, overrides = finished
-    kept = [key for key in overrides if key.split("=")[0] != other.split("=")[0]]
-    path = folder / "checkpoints/best.ckpt"
-    cfg = compose_config(*kept, other, "task=test", f"ckpt_path={path}")
-    with pytest.raises(UserError, match=said):
-        score(cfg)
+    checkpoint = f"ckpt_path={folder}/checkpoints/best.ckpt"
+    with pytest.raises(UserError, match=r"lovasz.weight=1\.0.* 0\.0"):
+        score(compose_config(*overrides, "loss/lovasz='off'", "task=test", checkpoint))
 
 
 # ---------------------------------------------------------------------------------------- bad input
@@ -419,54 +402,21 @@ def test_a_checkpoint_is_not_scored_as_another_rung(finished, other, said):
 MISTAKES = {
     "+experiment=skyoc": "experiment: .*'skyoc'.*'skyocc'.* baseline",
     "experiment=skyocc": r"\+experiment=skyocc",
-    "scale=smal": "scale: .*'smal'.*'small'.*ladder, paper",
     "sede=3": "sede: .*'seed'",
     "nonsense": "nonsense",
-    "trainer.max_epoch=3": "trainer.max_epoch: .*'max_epochs'",
-    "+max_epochs=3": "max_epochs: ",
-    "+trainer.max_epoch=3": "trainer.max_epoch: .*'max_epochs'",
     "+experiment=baseline attitude": "'attitude': .*key=value",
-    "+sim.fogg=1": "sim.fogg: ",
-    "trainer.max_epochs=lots": "trainer.max_epochs: 'lots' .*integer",
-    "data.mirror=3": "data.mirror: 3 ",
-    "seed=-1": "seed: -1 .*0 or more",
-    "sim.seed=-1": "sim.seed: -1 .*0 or more",
-    "sim.workers=some": "sim.workers: 'some'",
-    "threads=0": "threads: 0",
-    "optimizer.lr=-1": "optimizer.lr: -1 .*0 or more",
-    "optimizer=sgd": "optimizer: .*'sgd'.* adamw, muon",
     "optimizer.rule._target_=torch.optim.Adamm": "torch.optim.Adamm.*optimizer.rule",
-    "optimizer.warmup=5": "optimizer.warmup: 5 .*0 to 1",
     "metric.horizon_s=-1": "horizon_s: -1",
-    "suite.level=95": "suite.level: 95",
-    "+trainer.limit_test_batches=0": "trainer.limit_test_batches: 0",
     "size.heads=3": "size.heads: 3 .*size.dim, 64",
-    "data.order=streams": "data.order: .*data.frames=1",
-    "data.order=stream": "data.order: 'stream'.*shuffled, streams",
     "model.history=foo": "model.history: 'foo'.*queue, recursive",
-    "trainer.precision=fp16": "trainer.precision: 'fp16'.*auto, 32-true",
     "trainer.accelerator=cpu trainer.precision=16-mixed": "trainer.precision: .*16-mixed; give",
     "trainer.accelerator=tpu": "trainer.accelerator: tpu.*cpu",
     "trainer.strategy=no": "trainer: .*strategy name",
-    "gpu_precision=fp8": "gpu_precision: 'fp8'.*32-true",
-    "trainer.precision=null": "trainer.precision: None.*auto, 32-true",
-    "sim.image.width=100": "sim.image.width: 100 .*32",
-    "sim.image.width=32 sim.image.height=32 data.batch_size=1": "data.batch_size: .*32x32",
-    "grid.shape=[50,50,31]": r"grid.shape: \[50, 50, 31\]",
-    "grid.shape=[50,50]": r"grid.shape: \[50, 50\] .*3 numbers",
-    "data.history_step_s=0.3": "data.history_step_s: 0.3 s",
-    "sim.towns=[atlantis]": "sim.towns: .*'atlantis'.*downtown",
-    "data.test_clips=[park/clip99]": "'park/clip99'",
     "+split=flights": r"data.test_clips: no clip 'suburb/clip03'.*\(24 clips\)",
-    "suite.ttc_edges_s=[]": r"suite.ttc_edges_s: \[\] .*numbers",
-    "suite.ttc_edges_s=[1.0,2.0] task=score": "predictions: .*predictions=DIR",
-    "task=score predictions=nowhere dataset=nowhere": "nowhere",
     "task=predict": "ckpt_path: task=predict",
     "task=predict task.part=tests": "task.part: 'tests'",
     "task=predict task.animation=flight.mp4": r"task.animation: 'flight\.mp4'; .*\.gif",
     "task=compare": "task.runs: ",
-    "task=attitude task.tilt_edges_deg=[5,15] task.noise_deg=[]": "ckpt_path: task=attitude",
-    "task=attitude task.delay_s=[soon]": r"task.delay_s: \['soon'\]",
     "task=report": "/runs/small: .*task.runs",
 }
 
@@ -478,17 +428,6 @@ def test_a_mistake_in_a_command_is_one_line_and_makes_nothing(typed, tmp_path, r
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("start", [[], ["-m", "seed=0,1"]])
-def test_an_experiment_in_a_folder_of_ones_own_is_checked_too(start, tmp_path, refusal):
-    text = "# @package _global_\ndefaults: [skyocc, _self_]\nname: mine\nsize: { layer: 3 }\n"
-    (tmp_path / "experiment").mkdir()
-    (tmp_path / "experiment/mine.yaml").write_text(text)
-    there = f"hydra.searchpath=[file://{tmp_path}]"
-    line = refusal(*start, "+experiment=mine", there, f"paths.runs={tmp_path}/runs")
-    assert "experiment=mine, scale=small: size.layer: nothing reads this key" in line
-    assert not (tmp_path / "runs").exists()
-
-
 def test_data_made_under_another_configuration_are_refused(place, here, refusal):
     (made,) = (place / "data").iterdir()
     manifest = (made / "manifest.json").read_bytes()
@@ -497,14 +436,6 @@ def test_data_made_under_another_configuration_are_refused(place, here, refusal)
     assert "paths.dataset" in refusal(*here, *asked, "task=generate")
     assert (made / "manifest.json").read_bytes() == manifest
     assert not folder_of(here).exists()
-
-
-def test_a_broken_clip_stops_training_with_its_name(place, tmp_path, refusal):
-    overrides = mini_overrides(tmp_path, *FIT, "data.workers=1")
-    shutil.copytree(place / "data", tmp_path / "data")
-    (path,) = tmp_path.glob("data/*/downtown/clip00/rgb.zip")
-    path.write_bytes(path.read_bytes()[:5000])
-    assert str(path) in refusal(*overrides)
 
 
 @pytest.mark.parametrize("key", ["paths.data", "paths.runs"])
@@ -539,17 +470,6 @@ def test_a_loss_that_is_not_finite_keeps_the_last_good_checkpoint(here, monkeypa
 
 
 # ----------------------------------------------------------------------------------------- learning
-
-
-@pytest.mark.slow
-def test_the_ladder_leaves_four_folders(place, tmp_path):
-    overrides = mini_overrides(place, "trainer.accelerator=cpu", f"paths.runs={tmp_path}/runs")
-    rungs = ["attitude", "baseline", "skyocc", "weights"]
-    python("run.py", "-m", f"+experiment={','.join(rungs)}", *overrides)
-    results = sorted((tmp_path / "runs/tiny").glob("*/seed0/results.csv"))
-    assert [path.parent.parent.name for path in results] == rungs
-    for path, rung in zip(results, rungs):
-        assert rung in set(read_results(path)["experiment"])
 
 
 @pytest.mark.slow

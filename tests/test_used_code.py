@@ -79,25 +79,15 @@ def identities(config):
 EDITS = (
     ("tasks/fit.py", "X = 1", False, False),
     ("tasks/report.py", "X = 1", False, False),
-    ("report/ladder.py", "X = 1", False, False),
-    ("data/check.py", "X = 1", False, False),
     ("models/__init__.py", "X = 1", False, False),
     ("models/bilinear_lift.py", "X = 1", False, False),
-    ("models/lift_splat.py", "X = 1", False, False),
-    ("models/dice.py", "X = 1", False, False),
-    ("metrics/missed.py", "X = 1", False, False),
     ("sim/towns/triangle.py", "X = 1", False, False),
-    ("sim/towns/market.py", "X = 1", False, False),
     ("sim/towns/downtown.py", "# A comment.", False, False),
     ("sim/towns/downtown.py", "X = 1", True, False),
     ("sim/towns/streetscape.py", "X = 1", True, False),
-    ("sim/traffic.py", "X = 1", True, False),
     ("models/losses.py", "X = 1", False, True),
     ("models/attention.py", "X = 1", False, True),
-    ("models/muon.py", "X = 1", False, True),
-    ("models/module.py", "X = 1", False, True),
     ("metrics/safety.py", "X = 1", False, True),
-    ("data/batches.py", "X = 1", False, True),
     ("tasks/model.py", "X = 1", False, True),
     ("geometry.py", "X = 1", True, True),
     ("data/clip.py", "X = 1", True, True),
@@ -113,16 +103,6 @@ def test_an_edit_changes_what_uses_it_and_nothing_else(config, source):
         after = identities(config)
         assert [one != other for one, other in zip(before, after)] == changes, file
         path.write_text(text)
-
-
-def test_a_class_that_another_configuration_names_counts_there(source):
-    cfg = compose_config("+experiment=skyocc", "scale=tiny", "model/lift=bilinear")
-    other = OmegaConf.to_container(cfg, resolve=True)
-    before = identities(other)
-    (source / "models/attention.py").write_text("X = 1\n")
-    assert identities(other) == before
-    (source / "models/bilinear_lift.py").write_text("X = 1\n")
-    assert identities(other) != before
 
 
 def test_names_are_found_through_packages_and_libraries_do_not_count():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from src.geometry import quat_from_euler, rotation_from_euler
+from src.geometry import rotation_from_euler
 from src.sim import attitude_dynamics
 from src.sim.attitude_dynamics import GRAVITY_MPS2, ornstein_uhlenbeck, soft_limit
 
@@ -42,18 +42,3 @@ def test_the_limit_is_soft():
     # Below the knee, at two thirds of the limit, nothing changes.
     small = np.abs(angles_rad) < 0.3
     assert limited[small] == pytest.approx(angles_rad[small])
-
-
-def test_integrating_the_body_rates_gives_the_attitudes_back():
-    rng = np.random.default_rng(2)
-    angles = torch.from_numpy(np.cumsum(rng.normal(0, 0.01, (3, 60)), axis=1))
-    quat_xyzw = quat_from_euler(*angles).numpy()
-    rates = attitude_dynamics.body_rates(quat_xyzw, 0.02)
-    # The rates act on the body's own axes, one after the other from the right.
-    rotation = rotation_from_euler(*angles[:, 0])
-    for rate in torch.from_numpy(rates) * 0.02:
-        x, y, z = rate
-        zero = torch.zeros_like(x)
-        cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero]).reshape(3, 3)
-        rotation = rotation @ torch.linalg.matrix_exp(cross)
-    assert rotation.numpy() == pytest.approx(rotation_from_euler(*angles[:, -1]).numpy(), abs=1e-9)

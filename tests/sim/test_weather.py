@@ -32,11 +32,6 @@ def test_every_value_of_a_weather_is_composed_and_can_be_overridden():
     assert Weather.of(sim, "fog") == replace(WEATHERS["fog"], fog_per_m=0.08)
 
 
-def test_an_unknown_weather_is_answered_with_the_known_ones():
-    with pytest.raises(UserError, match=r"sim\.weathers.*'nigth'.*'night'\?.*clear.*night"):
-        Weather.of({"weather": VALUES}, "nigth")
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

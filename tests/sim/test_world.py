@@ -1,14 +1,34 @@
 """The renderer's images beside ray casts of the same scene."""
 
+import cv2
 import numpy as np
 import pytest
+import torch
 
+from src.geometry import (
+    camera_from_occ,
+    inverse,
+    pixel_centers,
+    project,
+    transform,
+    world_from_occ,
+)
 from src.ontology import BUILDING, GROUND, SKY, THIN_STRUCTURE, VEGETATION
 from src.sim.camera import FAR_M
 from src.sim.scene import Scene, parts_of
+from src.sim.solid import Solid
 from src.sim.textures import CAR_PAINT, PALETTE
 from tests.sim import scenery
-from tests.sim.scenery import actor, body_at, ground, render, solid, view_of, world_of
+from tests.sim.scenery import (
+    BODY_FROM_CAMERA,
+    actor,
+    body_at,
+    ground,
+    render,
+    solid,
+    view_of,
+    world_of,
+)
 from tests.sim.weathers import WEATHERS
 
 PLAIN = PALETTE[0]
@@ -44,6 +64,7 @@ def interior(image):
 
 
 def assert_that_sky_is_empty(rendering):
+    """It has neither a depth nor an actor."""
     for empty in (np.isinf(rendering.depth_m), rendering.actor_id == -1):
         np.testing.assert_array_equal(rendering.class_id == SKY, empty)
 
@@ -62,6 +83,9 @@ def test_the_picture_is_what_rays_meet(world, attitude, step):
     assert (rendering.class_id == truth.class_id).mean() > 0.99
     assert (rendering.actor_id == truth.actor_id).mean() > 0.99
     assert set(np.unique(truth.actor_id)) == {-1, 0, 1, 7}
+    assert_that_sky_is_empty(rendering)
+    types = (rendering.rgb.dtype, rendering.depth_m.dtype, rendering.class_id.dtype)
+    assert types == (np.uint8, np.float32, np.uint8)
     sure = interior(truth.actor_id) & interior(truth.class_id) & (truth.depth_m < 60)
     error_m = np.abs(rendering.depth_m[sure] - truth.depth_m[sure])
     # Creases between faces of one body are silhouettes too, which the masks do not show.
@@ -69,19 +93,10 @@ def test_the_picture_is_what_rays_meet(world, attitude, step):
     assert sure.mean() > 0.3
 
 
-def test_the_sky_has_no_depth_no_class_and_no_actor(world):
-    here = body_at((0.0, 0.0, 6.0), pitch=-0.3)
-    rendering = render(world, here)
-    assert 0.2 < (rendering.class_id == SKY).mean() < 0.9
-    assert_that_sky_is_empty(rendering)
-    types = (rendering.rgb.dtype, rendering.depth_m.dtype, rendering.class_id.dtype)
-    assert types == (np.uint8, np.float32, np.uint8)
-
-
 def test_what_the_far_plane_cuts_off_is_sky():
     """There the mask shows a body, but its depth cannot be told from the background's."""
     here = body_at((0.0, 0.0, 6.0))
-    at_m = float((here @ scenery.BODY_FROM_CAMERA)[0, 3]) + FAR_M - 0.05
+    at_m = float((here @ BODY_FROM_CAMERA)[0, 3]) + FAR_M - 0.05
     wall = solid(BUILDING, (1, 200, 50), (at_m + 0.5, 0, 10))
     with world_of(Scene(parts_of([ground(), wall]), ())) as world:
         rendering = render(world, here)
@@ -94,6 +109,33 @@ def test_a_picture_does_not_depend_on_the_one_before(world):
     first = render(world, here, 0, WEATHERS["sunset"])
     render(world, other, 1, WEATHERS["night"])
     assert_same(first, render(world, here, 0, WEATHERS["sunset"]))
+
+
+@pytest.mark.parametrize("attitude", [*ATTITUDES, (0.3, 0.3, -1.2)])
+def test_a_boxs_silhouette_is_the_outline_of_its_projected_corners(attitude):
+    size_m, here = (3.0, 2.0, 4.0), body_at((20.0, -7.0, 9.0), *attitude)
+    before_camera = torch.tensor([[0.4, -0.3, 12.0]], dtype=torch.float64)
+    middle_m = transform(here @ BODY_FROM_CAMERA, before_camera)[0]
+    world_from_box = body_at(middle_m.tolist(), 0.4, -0.2, 1.1)
+    box = Solid("box", BUILDING, size_m, world_from_box.numpy(), "asphalt")
+    with world_of(Scene(parts_of([box]), ())) as world:
+        drawn = render(world, here).class_id != SKY
+
+    # The corners take the chain through the occ frame, as the annotation does.
+    occ_from_box = inverse(world_from_occ(here)) @ world_from_box
+    signs = torch.cartesian_prod(*[torch.tensor([-0.5, 0.5], dtype=torch.float64)] * 3)
+    corners_occ = transform(occ_from_box, signs * torch.tensor(size_m, dtype=torch.float64))
+    chain = camera_from_occ(here, BODY_FROM_CAMERA)
+    corners_pix, _ = project(corners_occ, chain, scenery.PIX_FROM_CAMERA)
+
+    outline = cv2.convexHull(corners_pix.numpy().astype(np.float32))
+    centers = pixel_centers(scenery.WIDTH, scenery.HEIGHT).reshape(-1, 2).tolist()
+    inside = [cv2.pointPolygonTest(outline, center, measureDist=True) for center in centers]
+    inside = np.reshape(inside, drawn.shape)
+    assert drawn.sum() > 150
+    # Only pixels whose center lies on the outline itself may be on the wrong side of it.
+    wrong = drawn != (inside > 0)
+    assert np.abs(inside[wrong]).max(initial=0.0) < 0.05
 
 
 # ----------------------------------------------------------------------------------- culling
