@@ -4,38 +4,21 @@ import pytest
 import torch
 
 from src.errors import UserError
-from src.geometry import (
-    VoxelGrid,
-    front_mount,
-    pinhole,
-    pixel_centers,
-    rigid,
-    rotation_from_euler,
-    unproject,
-)
+from src.geometry import VoxelGrid, front_mount, pixel_centers, unproject
 from src.models.backbone import STRIDES
 from src.models.lift_splat import LiftSplat, farthest_m, rays_camera
 from src.models.references import PillarReferences
+from tests.models.synthetic import IMAGE_SIZE, seen_by
 
 GRID = VoxelGrid((0, -10, -10), (20, 10, 10), (10, 10, 10))
 DIM, HEIGHTS = 6, 4
-WIDTH, HEIGHT = 96, 64
-ATTITUDES = [(0.3, -0.2), (-0.4, 0.25)]
-"""Roll and pitch in radians."""
-MOUNT = front_mount((0.3, 0.1, -0.2), pitch_rad=0.1).float()
-
-
-def tilts():
-    """occ_from_body of every attitude."""
-    roll, pitch = torch.tensor(ATTITUDES).T
-    return rigid(rotation_from_euler(roll, pitch, torch.zeros_like(roll)), torch.zeros(3))
+WIDTH, HEIGHT = IMAGE_SIZE
+ATTITUDES_RAD = [(0.3, -0.2), (-0.4, 0.25)]
+MOUNT = front_mount((0.3, 0.1, -0.2), pitch_rad=0.1)
 
 
 def references_of():
-    number, size = len(ATTITUDES), (WIDTH, HEIGHT)
-    cameras = pinhole(*size, math.radians(90)).float().expand(number, 3, 3)
-    references = PillarReferences(GRID, HEIGHTS, "attitude")
-    return references(tilts(), MOUNT.expand(number, 4, 4), cameras, size)
+    return seen_by(PillarReferences(GRID, HEIGHTS, "attitude"), ATTITUDES_RAD, MOUNT)
 
 
 def random_lift(**settings):
@@ -49,9 +32,9 @@ def slow_lift(lift, features):
     """Pixel by pixel and bin by bin, forwards: camera, body, occ, pillar and slice."""
     focal, voxel_m, slice_m = WIDTH / 2, 2.0, 20.0 / HEIGHTS
     feature = features[STRIDES.index(lift.stride)]
-    out = [[torch.zeros(DIM) for _ in range(100)] for _ in ATTITUDES]
+    out = [[torch.zeros(DIM) for _ in range(100)] for _ in ATTITUDES_RAD]
     count = 0
-    for b, tilt in enumerate(tilts()):
+    for b, chain in enumerate(references_of().camera_from_volume):
         for i, j in torch.cartesian_prod(*map(torch.arange, feature.shape[2:])).tolist():
             context = lift.context(feature[b, :, i, j])
             probability = lift.depth(feature[b, :, i, j]).softmax(0)
@@ -59,13 +42,15 @@ def slow_lift(lift, features):
                 d = lift.near_m + (number + 0.5) * lift.step_m
                 u, v = (j + 0.5) * lift.stride, (i + 0.5) * lift.stride
                 camera = [(u - WIDTH / 2) / focal * d, (v - HEIGHT / 2) / focal * d, d, 1.0]
-                x, y, z, _ = (tilt @ MOUNT @ torch.tensor(camera)).tolist()
+                x, y, z, _ = torch.linalg.solve(chain, torch.tensor(camera)).tolist()
                 if 0 <= x < 20 and -10 <= y < 10 and -10 <= z < 10:
                     pillar = 10 * int(x / voxel_m) + int((y + 10) / voxel_m)
                     projection = lift.output[int((z + 10) / slice_m)]
                     out[b][pillar] = out[b][pillar] + share * context @ projection
                     count += 1
-    assert 0 < count < len(ATTITUDES) * feature[0, 0].numel() * lift.num_bins, "some lie outside"
+    assert 0 < count < len(ATTITUDES_RAD) * feature[0, 0].numel() * lift.num_bins, (
+        "some lie outside"
+    )
     return torch.stack([torch.stack(pillars) for pillars in out])
 
 

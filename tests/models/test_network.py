@@ -42,17 +42,10 @@ def test_the_stream_equals_the_batch_path_exactly(batch, lift, volume):
 
 def kept_bytes(network, batch):
     """What the graph of a forward pass keeps for its backward."""
-    kept = {}
-
-    def keep(tensor):
-        kept[tensor.untyped_storage().data_ptr()] = tensor.untyped_storage().nbytes()
-        return tensor
-
-    parameters = sum(p.untyped_storage().nbytes() for p in network.parameters())
-    with torch.autograd.graph.saved_tensors_hooks(keep, lambda tensor: tensor):
-        logits = network(batch)
-    assert logits.requires_grad
-    return sum(kept.values()) - parameters
+    kept = []
+    with torch.autograd.graph.saved_tensors_hooks(kept.append, lambda _: None):
+        network(batch)
+    return sum(tensor.nbytes for tensor in kept)
 
 
 def test_checkpointing_keeps_less(batch):
@@ -117,12 +110,6 @@ def test_a_camera_that_sees_no_pillar_gives_finite_output_and_gradients(batch, l
 )
 def test_a_training_step_of_the_smallest_batch_is_finite(network, batch_size, image_size):
     require_finite_step(network, build_batch(batch_size, image_size=image_size))
-
-
-def test_one_value_a_channel_has_no_statistics(network):
-    """So src.settings refuses to train on such a batch."""
-    with pytest.raises(ValueError, match="more than 1 value per channel"):
-        network(build_batch(1, image_size=(32, 32)))
 
 
 @EACH_LIFT
