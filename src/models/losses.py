@@ -13,7 +13,7 @@ from typing import Any
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ..errors import UserError, closest
@@ -138,25 +138,8 @@ def supervised(logits: Logits, target: Labels) -> tuple[VoxelScores, VoxelLabels
     voxels = (target != UNKNOWN).nonzero()[:, 0]
 
     by_class = logits.float().transpose(0, 1).flatten(1)
-    return _Chosen.apply(by_class, voxels), target[voxels].long()
-
-
-class _Chosen(torch.autograd.Function):
-    """Chosen columns of a matrix, each at most once.
-
-    Its backward copies, where that of plain indexing would add, which is slower.
-    """
-
-    @staticmethod
-    def forward(ctx, matrix: Float[Tensor, "c n"], columns: Int[Tensor, "v"]):
-        ctx.save_for_backward(columns)
-        ctx.width = matrix.shape[1]
-        return matrix.index_select(1, columns)
-
-    @staticmethod
-    def backward(ctx, grad: Float[Tensor, "c v"]):
-        (columns,) = ctx.saved_tensors
-        return grad.new_zeros(len(grad), ctx.width).index_copy_(1, columns, grad), None
+    # Plain indexing would have a slower backward.
+    return by_class.index_select(1, voxels), target[voxels].long()
 
 
 def cross_entropy(
