@@ -19,7 +19,6 @@ STEP_S = 1 / STEP_HZ
 State = Float[np.ndarray, "19"]
 States = Float[np.ndarray, "t 19"]
 POSITION, VELOCITY, ROTATION, RATES = slice(0, 3), slice(3, 6), slice(6, 15), slice(15, 18)
-THRUST = 18
 
 # One row a step: position, velocity and acceleration in the world, and yaw.
 References = Float[np.ndarray, "t 10"]

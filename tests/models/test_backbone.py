@@ -88,10 +88,6 @@ def test_weights_with_another_hash_are_refused(tmp_path):
     path, digest, _ = save_weights(tmp_path)
     with pytest.raises(UserError, match=digest):
         ResNet(18, 8, weights=str(path), weights_sha256="0" * 64)
-    with path.open("ab") as file:
-        file.write(b"x")
-    with pytest.raises(UserError, match="SHA-256"):
-        ResNet(18, 8, weights=str(path))
 
 
 def test_weights_without_any_hash_are_refused_with_the_hash_to_set(tmp_path):
@@ -115,18 +111,12 @@ def test_weights_of_another_architecture_are_refused(tmp_path, depth, width, wit
         ResNet(depth, width, weights=str(path))
 
 
-def test_weights_that_are_missing_out_of_reach_or_none_are_refused(tmp_path, monkeypatch):
+def test_weights_that_are_missing_or_out_of_reach_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path))
     with pytest.raises(UserError, match="no file"):
         ResNet(18, 8, weights=str(tmp_path / "none-00000000.pth"))
     with pytest.raises(UserError, match="cannot download"):
         ResNet(18, 8, weights=(tmp_path / "none-00000000.pth").as_uri())
-
-    path = tmp_path / "text.pth"
-    path.write_text("no weights")
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    with pytest.raises(UserError, match=r"model\.backbone\.weights: .*text\.pth is no readable"):
-        ResNet(18, 8, weights=str(path), weights_sha256=digest)
 
 
 def test_the_pyramid_brings_coarse_features_to_fine_levels():

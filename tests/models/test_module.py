@@ -140,13 +140,8 @@ def test_a_loss_that_is_not_finite_stops_and_names_the_batch(tmp_path, broken_ca
     with pytest.raises(UserError, match=rf"^.*total=nan.*{where}.*$"):
         train(module, tmp_path)
     assert module.network.shift.isfinite().all()
-    if broken_call == 0:
-        assert (module.network.shift.item(), list(tmp_path.iterdir())) == (0, [])
-        return
-    content = read_content(tmp_path / "last.ckpt")
-    load_weights(build(), content["state_dict"], tmp_path / "last.ckpt")
-    assert content["epoch"] == 0
-    assert all(value.isfinite().all() for value in content["state_dict"].values())
+    epochs = [read_content(path)["epoch"] for path in tmp_path.glob("last.ckpt")]
+    assert epochs == ([] if broken_call == 0 else [0]), "what came before is kept"
 
 
 @pytest.mark.parametrize("other", [nn.Linear(4, 3), nn.Linear(2, 3, bias=False)])

@@ -206,10 +206,6 @@ def test_what_does_not_go_together_is_refused(settings, message):
         build_network(**settings)
 
 
-def test_one_layer_is_enough_without_a_past():
-    build_network(num_layers=1, encoder={"num_frames": 1})
-
-
 @EACH_LIFT
 def test_bfloat16_autocast_stays_close_gives_float32_and_trains(batch, lift):
     network = build_network(lift=lift).eval()
