@@ -6,17 +6,15 @@ import math
 import torch
 
 from src.geometry import VoxelGrid, front_mount, pinhole, rigid, rotation_from_euler
-from src.models import (
-    BilinearLift,
-    DeformableCrossAttention,
-    LiftSplat,
-    PillarDecoder,
-    PillarEncoder,
-    ResNet,
-    SkyOcc,
-)
+from src.models.attention import DeformableCrossAttention
+from src.models.backbone import ResNet
+from src.models.bilinear_lift import BilinearLift
+from src.models.decoder import PillarDecoder
+from src.models.encoder import PillarEncoder
 from src.models.ground import GroundVolume
+from src.models.lift_splat import LiftSplat
 from src.models.losses import OccupancyLoss, cross_entropy, lovasz
+from src.models.network import SkyOcc
 from src.models.references import References, padded_index
 from src.models.sight import Sight, place_of
 from src.ontology import NUM_CLASSES, UNKNOWN

@@ -5,8 +5,12 @@ import torch
 
 from src.errors import UserError
 from src.geometry import VoxelGrid, front_mount
-from src.models import History, PillarDecoder, PillarEncoder, ResNet, SkyOcc
+from src.models.backbone import ResNet
+from src.models.decoder import PillarDecoder
+from src.models.encoder import PillarEncoder
+from src.models.history import History
 from src.models.metadata import height_phases
+from src.models.network import SkyOcc
 from src.models.sight import SightHead
 from tests.models.synthetic import (
     GRID,
