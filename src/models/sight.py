@@ -133,9 +133,8 @@ def rays(
     elevation = falls / ray.norm(dim=-1)
 
     told = [told_m.log() - 2.5, -2 * elevation, meets.float(), above_m * (0.1 * has_ground)]
-    by_pixel = (x.unflatten(1, (height, width)) for x in (ground_m, meets))
-    ground_m, meets = (x[:, None] for x in by_pixel)
-    return torch.stack(told, dim=1).unflatten(2, (height, width)), ground_m, meets
+    by_ray = torch.stack(told, dim=1), ground_m[:, None], meets[:, None]
+    return tuple(each.unflatten(2, (height, width)) for each in by_ray)
 
 
 def depth_error(

@@ -57,7 +57,7 @@ def make_scores():
     return OccupancyScores(VoxelGrid((0, 0, 0), (2, 2, 2), (2, 2, 2)), num_classes=2, free_index=1)
 
 
-def samples(count=8):
+def samples(count):
     return [
         {
             "semantics": torch.full((2, 2, 2), int(index < 2), dtype=torch.uint8),
@@ -77,7 +77,7 @@ def train(module, folder, epochs=3, *callbacks):
     checkpoint = lightning.pytorch.callbacks.ModelCheckpoint(
         folder, "best", "val/kar_miou", mode="max", save_last=True
     )
-    trainer = lightning.Trainer(
+    lightning.Trainer(
         accelerator="cpu",
         max_epochs=epochs,
         logger=False,
@@ -86,10 +86,7 @@ def train(module, folder, epochs=3, *callbacks):
         enable_model_summary=False,
         num_sanity_val_steps=0,
         log_every_n_steps=1,
-    )
-    loader = DataLoader(samples(), batch_size=2)
-    trainer.fit(module, loader, DataLoader(samples(4), batch_size=2))
-    return trainer
+    ).fit(module, *(DataLoader(samples(count), batch_size=2) for count in (8, 4)))
 
 
 def test_the_loss_falls_while_the_rate_rises_over_the_warm_up_and_ends_at_zero(tmp_path):
