@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ..geometry import rigid
 from ..jit import njit
 from ..limits import require_at_least
 from ..sim.attitude_dynamics import GRAVITY_MPS2, ornstein_uhlenbeck
@@ -79,9 +80,7 @@ class Airframe:
 
 def world_from_body(state: State) -> Matrix:
     """Returns the transform of a state."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = state[ROTATION].reshape(3, 3), state[POSITION]
-    return matrix
+    return rigid(state[ROTATION].reshape(3, 3), state[POSITION])
 
 
 # The compiled code keeps the three body axes, in the world, as the rows of ``body``; numba's own

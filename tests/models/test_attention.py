@@ -30,9 +30,6 @@ def random_bilinear():
     return BilinearLift(DIM, HEIGHTS).double()
 
 
-EACH = pytest.mark.parametrize("build", [random_attention, random_bilinear])
-
-
 def random_input():
     """Queries, features and references of two frames of five pillars, the first one unseen."""
     generator = torch.Generator().manual_seed(0)
@@ -104,7 +101,7 @@ def test_deformable_attention_that_has_learned_nothing_is_the_bilinear_lift():
     torch.testing.assert_close(update, other(query, features, references), atol=1e-5, rtol=1e-5)
 
 
-@EACH
+@pytest.mark.parametrize("build", [random_attention, random_bilinear])
 @pytest.mark.parametrize("room", [5 * HEIGHTS, 12], ids=["room_for_all", "room_for_some_more"])
 def test_neither_padding_nor_what_is_invalid_is_read(build, room):
     module = build()

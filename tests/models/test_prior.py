@@ -132,7 +132,6 @@ def test_its_weight_is_chosen_on_frames_at_their_own_heights():
         torch.zeros(4, 1, 2, dtype=torch.uint8),
         torch.zeros(4, 1, 1),
         frames_of([BUILDING, 9, FREE, FREE])[0],
-        frames_of([BUILDING, 254, FREE, FREE])[0],
     ],
 )
 @pytest.mark.usefixtures("unchecked")

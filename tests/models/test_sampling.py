@@ -2,7 +2,7 @@
 
 import torch
 
-from src.models.sampling import SumOfRows, summed_by_bags, summed_by_grid
+from src.models.sampling import summed_by_bags, summed_by_grid
 
 HEADS, POINTS, DIM = 2, 3, 4
 SIZES = [(6, 9), (3, 5), (1, 1)]
@@ -39,20 +39,3 @@ def test_the_bags_take_any_number_of_places_in_any_order():
     chosen = [9, 2, 13, 2, 0]
     some = summed_by_bags(levels, *(each[..., chosen] for each in places))
     torch.testing.assert_close(some, summed_by_grid(levels, *places)[chosen])
-
-
-def test_sum_of_rows_passes_gradcheck_with_repeated_and_unused_rows_and_empty_bags():
-    generator = torch.Generator().manual_seed(0)
-    rows = torch.randn(4, 3, generator=generator).double().requires_grad_()
-    weights = torch.randn(5, generator=generator).double().requires_grad_()
-    index = torch.tensor([2, 0, 2, 2, 3], dtype=torch.int32)
-    offsets = torch.tensor([0, 0, 3, 3, 5, 5], dtype=torch.int32)
-
-    def summed(rows, weights):
-        return SumOfRows.apply(rows, index, weights, offsets)
-
-    products = weights[:, None] * rows[index]
-    nothing = torch.zeros(3).double()
-    bags = [nothing, products[:3].sum(0), nothing, products[3:].sum(0), nothing]
-    torch.testing.assert_close(summed(rows, weights), torch.stack(bags))
-    assert torch.autograd.gradcheck(summed, (rows, weights))
