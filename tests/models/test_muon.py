@@ -32,25 +32,14 @@ def test_what_is_a_thousandth_counts_in_full_and_what_is_far_less_is_noise():
     assert (kept[4:].abs() < 0.1).all()
 
 
-def step(optimizer, parameters):
-    (parameters[0] @ torch.tensor([1.0, 2.0, 3.0]) + 2 * parameters[1]).square().sum().backward()
-    optimizer.step()
-    optimizer.zero_grad()
-
-
-def parameters():
-    return [torch.nn.Parameter(torch.ones(2, 3)), torch.nn.Parameter(torch.ones(2))]
-
-
 def test_a_matrix_takes_steps_of_one_size_and_a_vector_stays_with_adamw():
-    matrix, vector = pair = parameters()
-    alone = torch.nn.Parameter(torch.ones(2))
-    optimizer = Muon(pair, lr=0.1, weight_decay=0.0)
+    matrix, vector, alone = (torch.nn.Parameter(torch.ones(s)) for s in ((2, 3), (2,), (2,)))
+    optimizer = Muon([matrix, vector], lr=0.1, weight_decay=0.0)
     adamw = torch.optim.AdamW([alone], lr=0.1, weight_decay=0.0)
-
-    (6 + 2 * alone).square().sum().backward()
+    for each in (vector, alone):
+        (matrix @ torch.tensor([1.0, 2.0, 3.0]) + 2 * each).square().sum().backward()
     adamw.step()
-    step(optimizer, pair)
+    optimizer.step()
     torch.testing.assert_close(vector, alone)
 
     # Both rows have the same gradient, so the step has one direction, whatever its length.
