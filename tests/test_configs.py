@@ -15,7 +15,10 @@ from src.dotted import differences
 from src.errors import UserError
 from src.failures import one_line
 from src.geometry import VoxelGrid
-from src.models import BilinearLift, DeformableCrossAttention, LiftSplat, OccupancyLoss
+from src.models.attention import DeformableCrossAttention
+from src.models.bilinear_lift import BilinearLift
+from src.models.lift_splat import LiftSplat
+from src.models.losses import OccupancyLoss
 from src.ontology import NUM_CLASSES
 from src.sim.plan import plan_clips
 from src.tasks.dataset import root_of

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ..geometry import rigid
 from ..jit import njit
 from ..limits import require_at_least
 from ..sim.attitude_dynamics import GRAVITY_MPS2, ornstein_uhlenbeck
@@ -19,7 +20,6 @@ STEP_S = 1 / STEP_HZ
 State = Float[np.ndarray, "19"]
 States = Float[np.ndarray, "t 19"]
 POSITION, VELOCITY, ROTATION, RATES = slice(0, 3), slice(3, 6), slice(6, 15), slice(15, 18)
-THRUST = 18
 
 # One row a step: position, velocity and acceleration in the world, and yaw.
 References = Float[np.ndarray, "t 10"]
@@ -80,9 +80,7 @@ class Airframe:
 
 def world_from_body(state: State) -> Matrix:
     """Returns the transform of a state."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = state[ROTATION].reshape(3, 3), state[POSITION]
-    return matrix
+    return rigid(state[ROTATION].reshape(3, 3), state[POSITION])
 
 
 # The compiled code keeps the three body axes, in the world, as the rows of ``body``; numba's own

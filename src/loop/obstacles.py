@@ -99,15 +99,12 @@ def _nearest_in(triangles, lower, shape, first, faces, start, end, near):
     where none is nearer than ``near``, that and -1. Looks at each once."""
     at = -1
     is_new = np.ones(len(triangles), dtype=np.bool_)
-    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
-    for a in range(3):
-        low[a] = max(int(np.floor((min(start[a], end[a]) - REACH_M - lower[a]) / CELL_M)), 0)
-        high[a] = int(np.floor((max(start[a], end[a]) + REACH_M - lower[a]) / CELL_M)) + 1
-        high[a] = min(high[a], shape[a])
+    low = np.floor((np.minimum(start, end) - REACH_M - lower) / CELL_M).astype(np.int64)
+    high = np.floor((np.maximum(start, end) + REACH_M - lower) / CELL_M).astype(np.int64) + 1
 
-    for i in range(low[0], high[0]):
-        for j in range(low[1], high[1]):
-            for k in range(low[2], high[2]):
+    for i in range(max(low[0], 0), min(high[0], shape[0])):
+        for j in range(max(low[1], 0), min(high[1], shape[1])):
+            for k in range(max(low[2], 0), min(high[2], shape[2])):
                 cell = (i * shape[1] + j) * shape[2] + k
                 for n in range(first[cell], first[cell + 1]):
                     f = faces[n]

@@ -64,11 +64,9 @@ def export_step(
     """Writes the graph of a step in every format, and a description of it, into a folder.
 
     ``batch`` and ``history`` may be of any frame: the graph takes their shapes. ``facts`` go into
-    the description. Raises `UserError` as `require_formats` does, or where a format's packages are
-    missing.
+    the description. Raises `UserError` where a format's packages are missing; ask `require_formats`
+    whether there are such formats.
     """
-    require_formats(formats)
-
     inputs = step_inputs(batch, history)
     # The exporter names packages that nobody needs.
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from ..errors import UserError
-from ..geometry import VoxelGrid, inverse, pixel_centers, transform
+from ..geometry import VoxelGrid, inverse, transform
 from .backbone import STRIDES
 from .heights import height_projections, projected_sum
 from .references import References, rays_camera
@@ -108,10 +108,9 @@ class LiftSplat(nn.Module):
         chain = references.camera_from_volume
         bins = torch.arange(self.num_bins, dtype=chain.dtype, device=chain.device)
         depth_m = self.near_m + (bins + 0.5) * self.step_m
-        pix = (self.stride * pixel_centers(width, height)).flatten(0, 1).to(chain)
         # Autocast would round coordinates to 8 bits.
         with torch.autocast(chain.device.type, enabled=False):
-            at_one_metre = rays_camera(pix, references.pix_from_camera)
+            at_one_metre = rays_camera(width, height, self.stride, references.pix_from_camera)
             points_camera = at_one_metre[:, :, None] * depth_m[:, None]
             points = transform(inverse(chain), points_camera.flatten(1, 2))
         return points.unflatten(1, (-1, self.num_bins))

@@ -13,7 +13,7 @@ from typing import Any
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ..errors import UserError, closest
@@ -43,12 +43,10 @@ class OccupancyLoss(nn.Module):
         self,
         terms: Mapping[str, Callable[..., Tensor]],
         class_counts: Sequence[float] | None = None,
-        ignore_index: int = UNKNOWN,
     ) -> None:
         super().__init__()
         built = [Term(name, function, class_counts) for name, function in terms.items()]
         self.terms = nn.ModuleList(term for term in built if term.weight)
-        self.ignore_index = ignore_index
         if not self.terms:
             raise UserError("loss.terms: no term has a weight above 0; give one at least")
 
@@ -60,7 +58,7 @@ class OccupancyLoss(nn.Module):
     def forward(self, logits: Logits, target: Labels) -> dict[str, Scalar]:
         """Returns the value of every term by its name, and their weighted sum as ``total``."""
         # Gathered once, for all terms.
-        scores, labels = supervised(logits, target, self.ignore_index)
+        scores, labels = supervised(logits, target)
         values = {term.name: term(scores, labels) for term in self.terms}
 
         total = sum(term.weight * values[term.name] for term in self.terms)
@@ -131,50 +129,17 @@ def _of_counts(key: str, rule: Callable, class_counts: Sequence[float] | None) -
         raise UserError(f"{key}: {error}") from None
 
 
-def supervised(
-    logits: Logits, target: Labels, ignore_index: int
-) -> tuple[VoxelScores, VoxelLabels]:
-    """Returns logits and labels (int64) of the voxels that count, over the whole batch."""
+def supervised(logits: Logits, target: Labels) -> tuple[VoxelScores, VoxelLabels]:
+    """Returns logits and labels (int64) of the voxels that are not unknown, over the whole batch.
+
+    They are pooled: a term is not a mean over frames.
+    """
     target = target.flatten()
-    voxels = (target != ignore_index).nonzero()[:, 0]
+    voxels = (target != UNKNOWN).nonzero()[:, 0]
 
     by_class = logits.float().transpose(0, 1).flatten(1)
-    return _Chosen.apply(by_class, voxels), target[voxels].long()
-
-
-class _Chosen(torch.autograd.Function):
-    """Chosen columns of a matrix, each at most once.
-
-    Its backward copies, where that of plain indexing would add, which is slower.
-    """
-
-    @staticmethod
-    def forward(ctx, matrix: Float[Tensor, "c n"], columns: Int[Tensor, "v"]):
-        ctx.save_for_backward(columns)
-        ctx.width = matrix.shape[1]
-        return matrix.index_select(1, columns)
-
-    @staticmethod
-    def backward(ctx, grad: Float[Tensor, "c v"]):
-        (columns,) = ctx.saved_tensors
-        return grad.new_zeros(len(grad), ctx.width).index_copy_(1, columns, grad), None
-
-
-def weighted_cross_entropy(
-    logits: Logits, target: Labels, weight: Float[Tensor, "c"] | None, ignore_index: int = UNKNOWN
-) -> Scalar:
-    """Returns `cross_entropy` of the voxels of a batch that are not ``ignore_index``."""
-    scores, labels = supervised(logits, target, ignore_index)
-    return cross_entropy(scores, labels, weight)
-
-
-def lovasz_softmax(logits: Logits, target: Labels, ignore_index: int = UNKNOWN) -> Scalar:
-    """Returns `lovasz` of the voxels of a batch that are not ``ignore_index``.
-
-    All voxels of the batch are pooled: the loss is not a mean over frames.
-    """
-    scores, labels = supervised(logits, target, ignore_index)
-    return lovasz(scores, labels)
+    # Plain indexing would have a slower backward.
+    return by_class.index_select(1, voxels), target[voxels].long()
 
 
 def cross_entropy(

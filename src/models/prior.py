@@ -1,7 +1,7 @@
 """Priors of the voxels: what can be predicted without a look at the image."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 
 import torch
 from jaxtyping import Float, Int, Shaped, UInt8
@@ -83,12 +83,9 @@ class VoxelPrior:
         return torch.where(wins, occupied.to(torch.uint8), FREE)
 
     def fit(
-        self,
-        frames: Iterable[LabelledFrame],
-        make_scores: Callable[[], Metric],
-        candidates: Sequence[float] = CANDIDATES,
+        self, frames: Iterable[LabelledFrame], make_scores: Callable[[], Metric]
     ) -> dict[float, float]:
-        """Chooses ``free_weight`` on the ``frames`` of validation.
+        """Chooses ``free_weight``, one of `CANDIDATES`, on the ``frames`` of validation.
 
         The criterion is the one that selects checkpoints: the highest ``kar_miou`` of the
         `OccupancyScores` that ``make_scores`` makes, and the larger weight where two are equal.
@@ -98,7 +95,7 @@ class VoxelPrior:
         # Voxels only turn from free to occupied as the weight falls: equal predictions are
         # neighbours, and the weights keep their falling order.
         alike: dict[bytes, list[float]] = {}
-        for weight in sorted(candidates, reverse=True):
+        for weight in CANDIDATES:
             alike.setdefault(self.labels(weight).numpy().tobytes(), []).append(weight)
 
         scored = [(self.labels(weights[0]), make_scores()) for weights in alike.values()]

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from ..errors import UserError
-from ..geometry import VoxelGrid, camera_from_occ, in_image, project
+from ..geometry import VoxelGrid, camera_from_occ, in_image, pixel_centers, project
 from ..limits import require_choice
 from .backbone import STRIDES
 from .ground import occ_from_ground
@@ -130,9 +130,9 @@ class PillarReferences(nn.Module):
 
 
 def rays_camera(
-    pix: Float[Tensor, "n 2"], pix_from_camera: Float[Tensor, "b 3 3"]
+    width: int, height: int, stride: int, pix_from_camera: Float[Tensor, "b 3 3"]
 ) -> Float[Tensor, "b n 3"]:
-    """Returns the points of pixels at a depth of one metre.
+    """Returns the points of the pixels of a level at a depth of one metre, row by row.
 
     This is `unproject` without a matrix inversion, for which ONNX has no operator. The camera
     matrix is upper triangular.
@@ -140,7 +140,7 @@ def rays_camera(
     (focal_x, skew, u0), (_, focal_y, v0), _ = (
         row.unbind(-1) for row in pix_from_camera[..., None, :, :].unbind(-2)
     )
-    u, v = pix.unbind(-1)
+    u, v = (stride * pixel_centers(width, height)).flatten(0, 1).to(pix_from_camera).unbind(-1)
     y = (v - v0) / focal_y
     x = (u - u0 - skew * y) / focal_x
     return torch.stack([x, y, torch.ones_like(x)], dim=-1)

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ..errors import UserError
-from ..geometry import inverse, pixel_centers
+from ..geometry import inverse
 from ..ontology import NUM_CLASSES
 from .backbone import STRIDES
 from .references import References, rays_camera
@@ -121,8 +121,7 @@ def rays(
     """Returns the four inputs of each pixel of a level, the depth in metres at which its ray meets
     the ground plane, and a mask of the rays that meet it within `FAR_M`."""
     volume_from_camera = inverse(references.camera_from_volume)
-    pix = (stride * pixel_centers(width, height)).flatten(0, 1).to(volume_from_camera)
-    points_camera = rays_camera(pix, references.pix_from_camera)
+    points_camera = rays_camera(width, height, stride, references.pix_from_camera)
     ray = points_camera @ volume_from_camera[:, :3, :3].transpose(1, 2)
 
     # Of a ray whose z-depth is one: how far it comes down.
@@ -134,9 +133,8 @@ def rays(
     elevation = falls / ray.norm(dim=-1)
 
     told = [told_m.log() - 2.5, -2 * elevation, meets.float(), above_m * (0.1 * has_ground)]
-    by_pixel = (x.unflatten(1, (height, width)) for x in (ground_m, meets))
-    ground_m, meets = (x[:, None] for x in by_pixel)
-    return torch.stack(told, dim=1).unflatten(2, (height, width)), ground_m, meets
+    by_ray = torch.stack(told, dim=1), ground_m[:, None], meets[:, None]
+    return tuple(each.unflatten(2, (height, width)) for each in by_ray)
 
 
 def depth_error(

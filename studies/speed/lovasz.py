@@ -16,7 +16,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from src.models.losses import lovasz_softmax, weighted_cross_entropy
+from src.models.losses import cross_entropy, lovasz, supervised
 from src.ontology import NUM_CLASSES, UNKNOWN
 from studies.settings import run
 from studies.speed.timing import print_costs
@@ -64,6 +64,10 @@ def scene() -> tuple[Tensor, Tensor]:
     return logits.requires_grad_(), target.to(torch.uint8).masked_fill(unknown, UNKNOWN)
 
 
+def lovasz_softmax(logits: Tensor, target: Tensor) -> Tensor:
+    return lovasz(*supervised(logits, target))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--threads", type=int, default=1)
@@ -77,7 +81,7 @@ def main() -> None:
         return F.cross_entropy(logits, target.long(), ignore_index=UNKNOWN)
 
     def weighted(logits: Tensor, target: Tensor) -> Tensor:
-        return weighted_cross_entropy(logits, target, torch.ones(NUM_CLASSES))
+        return cross_entropy(*supervised(logits, target), torch.ones(NUM_CLASSES))
 
     measures = {
         "Lovász-Softmax, the published loop": with_backward(published_loop),

@@ -5,27 +5,16 @@ import math
 
 import torch
 
-from src.geometry import (
-    VoxelGrid,
-    camera_from_occ,
-    front_mount,
-    in_image,
-    pinhole,
-    project,
-    rigid,
-    rotation_from_euler,
-)
-from src.models import (
-    BilinearLift,
-    DeformableCrossAttention,
-    LiftSplat,
-    PillarDecoder,
-    PillarEncoder,
-    ResNet,
-    SkyOcc,
-)
+from src.geometry import VoxelGrid, front_mount, pinhole, rigid, rotation_from_euler
+from src.models.attention import DeformableCrossAttention
+from src.models.backbone import ResNet
+from src.models.bilinear_lift import BilinearLift
+from src.models.decoder import PillarDecoder
+from src.models.encoder import PillarEncoder
 from src.models.ground import GroundVolume
+from src.models.lift_splat import LiftSplat
 from src.models.losses import OccupancyLoss, cross_entropy, lovasz
+from src.models.network import SkyOcc
 from src.models.references import References, padded_index
 from src.models.sight import Sight, place_of
 from src.ontology import NUM_CLASSES, UNKNOWN
@@ -89,6 +78,15 @@ def build_references(pix, valid, room=None):
     return References(pix, torch.ones_like(pix[..., 0]), valid, in_view, eye, eye[:, :3, :3])
 
 
+def seen_by(references, attitudes_rad, mount, height_m=None):
+    """What UAVs of these rolls and pitches see of `PillarReferences`."""
+    roll, pitch = torch.tensor(attitudes_rad).T
+    tilts = rigid(rotation_from_euler(roll, pitch, 0 * roll), torch.zeros(3))
+    mounts = mount.float().expand(len(tilts), 4, 4)
+    cameras = pinhole(*IMAGE_SIZE, math.radians(90)).float().expand(len(tilts), 3, 3)
+    return references(tilts, mounts, cameras, IMAGE_SIZE, height_m)
+
+
 def build_batch(batch_size=2, frames=4, grid=GRID, image_size=IMAGE_SIZE, seed=0):
     generator = torch.Generator().manual_seed(seed)
     width, height = image_size
@@ -102,9 +100,7 @@ def build_batch(batch_size=2, frames=4, grid=GRID, image_size=IMAGE_SIZE, seed=0
     occ_from_body = rigid(rotation_from_euler(roll, pitch, zero), torch.zeros(*shape, 3))
     body_from_camera = front_mount((0.2, 0.0, 0.0)).float().expand(batch_size, 4, 4)
     pix_from_camera = pinhole(width, height, math.radians(90)).float()
-    chain = camera_from_occ(occ_from_body[:, -1], body_from_camera)
-    pix, depth_m = project(grid.centers().flatten(0, 2), chain, pix_from_camera)
-    visible = in_image(pix, depth_m, width, height).view(batch_size, *grid.shape)
+    visible = torch.rand(batch_size, *grid.shape, generator=generator) < 0.4
     pixels = batch_size, height // 4, width // 4
     labels = torch.randint(0, 9, visible.shape, generator=generator, dtype=torch.uint8)
     return {

@@ -88,10 +88,6 @@ def test_weights_with_another_hash_are_refused(tmp_path):
     path, digest, _ = save_weights(tmp_path)
     with pytest.raises(UserError, match=digest):
         ResNet(18, 8, weights=str(path), weights_sha256="0" * 64)
-    with path.open("ab") as file:
-        file.write(b"x")
-    with pytest.raises(UserError, match="SHA-256"):
-        ResNet(18, 8, weights=str(path))
 
 
 def test_weights_without_any_hash_are_refused_with_the_hash_to_set(tmp_path):
@@ -115,29 +111,20 @@ def test_weights_of_another_architecture_are_refused(tmp_path, depth, width, wit
         ResNet(depth, width, weights=str(path))
 
 
-def test_weights_that_are_missing_out_of_reach_or_none_are_refused(tmp_path, monkeypatch):
+def test_weights_that_are_missing_or_out_of_reach_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(torch.hub, "_hub_dir", str(tmp_path))
     with pytest.raises(UserError, match="no file"):
         ResNet(18, 8, weights=str(tmp_path / "none-00000000.pth"))
     with pytest.raises(UserError, match="cannot download"):
         ResNet(18, 8, weights=(tmp_path / "none-00000000.pth").as_uri())
 
-    path = tmp_path / "text.pth"
-    path.write_text("no weights")
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    with pytest.raises(UserError, match=r"model\.backbone\.weights: .*text\.pth is no readable"):
-        ResNet(18, 8, weights=str(path), weights_sha256=digest)
 
-
-def test_the_pyramid_brings_coarse_features_to_fine_levels():
-    neck = FPN((4, 8, 16, 32), dim=6)
-    features = [torch.zeros(1, 4 * 2**i, 16 // 2**i, 24 // 2**i) for i in range(4)]
-    quiet = neck(features)
-    features[3] = torch.ones_like(features[3])
-    loud = neck(features)
-    assert [tuple(f.shape[1:]) for f in loud] == [(6, 16, 24), (6, 8, 12), (6, 4, 6), (6, 2, 3)]
-    assert all(not torch.allclose(a, b) for a, b in zip(quiet, loud))
-    features[3] = torch.zeros_like(features[3])
-    features[0] = torch.ones_like(features[0])
-    fine = neck(features)
-    assert all(a.equal(b) for a, b in zip(quiet[1:], fine[1:])), "fine never reaches coarse"
+def test_the_pyramid_brings_coarse_features_to_fine_levels_and_never_the_other_way():
+    features = [torch.randn(1, 4 * 2**i, 16 // 2**i, 24 // 2**i) for i in range(4)]
+    levels = FPN((4, 8, 16, 32), dim=6)([each.requires_grad_() for each in features])
+    for number, level in enumerate(levels):
+        assert level.shape == (1, 6, 16 // 2**number, 24 // 2**number)
+        slopes = torch.autograd.grad(
+            level.sum(), features, retain_graph=True, materialize_grads=True
+        )
+        assert [slope.any().item() for slope in slopes] == [n >= number for n in range(4)]

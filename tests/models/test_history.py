@@ -2,6 +2,7 @@ import math
 
 import pytest
 import torch
+import torch.nn.functional as F
 
 from src.errors import UserError
 from src.geometry import VoxelGrid, rigid, rotation_from_euler
@@ -91,26 +92,23 @@ def test_a_short_queue_equals_a_padded_one_and_no_history_one_without_a_valid_fr
 
 
 def test_attention_is_the_softmax_over_the_frames_that_exist():
-    """Eq. 7 written out for one pillar, head by head; of its past the oldest frame is missing."""
+    """Eq. 7 as PyTorch's own attention of every pillar to its past, its oldest frame first."""
     attention, query, history = attention_query_history()
     history.valid[0, 0] = False
     aligned = align_history(history, GRID)
-    # A pillar in the middle, which every past frame holds.
-    p = 5 * 20 + 10
-    rise = attention.dz(aligned.dz_m[0, :, None] / DZ_SCALE_M)
-    past = [aligned.pillars[0, n, p] + attention.age[3 - n] + rise[n] for n in (1, 2)]
-    tokens = [*past, query[0, p] + attention.age[0]]
+    rise = attention.dz(aligned.dz_m[..., None] / DZ_SCALE_M)
+    past = aligned.pillars + (attention.age[[3, 2, 1]] + rise)[:, :, None]
+    tokens = torch.cat([past, (query + attention.age[0])[:, None]], dim=1).transpose(1, 2)
 
-    heads = []
-    asked = attention.query(query[0, p]).split(4)
-    keys, values = zip(*(attention.key_value(token).split(8) for token in tokens))
-    for head, q in enumerate(asked):
-        scores = torch.stack([q @ key.split(4)[head] for key in keys]) / math.sqrt(4)
-        weights = scores.exp() / scores.exp().sum()
-        heads.append(sum(w * value.split(4)[head] for w, value in zip(weights, values)))
-
-    expected = attention.output(torch.cat(heads))
-    torch.testing.assert_close(attention(query, aligned)[0, p], expected)
+    keys, values = attention.key_value(tokens).chunk(2, dim=-1)
+    asked, keys, values = (
+        x.unflatten(-1, (2, 4)).transpose(2, 3)
+        for x in (attention.query(query)[:, :, None], keys, values)
+    )
+    exists = F.pad(aligned.valid, (0, 0, 0, 1), value=True).transpose(1, 2)[:, :, None, None]
+    mean = F.scaled_dot_product_attention(asked, keys, values, exists)
+    expected = attention.output(mean[..., 0, :].flatten(-2))
+    torch.testing.assert_close(attention(query, aligned), expected)
 
 
 def test_more_frames_than_it_was_built_for_are_refused():

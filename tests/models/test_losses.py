@@ -10,9 +10,8 @@ from src.models.losses import (
     _lovasz_slope,
     cross_entropy,
     lovasz,
-    lovasz_softmax,
     safety_weights,
-    weighted_cross_entropy,
+    supervised,
 )
 from src.ontology import BUILDING, FREE, GROUND, THIN_STRUCTURE, UNKNOWN, VRU
 from tests.models.synthetic import build_loss
@@ -58,19 +57,10 @@ def test_lovasz_equals_its_definition_in_value_and_gradient(classes):
     logits.requires_grad_()
     expected = slow_lovasz(logits, target)
     (expected_grad,) = torch.autograd.grad(expected, logits)
-    loss = lovasz_softmax(logits, target)
+    loss = lovasz(*supervised(logits, target))
     (grad,) = torch.autograd.grad(loss, logits)
     torch.testing.assert_close(loss, expected.float())
     torch.testing.assert_close(grad, expected_grad, atol=1e-7, rtol=1e-4)
-
-
-def test_lovasz_of_a_sure_prediction_is_the_mean_jaccard_loss():
-    predicted = torch.tensor([GROUND, GROUND, FREE, FREE, BUILDING])
-    target = torch.tensor([[GROUND, FREE, FREE, FREE, GROUND]], dtype=torch.uint8)
-    logits = 100 * torch.eye(9)[predicted].T[None]
-    # ground: one of three, free: two of three; building is not in the target.
-    expected = torch.tensor(((1 - 1 / 3) + (1 - 2 / 3)) / 2)
-    torch.testing.assert_close(lovasz_softmax(logits, target), expected)
 
 
 def test_lovasz_slopes_keep_their_precision_over_many_voxels():
@@ -97,7 +87,7 @@ def test_cross_entropy_divides_by_the_number_of_supervised_voxels():
     weight = torch.arange(1.0, 10.0)
     cases = voxels(logits, target)
     expected = sum(weight[label] * -row.log_softmax(0)[label] for row, label in cases) / len(cases)
-    torch.testing.assert_close(weighted_cross_entropy(logits, target, weight), expected.float())
+    torch.testing.assert_close(cross_entropy(*supervised(logits, target), weight), expected.float())
 
 
 def test_nothing_supervised_is_zero_with_a_graph():
@@ -114,8 +104,8 @@ def test_total_is_cross_entropy_plus_weighted_lovasz():
     logits, target = random_case(seed=4)
     weight = torch.arange(1.0, 10.0)
     parts = build_loss(weight, 0.5)(logits, target)
-    cross_entropy = weighted_cross_entropy(logits, target, weight)
-    total = cross_entropy + 0.5 * lovasz_softmax(logits, target)
+    known = supervised(logits, target)
+    total = cross_entropy(*known, weight) + 0.5 * lovasz(*known)
     torch.testing.assert_close(parts["total"], total)
     spoilt = torch.where(target[:, None] == UNKNOWN, torch.nan, logits)
     assert build_loss(weight, 0.5)(spoilt, target)["total"].equal(parts["total"])
@@ -154,10 +144,10 @@ def test_a_term_of_ones_own_joins_the_sum_with_its_settings_and_class_counts():
     mine = partial(mean_margin, weight=0.25, scale=2.0, offset=partial(torch.tensor, dtype=float))
     loss = OccupancyLoss({"cross_entropy": cross_entropy, "mine": mine}, class_counts=[1] * 9)
     values = loss(logits, target)
-    kept = target != UNKNOWN
-    own = mean_margin(logits.movedim(1, -1)[kept].T, target[kept].long(), scale=2.0) + 9
+    known = supervised(logits, target)
+    own = mean_margin(*known, scale=2.0) + 9
     torch.testing.assert_close(values["mine"], own.double(), rtol=1e-6, atol=0)
-    expected = weighted_cross_entropy(logits, target, None) + 0.25 * own
+    expected = cross_entropy(*known) + 0.25 * own
     torch.testing.assert_close(values["total"], expected.double(), rtol=1e-6, atol=0)
     assert loss.state_dict() == {}
     assert loss.to("meta").terms[1].offset.is_meta

@@ -57,7 +57,7 @@ def make_scores():
     return OccupancyScores(VoxelGrid((0, 0, 0), (2, 2, 2), (2, 2, 2)), num_classes=2, free_index=1)
 
 
-def samples(count=8):
+def samples(count):
     return [
         {
             "semantics": torch.full((2, 2, 2), int(index < 2), dtype=torch.uint8),
@@ -77,7 +77,7 @@ def train(module, folder, epochs=3, *callbacks):
     checkpoint = lightning.pytorch.callbacks.ModelCheckpoint(
         folder, "best", "val/kar_miou", mode="max", save_last=True
     )
-    trainer = lightning.Trainer(
+    lightning.Trainer(
         accelerator="cpu",
         max_epochs=epochs,
         logger=False,
@@ -86,10 +86,7 @@ def train(module, folder, epochs=3, *callbacks):
         enable_model_summary=False,
         num_sanity_val_steps=0,
         log_every_n_steps=1,
-    )
-    loader = DataLoader(samples(), batch_size=2)
-    trainer.fit(module, loader, DataLoader(samples(4), batch_size=2))
-    return trainer
+    ).fit(module, *(DataLoader(samples(count), batch_size=2) for count in (8, 4)))
 
 
 def test_the_loss_falls_while_the_rate_rises_over_the_warm_up_and_ends_at_zero(tmp_path):
@@ -140,13 +137,8 @@ def test_a_loss_that_is_not_finite_stops_and_names_the_batch(tmp_path, broken_ca
     with pytest.raises(UserError, match=rf"^.*total=nan.*{where}.*$"):
         train(module, tmp_path)
     assert module.network.shift.isfinite().all()
-    if broken_call == 0:
-        assert (module.network.shift.item(), list(tmp_path.iterdir())) == (0, [])
-        return
-    content = read_content(tmp_path / "last.ckpt")
-    load_weights(build(), content["state_dict"], tmp_path / "last.ckpt")
-    assert content["epoch"] == 0
-    assert all(value.isfinite().all() for value in content["state_dict"].values())
+    epochs = [read_content(path)["epoch"] for path in tmp_path.glob("last.ckpt")]
+    assert epochs == ([] if broken_call == 0 else [0]), "what came before is kept"
 
 
 @pytest.mark.parametrize("other", [nn.Linear(4, 3), nn.Linear(2, 3, bias=False)])

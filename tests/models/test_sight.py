@@ -4,10 +4,10 @@ import pytest
 import torch
 
 from src.errors import UserError
-from src.geometry import front_mount, pinhole, rigid, rotation_from_euler, transform
+from src.geometry import front_mount, transform
 from src.models.references import PillarReferences
 from src.models.sight import Sight, SightHead, depth_error, place_of, rays
-from tests.models.synthetic import GRID, IMAGE_SIZE, sure_sight
+from tests.models.synthetic import GRID, IMAGE_SIZE, seen_by, sure_sight
 
 WIDTH, HEIGHT = (side // 4 for side in IMAGE_SIZE)
 HEIGHTS_M = torch.tensor([6.0, 15.0])
@@ -16,11 +16,8 @@ SHAPE = (2, BINS, HEIGHT, WIDTH)
 
 
 def references_of(projection="attitude"):
-    roll, pitch = torch.tensor([[0.2, -0.1], [0.1, 0.3]])
-    tilts = rigid(rotation_from_euler(roll, pitch, torch.zeros(2)), torch.zeros(2, 3))
-    mount = front_mount((0.1, 0.0, -0.05)).float().expand(2, 4, 4)
-    cameras = pinhole(*IMAGE_SIZE, math.radians(90)).float().expand(2, 3, 3)
-    return PillarReferences(GRID, 4, projection)(tilts, mount, cameras, IMAGE_SIZE, HEIGHTS_M)
+    attitudes_rad, mount = [(0.2, 0.1), (-0.1, 0.3)], front_mount((0.1, 0.0, -0.05))
+    return seen_by(PillarReferences(GRID, 4, projection), attitudes_rad, mount, HEIGHTS_M)
 
 
 def test_the_ground_if_there_is_one_is_where_the_pixels_rays_meet_it():
