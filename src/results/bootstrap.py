@@ -20,6 +20,8 @@ from ..errors import UserError
 from ..metrics.count_metric import CountMetric, NamedCounts
 
 LEVEL = 0.95
+# Scores by their names: each of all clips, and then of each resample.
+Samples = dict[str, Float[Tensor, "1+r"]]
 
 
 class Interval(NamedTuple):
@@ -70,8 +72,8 @@ def seed_resamplings(seeds: int, resamples: int, generator: Generator) -> Float[
 
 def score_samples(
     metric: CountMetric, counts: NamedCounts, weights: Float[Tensor, "r n"]
-) -> dict[str, Float[Tensor, "1+r"]]:
-    """Returns every score of the counts [n clips, ...]: of all clips, and then of each resample."""
+) -> Samples:
+    """Returns every score of the counts [n clips, ...], whole and resampled."""
     whole = metric.scores({name: each.sum(0) for name, each in counts.items()})
     drawn = metric.scores(
         {

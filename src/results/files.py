@@ -3,20 +3,23 @@
 import io
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 
 import pandas as pd
+import torch
 from rich.console import Console
 
 from ..atomic import replacing
 from ..errors import UserError
 from ..ontology import CLASSES
+from ..provenance import digest_of
 from ..run_folder import SCORES as LONG
 from ..run_folder import TALLIES
-from .counts import Counts
+from .bootstrap import interval_of, resamplings
+from .counts import Counts, Parts
 from .render import Cell, Table, print_table
-from .table import Parts, run_table
 
 MEANS = ("miou", "miou_occupied", "kar_miou")
 # Scores are shares in [0, 1], NaN where a class never occurs.
@@ -34,6 +37,12 @@ COLUMNS = (
     *SCORES,
     *("protocol", "seconds", "parameters", "precision", "code_version", "git_commit", "dataset"),
 )
+# The long table of a run; the condition of a split that was presented as it was recorded.
+LONG_COLUMNS = (
+    *("experiment", "seed", "condition", "part", "score"),
+    *("value", "low", "high", "clips", "frames", "protocol"),
+)
+AS_RECORDED = "as recorded"
 TEXTS = tuple(name for name in COLUMNS if name not in NUMBERS)
 
 # What heads the columns of a printed table.
@@ -57,6 +66,32 @@ def result_rows(counts: Counts, parts: Parts, facts: Mapping[str, object]) -> li
             own = {"experiment": counts.name, "split": part, "protocol": counts.protocol.to_json()}
             rows.append({**facts, **own, **values})
     return rows
+
+
+def run_table(runs: Mapping[int, Sequence[Counts]], parts: Parts) -> pd.DataFrame:
+    """Returns the long table of what one command has scored: its counts by seed, on each part."""
+    rows = []
+    for seed, scored in runs.items():
+        for counts, (part, chosen) in product(scored, parts.items()):
+            if clips := counts.rows(chosen):
+                key = (counts.name, str(seed), AS_RECORDED, part)
+                rows += [(*key, *score) for score in _scores(counts, clips)]
+    return pd.DataFrame(rows, columns=list(LONG_COLUMNS))
+
+
+def _scores(counts: Counts, rows: list[int]) -> Iterator[tuple]:
+    """Yields the name of every score of some rows, its interval, and what it rests on."""
+    settings = counts.protocol.suite
+    generator = torch.Generator().manual_seed(settings["seed"])
+    weights = resamplings(len(rows), settings["resamples"], generator)
+    frames = sum(counts.frames[row] for row in rows)
+    facts = (len(rows), frames, digest_of(counts.protocol.to_json()))
+
+    for samples in counts.samples(rows, weights).values():
+        for score, sample in samples.items():
+            # A single clip leaves nothing to draw: the score stands alone, without bounds.
+            kept = sample if len(rows) > 1 else sample[:1]
+            yield score, *interval_of(kept, settings["level"]), *facts
 
 
 def write_scores(folder: Path, runs: Mapping[int, Sequence[Counts]], parts: Parts) -> pd.DataFrame:

@@ -11,10 +11,10 @@ from omegaconf import DictConfig
 from ..errors import UserError
 from ..metrics.suite import import_metrics
 from ..results.bootstrap import difference_of, interval_of
-from ..results.counts import Counts
+from ..results.counts import Counts, require_comparable
 from ..results.files import write_table
 from ..results.render import Cell, Table, print_table
-from ..results.scored import read_scored, require_comparable
+from ..results.scored import read_scored
 from ..results.table import Resamples
 from ..terminal import say
 

@@ -9,11 +9,10 @@ import yaml
 from src.geometry import VoxelGrid
 from src.metrics.protocol import SUPERVISED, Protocol
 from src.metrics.suite import ScoreSuite
-from src.results.counts import Counts
+from src.results.counts import Counts, parts_of
 from src.results.files import result_rows, write_results
 from src.results.runs import read_run
 from src.run_folder import ANCHORS
-from src.tasks.scoring import parts_of
 from tests.metrics.inputs import with_metrics
 
 GRID = VoxelGrid((0.0, -10.0, -6.0), (24.0, 10.0, 6.0), (6, 5, 3))

@@ -8,9 +8,10 @@ import torch
 
 from src.ontology import CLASSES
 from src.results.bootstrap import interval_of, resamplings, seed_resamplings
+from src.results.counts import parts_of
+from src.results.files import run_table
 from src.results.render import Cell
-from src.results.table import AS_RECORDED, MEAN, Resamples, pivoted, run_table
-from src.tasks.scoring import parts_of
+from src.results.table import AS_RECORDED, MEAN, Resamples, pivoted
 from tests.results.scored import CLIPS, SUITE, UNSEEN, counts, counts_by_seed
 
 RUNS = {"baseline": {0: 0.3, 1: 0.35, 2: 0.4}, "skyocc": {0: 0.6, 1: 0.5, 2: 0.7}}
