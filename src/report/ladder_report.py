@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from ..results.counts import Parts
 from ..results.render import Table
 from ..results.runs import UNKNOWN_CODE, UnfinishedRun
-from ..results.table import Parts, joined
+from ..results.table import joined
 from .paper_tables import paper_tables
 from .run_group import RunGroup
 from .sampling import sampling_table

@@ -32,16 +32,6 @@ class Interval(NamedTuple):
     high: float
 
 
-class Difference(NamedTuple):
-    """A score of the second run minus the first's, its bounds, and ``same_sign``: the share of
-    resamples in which the difference has the sign of ``value``."""
-
-    value: float
-    low: float
-    high: float
-    same_sign: float
-
-
 def resamplings(clips: int, resamples: int, generator: Generator) -> Float[Tensor, "r n"]:
     """Returns the number of times that each of n clips is drawn, in r resamples of n clips."""
     if clips < 1 or resamples < 1:
@@ -114,8 +104,8 @@ def interval_of(sample: Float[Tensor, "1+r"], level: float = LEVEL) -> Interval:
     return Interval(float(value), low, high)
 
 
-def difference_of(sample: Float[Tensor, "1+r"], level: float = LEVEL) -> Difference:
-    """Returns a difference, its percentile interval, and the share of resamples of its sign."""
+def same_sign(sample: Float[Tensor, "1+r"]) -> float:
+    """Returns the share of the resamples in which a difference has the sign of the whole; those in
+    which it is NaN are left out."""
     value, drawn = sample[0], sample[1:]
-    same = drawn[~drawn.isnan()].sign() == value.sign()
-    return Difference(*interval_of(sample, level), float(same.double().mean()))
+    return float((drawn[~drawn.isnan()].sign() == value.sign()).double().mean())

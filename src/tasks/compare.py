@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
+from itertools import chain
 from pathlib import Path
 
 import pandas as pd
@@ -10,7 +11,7 @@ from omegaconf import DictConfig
 
 from ..errors import UserError
 from ..metrics.suite import import_metrics
-from ..results.bootstrap import difference_of, interval_of
+from ..results.bootstrap import interval_of, same_sign
 from ..results.counts import Counts, require_comparable
 from ..results.files import write_table
 from ..results.render import Cell, Table, print_table
@@ -66,14 +67,15 @@ def _differences(scored: Mapping[str, Counts]) -> pd.DataFrame:
     # Every run is an experiment of one seed, so that all are scored on the same draws of clips.
     drawn = Resamples({name: {0: counts} for name, counts in scored.items()})
     samples = {name: by_seed[0] for name, by_seed in drawn.samples.items()}
-    single = slice(None) if drawn.clips > 1 else slice(1)
+    # A single clip leaves nothing to draw.
+    kept = slice(None) if drawn.clips > 1 else slice(1)
 
     lines = []
     for name, of_run in samples.items():
         for score in (score for score in of_run if score in samples[first]):
-            change = of_run[score] - samples[first][score]
-            value = interval_of(of_run[score][single], drawn.level)
-            lines.append((name, score, *value, *difference_of(change[single], drawn.level)))
+            change = (of_run[score] - samples[first][score])[kept]
+            intervals = (interval_of(each, drawn.level) for each in (of_run[score][kept], change))
+            lines.append((name, score, *chain(*intervals), same_sign(change)))
     columns = ["run", "score", "value", "low", "high"]
     columns += [f"minus {first}", "difference_low", "difference_high", "same_sign"]
     return pd.DataFrame(lines, columns=columns)

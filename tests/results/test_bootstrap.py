@@ -9,9 +9,9 @@ from src.errors import UserError
 from src.metrics import KARMeanIoU
 from src.metrics.count_metric import CountMetric
 from src.results.bootstrap import (
-    difference_of,
     interval_of,
     resamplings,
+    same_sign,
     score_samples,
     seed_resamplings,
     seed_sample,
@@ -63,9 +63,10 @@ def score_intervals(metric, tables, weights, level=0.95):
     return {name: interval_of(sample, level) for name, sample in samples.items()}
 
 
-def score_differences(metric, first, second, weights):
-    samples, others = (score_samples(metric, tables, weights) for tables in (first, second))
-    return {name: difference_of(others[name] - samples[name]) for name in samples}
+def rate_difference(first, second, weights):
+    """The difference of two rates, its bounds, and the share of the resamples of its sign."""
+    one, other = (score_samples(HitRate(), tables, weights)["rate"] for tables in (first, second))
+    return *interval_of(other - one), same_sign(other - one)
 
 
 def rate(tables, seed=0, resamples=500, **arguments):
@@ -145,34 +146,30 @@ def equal_clips(clips, generator):
     return clips_of(torch.randint(30, 90, (clips,), generator=generator), voxels)
 
 
-def rate_difference(first, second, seed=0):
-    weights = resamplings(len(first["hits"]), 500, rng(seed))
-    return score_differences(HitRate(), first, second, weights)["rate"]
-
-
 @pytest.mark.parametrize("hits", [5, 0])
 def test_a_constant_shift_in_every_clip_is_certain(hits):
     """By no hit a run differs from itself by nothing."""
     first = equal_clips(20, rng(0))
-    difference = rate_difference(first, shifted(first, hits))
+    difference = rate_difference(first, shifted(first, hits), resamplings(20, 500, rng(0)))
     assert difference == pytest.approx((hits / 100, hits / 100, hits / 100, 1.0))
 
 
 def test_same_sign_is_the_share_of_resamples_with_the_sign_of_the_difference():
     first, second = drawn_clips(8, rng(0)), drawn_clips(8, rng(1))
     weights = resamplings(8, 200, rng(2))
-    difference = score_differences(HitRate(), first, second, weights)["rate"]
+    value, *_, share = rate_difference(first, second, weights)
     agree = 0
     for row in weights:
         apart = rate_of_drawn(second, drawn(row)) - rate_of_drawn(first, drawn(row))
-        agree += apart * difference.value > 0
-    assert difference.same_sign == pytest.approx(agree / 200)
-    assert 0 < difference.same_sign < 1
+        agree += apart * value > 0
+    assert share == pytest.approx(agree / 200)
+    assert 0 < share < 1
 
 
 def test_resamples_without_a_difference_are_left_out():
     first, second = clips_of([3, 0, 0], [4, 0, 0]), clips_of([1, 0, 0], [4, 0, 0])
-    assert rate_difference(first, second) == (-0.5, -0.5, -0.5, 1.0)
+    expected = (-0.5, -0.5, -0.5, 1.0)
+    assert rate_difference(first, second, resamplings(3, 500, rng(0))) == expected
 
 
 # ------------------------------------------------------------------------------- real metrics

@@ -5,6 +5,7 @@ import re
 import pandas as pd
 import pytest
 from hydra.errors import InstantiationException
+from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from PIL import Image
 
@@ -14,7 +15,7 @@ from src.loop.campaign import Campaign
 from src.report.flight_film import SHOWN
 from src.results.counts import Counts
 from src.results.flights import FLIGHTS
-from src.tasks.fly import films_of, fly, fly_together
+from src.tasks.fly import films_of, fly_together
 from tests.synthetic import sound_config
 
 YARD = (
@@ -34,9 +35,10 @@ def config(tmp_path, *overrides):
 
 
 def run(cfg, **changes):
-    task = {key: value for key, value in cfg.task.items() if not key.startswith("_")}
-    fly(cfg, **{**task, **changes})
-    return pd.read_csv(f"{changes.get('out', cfg.task.out)}/{FLIGHTS}", keep_default_na=False)
+    for key, value in changes.items():
+        cfg.task[key] = value
+    instantiate(cfg.task)(cfg)
+    return pd.read_csv(f"{cfg.task.out}/{FLIGHTS}", keep_default_na=False)
 
 
 @pytest.mark.slow
@@ -140,7 +142,7 @@ def test_a_mission_through_a_wall_is_refused(tmp_path):
     with pytest.raises(UserError, match="has no column yaw_rad"):
         run(config(tmp_path), missions=str(path))
     with pytest.raises(UserError, match="no file"):
-        run(config(tmp_path), missions=f"{tmp_path}/none.csv")
+        run(config(tmp_path), missions=f"{tmp_path}/none.csv", out=f"{tmp_path}/out")
 
 
 def test_a_map_with_no_route_in_conflict_is_refused(tmp_path):
