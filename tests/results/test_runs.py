@@ -70,9 +70,6 @@ def test_a_finished_run_is_read_with_its_anchors(tmp_path):
     assert list(run.anchors) == list(ANCHORS)
     assert run.counts.name == "skyocc"
     assert run.row["split"] == "test"
-
-
-def test_a_run_that_recorded_no_code_is_readable(tmp_path):
     assert read_run(write_run(tmp_path, code=None)).code == "unknown code"
 
 
@@ -89,22 +86,14 @@ def test_a_run_that_recorded_no_code_is_readable(tmp_path):
 def test_a_run_without_results_is_unfinished(tmp_path, log, said):
     folder = write_run(tmp_path)
     (folder / "results.csv").unlink()
-    if log is not None:
-        (folder / "metrics.csv").write_text(log)
+    # The logs of sessions are joined only by a training that ends in good order.
+    for number, text in enumerate(("", log) if log is not None else ()):
+        session = folder / f"sessions/version_{number}"
+        session.mkdir(parents=True)
+        (session / "metrics.csv").write_text(text)
     run = read_run(folder)
     assert isinstance(run, UnfinishedRun)
     assert str(run) == f"skyocc seed 0: unfinished, {said}"
-
-
-def test_the_log_of_a_killed_session_tells_its_epoch(tmp_path):
-    """Its logs are joined only by a training that ends in good order."""
-    folder = write_run(tmp_path)
-    (folder / "results.csv").unlink()
-    for number, epoch in enumerate((1, 4)):
-        session = folder / f"sessions/version_{number}"
-        session.mkdir(parents=True)
-        (session / "metrics.csv").write_text(f"step,epoch\n1,{epoch}\n")
-    assert read_run(folder).epochs == 5
 
 
 # ------------------------------------------------------------------------- what cannot be read
