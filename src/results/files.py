@@ -138,29 +138,30 @@ def read_results(path: str | Path) -> pd.DataFrame:
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows that are too long
             table = pd.read_csv(io.StringIO(text), dtype=str, index_col=False)
         table = table.astype({name: kind for name, kind in NUMBERS.items() if name in table})
+        _require_whole(table, text)
     except FileNotFoundError as error:
         raise UserError(f"{path}: no such file; finish the run or run task=test first") from error
     except (OSError, ValueError, pd.errors.ParserWarning) as error:
-        raise _corrupt(path, str(error).splitlines()[0]) from error
+        reason = str(error).splitlines()[0]
+        raise UserError(
+            f"{path}: not a readable results file ({reason}); delete it and run again"
+        ) from error
+    return table[list(COLUMNS)].fillna({"git_commit": ""})
 
-    missing = [name for name in COLUMNS if name not in table]
-    if missing:
-        raise _corrupt(path, f"it has no column {missing[0]}")
+
+def _require_whole(table: pd.DataFrame, text: str) -> None:
+    """Raises `ValueError` for a table of results that lacks a column, a value or its end."""
+    if missing := [name for name in COLUMNS if name not in table]:
+        raise ValueError(f"it has no column {missing[0]}")
     if not text.endswith("\n"):
-        raise _corrupt(path, "its last line is cut off")
-    table["git_commit"] = table["git_commit"].fillna("")
+        raise ValueError("its last line is cut off")
     for name in TEXTS:
-        if table[name].isna().any():
-            raise _corrupt(path, f"a row has no {name}")
+        if name != "git_commit" and table[name].isna().any():
+            raise ValueError(f"a row has no {name}")
     try:
         table["protocol"].map(json.loads)
     except ValueError as error:
-        raise _corrupt(path, "a protocol is not JSON") from error
-    return table[list(COLUMNS)]
-
-
-def _corrupt(path: str | Path, reason: str) -> UserError:
-    return UserError(f"{path}: not a readable results file ({reason}); delete it and run again")
+        raise ValueError("a protocol is not JSON") from error
 
 
 def print_results(rows: pd.DataFrame, console: Console | None = None) -> None:

@@ -197,15 +197,12 @@ def _completed_by_both(*tables: pd.DataFrame) -> list[pd.DataFrame]:
 
 def require_same_flights(flights: Sequence[tuple[str, pd.DataFrame]]) -> None:
     """Raises `UserError` for perceptions that flew other missions than the first."""
-    (first, of_first), *others = flights
-    for name, table in others:
-        if _missions(table) != _missions(of_first):
+    # Names alone do not tell: other code may draw other missions under the same ones.
+    identity = ["flight", "stratum", "truth_s"]
+    missions = [set(table[identity].itertuples(index=False, name=None)) for _, table in flights]
+    for (name, _), own in zip(flights, missions):
+        if own != missions[0]:
             raise UserError(
-                f"{name} did not fly the missions of {first}; fly them with the same "
+                f"{name} did not fly the missions of {flights[0][0]}; fly them with the same "
                 "mission, planner, airframe and task.rules, to the end"
             )
-
-
-def _missions(flights: pd.DataFrame) -> set[tuple]:
-    """Returns the identity of each mission; code versions can share the mere names."""
-    return set(flights[["flight", "stratum", "truth_s"]].itertuples(index=False, name=None))

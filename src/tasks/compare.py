@@ -1,8 +1,8 @@
 """task=compare: scored runs beside each other, with paired intervals."""
 
+import fnmatch
 import math
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
 from itertools import chain
 from pathlib import Path
 
@@ -51,13 +51,13 @@ def _clips_like(patterns: Sequence[str], counts: Counts) -> set[str]:
     scored = [counts.clips[row] for row in counts.rows()]
     chosen: set[str] = set()
     for pattern in patterns:
-        like = {clip for clip in scored if fnmatchcase(clip, pattern)}
+        like = fnmatch.filter(scored, pattern)
         if not like:
             raise UserError(
                 f"task.clips: no scored clip is like {pattern!r}; there are {scored[0]} to "
                 f"{scored[-1]} ({len(scored)} clips)"
             )
-        chosen |= like
+        chosen.update(like)
     return chosen
 
 

@@ -18,7 +18,8 @@ from ..report.section import Section, ShownFrame, with_settings
 from ..report.template import write_text
 from ..results.counts import parts_of
 from ..results.files import write_table
-from ..results.render import WIDTH, csv_of, latex_of, print_table
+from ..results.latex import latex_of
+from ..results.render import WIDTH, csv_of, print_table
 from ..results.runs import ScoredRun, UnfinishedRun, read_run, run_folders
 from ..settings import GROUPS
 from ..terminal import tracked
