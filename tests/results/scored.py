@@ -1,10 +1,10 @@
 """Run folders of a ladder as training leaves them, with random predictions for its networks."""
 
-import copy
 from functools import cache, partial
 
 import torch
 import yaml
+from omegaconf import OmegaConf
 
 from src.geometry import VoxelGrid
 from src.metrics.protocol import SUPERVISED, Protocol
@@ -122,14 +122,10 @@ def config_of(experiment, seed, **changes):
         "trainer": {"max_epochs": 8, "devices": 1, "accumulate_grad_batches": 1}
         | {"default_root_dir": f"runs/tiny/{experiment}/seed{seed}"},
     }
-    config = copy.deepcopy(config)
+    config = OmegaConf.create(config)
     for key, value in changes.items():
-        *parents, last = key.split("__")
-        node = config
-        for parent in parents:
-            node = node[parent]
-        node[last] = value
-    return config
+        OmegaConf.update(config, key.replace("__", "."), value, merge=False)
+    return OmegaConf.to_container(config)
 
 
 def write_run(
