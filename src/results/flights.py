@@ -66,13 +66,11 @@ def flight_scores(
     require_same_flights(tables)
     rows = []
     for stratum in (*sorted(set(tables[0][1]["stratum"])), ALL):
-        kept = {
-            name: {
-                seed: each[(each["stratum"] == stratum) | (stratum == ALL)]
-                for seed, each in sorted(of_seeds.items())
-            }
-            for name, of_seeds in flights.items()
-        }
+        kept: dict[str, dict[str, pd.DataFrame]] = {}
+        for name, of_seeds in flights.items():
+            for seed, each in sorted(of_seeds.items()):
+                is_of = (each["stratum"] == stratum) | (stratum == ALL)
+                kept.setdefault(name, {})[seed] = each[is_of]
         rows += _of_stratum(kept, stratum, reference, resamples, generator)
 
     table = pd.DataFrame(rows)
@@ -116,8 +114,7 @@ def _of_stratum(
 
         for score, of_score in values.items():
             sample = (torch.stack(of_score, dim=1) * shares[len(of_score)]).sum(1)
-            value, low, high = interval_of(sample)
-            rows.append({**key, "score": score, "value": value, "low": low, "high": high})
+            rows.append({**key, "score": score, **interval_of(sample)._asdict()})
             if score not in SCORES:
                 rows[-1]["p"] = p_value(sample)
     return rows
@@ -144,11 +141,8 @@ def _excess(
     """Returns the differences of each pair, whole and resampled."""
     found: dict[str, list[Tensor]] = {}
     for pair in pairs:
-        every, both = (
-            [samples_of(each, weights) for each in tables]
-            for tables in (pair, _completed_by_both(*pair))
-        )
-        for scores, (one, other) in ((EXCESS, every), (EXCESS_BOTH, both)):
+        for scores, tables in ((EXCESS, pair), (EXCESS_BOTH, _completed_by_both(*pair))):
+            one, other = (samples_of(each, weights) for each in tables)
             for score in scores:
                 found.setdefault(f"excess_{score}", []).append(one[score] - other[score])
     return found
