@@ -15,9 +15,8 @@ from src.metrics.by_clip import ByClip
 from src.metrics.count_metric import CountMetric
 from src.metrics.protocol import Protocol
 from src.results.counts import Counts
-from src.results.files import write_table
+from src.results.files import run_table, write_table
 from src.results.render import Cell, Table, print_table
-from src.results.table import run_table
 from src.run_folder import TALLIES
 
 SCORE = "kar_miou"

@@ -8,9 +8,11 @@ from pathlib import Path
 import pandas as pd
 
 from ..ontology import CLASSES
+from ..results.counts import Parts
+from ..results.files import AS_RECORDED
 from ..results.render import Table
 from ..results.runs import UNKNOWN_CODE, UnfinishedRun
-from ..results.table import AS_RECORDED, Parts, Resamples, joined
+from ..results.table import Resamples, joined
 from ..run_folder import ANCHORS
 from .canvas import readable
 from .paper_tables import paper_tables

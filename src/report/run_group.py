@@ -10,10 +10,10 @@ import torch
 
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
-from ..results.counts import OTHER_LABELS, Counts
+from ..results.counts import OTHER_LABELS, Counts, Parts
 from ..results.files import SCORES
 from ..results.runs import ScoredRun
-from ..results.table import Parts, Resamples
+from ..results.table import Resamples
 from ..run_folder import ANCHORS
 from ..used_code import different_file
 from .ladder import PAPER, Ladder

@@ -20,6 +20,8 @@ from ..errors import UserError
 from ..metrics.count_metric import CountMetric, NamedCounts
 
 LEVEL = 0.95
+# Scores by their names: each of all clips, and then of each resample.
+Samples = dict[str, Float[Tensor, "1+r"]]
 
 
 class Interval(NamedTuple):
@@ -28,16 +30,6 @@ class Interval(NamedTuple):
     value: float
     low: float
     high: float
-
-
-class Difference(NamedTuple):
-    """A score of the second run minus the first's, its bounds, and ``same_sign``: the share of
-    resamples in which the difference has the sign of ``value``."""
-
-    value: float
-    low: float
-    high: float
-    same_sign: float
 
 
 def resamplings(clips: int, resamples: int, generator: Generator) -> Float[Tensor, "r n"]:
@@ -70,8 +62,8 @@ def seed_resamplings(seeds: int, resamples: int, generator: Generator) -> Float[
 
 def score_samples(
     metric: CountMetric, counts: NamedCounts, weights: Float[Tensor, "r n"]
-) -> dict[str, Float[Tensor, "1+r"]]:
-    """Returns every score of the counts [n clips, ...]: of all clips, and then of each resample."""
+) -> Samples:
+    """Returns every score of the counts [n clips, ...], whole and resampled."""
     whole = metric.scores({name: each.sum(0) for name, each in counts.items()})
     drawn = metric.scores(
         {
@@ -112,8 +104,8 @@ def interval_of(sample: Float[Tensor, "1+r"], level: float = LEVEL) -> Interval:
     return Interval(float(value), low, high)
 
 
-def difference_of(sample: Float[Tensor, "1+r"], level: float = LEVEL) -> Difference:
-    """Returns a difference, its percentile interval, and the share of resamples of its sign."""
+def same_sign(sample: Float[Tensor, "1+r"]) -> float:
+    """Returns the share of the resamples in which a difference has the sign of the whole; those in
+    which it is NaN are left out."""
     value, drawn = sample[0], sample[1:]
-    same = drawn[~drawn.isnan()].sign() == value.sign()
-    return Difference(*interval_of(sample, level), float(same.double().mean()))
+    return float((drawn[~drawn.isnan()].sign() == value.sign()).double().mean())

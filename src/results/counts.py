@@ -1,12 +1,15 @@
 """The integer tables of one scored run, clip by clip, from which every score is computed again."""
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tokenize import TokenError
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from ..atomic import replacing
 from ..data.files import BROKEN
@@ -14,10 +17,23 @@ from ..errors import UserError
 from ..metrics.count_metric import NamedCounts, Scores
 from ..metrics.protocol import Protocol, require_same_protocol
 from ..metrics.suite import ScoreSuite
+from .bootstrap import Samples, score_samples
 
 FORMAT = 1
 OTHER_LABELS = "other labels"
 AGAIN = "give the command of its run again, which scores it, or task=score for predictions"
+
+# Parts of a split by their names, each of which says whether a clip belongs to it.
+Parts = Mapping[str, Callable[[str], bool]]
+
+
+def parts_of(unseen: Collection[str]) -> Parts:
+    """Returns the test split and its parts: clips never trained on, and last seconds of others."""
+    return {
+        "test": lambda clip: True,
+        "test_unseen_clips": lambda clip: clip in unseen,
+        "test_seen_clips": lambda clip: clip not in unseen,
+    }
 
 
 @dataclass(frozen=True)
@@ -34,6 +50,14 @@ class Counts:
     frames: list[int]
     tables: dict[str, NamedCounts]
 
+    @classmethod
+    def of(
+        cls, name: str, protocol: Protocol, suite: ScoreSuite, samples: Sequence[tuple[str, object]]
+    ) -> "Counts":
+        """Returns the counts of a suite over all samples, which begin with their clips."""
+        frames = Counter(clip for clip, _ in samples)
+        return cls(name, protocol, suite.clips, [frames[c] for c in suite.clips], suite.counts())
+
     def suite(self) -> ScoreSuite:
         """Returns the metrics that compute scores from the tables."""
         return ScoreSuite.of(self.protocol, self.clips)
@@ -48,6 +72,19 @@ class Counts:
         summed = {name: table[rows].sum(0) for name, table in self.tables[metric].items()}
 
         return self.suite().metric(metric).scores(summed)
+
+    def samples(
+        self, rows: list[int], weights: Float[Tensor, "r n"], without: Collection[str] = ()
+    ) -> dict[str, Samples]:
+        """Returns the scores of each metric but those ``without``: of n rows, and of r resamples,
+        which draw each row as often as ``weights`` say."""
+        suite, samples = self.suite(), {}
+        for name, tables in self.tables.items():
+            metric = suite.metric(name)
+            if metric.in_score_table and name not in without:
+                chosen = {key: table[rows].cpu() for key, table in tables.items()}
+                samples[name] = score_samples(metric, chosen, weights)
+        return samples
 
     def of_clips(self, chosen: Callable[[str], bool]) -> "Counts":
         """Returns the counts of the chosen clips that have a frame, which may be none."""
@@ -122,11 +159,13 @@ class Counts:
             raise UserError(f"{path}: cannot be read ({reason}); delete it and {AGAIN}") from error
 
 
-def require_same_frames(
-    first: Path, of_first: Counts, path: Path, counts: Counts, way_out: str
-) -> None:
-    """Raises `UserError` where two files have counts of other protocols or other frames."""
-    protocols = {first: of_first.protocol, path: counts.protocol}
-    require_same_protocol({str(each): protocol for each, protocol in protocols.items()})
-    if other := counts.scored_on_other(of_first):
-        raise UserError(f"{path}: was scored on {other} than {first}; {way_out}")
+def require_comparable(counts: Mapping[str, Counts], way_out: str = "score both alike") -> None:
+    """Raises `UserError` for counts of other protocols, clips, frames or labels than the first's.
+
+    They are given by the names that a message calls them; ``way_out`` ends it.
+    """
+    require_same_protocol({name: each.protocol for name, each in counts.items()})
+    (first, reference), *others = counts.items()
+    for name, each in others:
+        if other := each.scored_on_other(reference):
+            raise UserError(f"{name}: was scored on {other} than {first}; {way_out}")

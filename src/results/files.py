@@ -3,20 +3,23 @@
 import io
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 
 import pandas as pd
+import torch
 from rich.console import Console
 
 from ..atomic import replacing
 from ..errors import UserError
 from ..ontology import CLASSES
+from ..provenance import digest_of
 from ..run_folder import SCORES as LONG
 from ..run_folder import TALLIES
-from .counts import Counts
+from .bootstrap import interval_of, resamplings
+from .counts import Counts, Parts
 from .render import Cell, Table, print_table
-from .table import Parts, run_table
 
 MEANS = ("miou", "miou_occupied", "kar_miou")
 # Scores are shares in [0, 1], NaN where a class never occurs.
@@ -34,6 +37,12 @@ COLUMNS = (
     *SCORES,
     *("protocol", "seconds", "parameters", "precision", "code_version", "git_commit", "dataset"),
 )
+# The long table of a run; the condition of a split that was presented as it was recorded.
+LONG_COLUMNS = (
+    *("experiment", "seed", "condition", "part", "score"),
+    *("value", "low", "high", "clips", "frames", "protocol"),
+)
+AS_RECORDED = "as recorded"
 TEXTS = tuple(name for name in COLUMNS if name not in NUMBERS)
 
 # What heads the columns of a printed table.
@@ -57,6 +66,32 @@ def result_rows(counts: Counts, parts: Parts, facts: Mapping[str, object]) -> li
             own = {"experiment": counts.name, "split": part, "protocol": counts.protocol.to_json()}
             rows.append({**facts, **own, **values})
     return rows
+
+
+def run_table(runs: Mapping[int, Sequence[Counts]], parts: Parts) -> pd.DataFrame:
+    """Returns the long table of what one command has scored: its counts by seed, on each part."""
+    rows = []
+    for seed, scored in runs.items():
+        for counts, (part, chosen) in product(scored, parts.items()):
+            if clips := counts.rows(chosen):
+                key = (counts.name, str(seed), AS_RECORDED, part)
+                rows += [(*key, *score) for score in _scores(counts, clips)]
+    return pd.DataFrame(rows, columns=list(LONG_COLUMNS))
+
+
+def _scores(counts: Counts, rows: list[int]) -> Iterator[tuple]:
+    """Yields the name of every score of some rows, its interval, and what it rests on."""
+    settings = counts.protocol.suite
+    generator = torch.Generator().manual_seed(settings["seed"])
+    weights = resamplings(len(rows), settings["resamples"], generator)
+    frames = sum(counts.frames[row] for row in rows)
+    facts = (len(rows), frames, digest_of(counts.protocol.to_json()))
+
+    for samples in counts.samples(rows, weights).values():
+        for score, sample in samples.items():
+            # A single clip leaves nothing to draw: the score stands alone, without bounds.
+            kept = sample if len(rows) > 1 else sample[:1]
+            yield score, *interval_of(kept, settings["level"]), *facts
 
 
 def write_scores(folder: Path, runs: Mapping[int, Sequence[Counts]], parts: Parts) -> pd.DataFrame:
@@ -103,29 +138,30 @@ def read_results(path: str | Path) -> pd.DataFrame:
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows that are too long
             table = pd.read_csv(io.StringIO(text), dtype=str, index_col=False)
         table = table.astype({name: kind for name, kind in NUMBERS.items() if name in table})
+        _require_whole(table, text)
     except FileNotFoundError as error:
         raise UserError(f"{path}: no such file; finish the run or run task=test first") from error
     except (OSError, ValueError, pd.errors.ParserWarning) as error:
-        raise _corrupt(path, str(error).splitlines()[0]) from error
+        reason = str(error).splitlines()[0]
+        raise UserError(
+            f"{path}: not a readable results file ({reason}); delete it and run again"
+        ) from error
+    return table[list(COLUMNS)].fillna({"git_commit": ""})
 
-    missing = [name for name in COLUMNS if name not in table]
-    if missing:
-        raise _corrupt(path, f"it has no column {missing[0]}")
+
+def _require_whole(table: pd.DataFrame, text: str) -> None:
+    """Raises `ValueError` for a table of results that lacks a column, a value or its end."""
+    if missing := [name for name in COLUMNS if name not in table]:
+        raise ValueError(f"it has no column {missing[0]}")
     if not text.endswith("\n"):
-        raise _corrupt(path, "its last line is cut off")
-    table["git_commit"] = table["git_commit"].fillna("")
+        raise ValueError("its last line is cut off")
     for name in TEXTS:
-        if table[name].isna().any():
-            raise _corrupt(path, f"a row has no {name}")
+        if name != "git_commit" and table[name].isna().any():
+            raise ValueError(f"a row has no {name}")
     try:
         table["protocol"].map(json.loads)
     except ValueError as error:
-        raise _corrupt(path, "a protocol is not JSON") from error
-    return table[list(COLUMNS)]
-
-
-def _corrupt(path: str | Path, reason: str) -> UserError:
-    return UserError(f"{path}: not a readable results file ({reason}); delete it and run again")
+        raise ValueError("a protocol is not JSON") from error
 
 
 def print_results(rows: pd.DataFrame, console: Console | None = None) -> None:

@@ -66,13 +66,11 @@ def flight_scores(
     require_same_flights(tables)
     rows = []
     for stratum in (*sorted(set(tables[0][1]["stratum"])), ALL):
-        kept = {
-            name: {
-                seed: each[(each["stratum"] == stratum) | (stratum == ALL)]
-                for seed, each in sorted(of_seeds.items())
-            }
-            for name, of_seeds in flights.items()
-        }
+        kept: dict[str, dict[str, pd.DataFrame]] = {}
+        for name, of_seeds in flights.items():
+            for seed, each in sorted(of_seeds.items()):
+                is_of = (each["stratum"] == stratum) | (stratum == ALL)
+                kept.setdefault(name, {})[seed] = each[is_of]
         rows += _of_stratum(kept, stratum, reference, resamples, generator)
 
     table = pd.DataFrame(rows)
@@ -116,8 +114,7 @@ def _of_stratum(
 
         for score, of_score in values.items():
             sample = (torch.stack(of_score, dim=1) * shares[len(of_score)]).sum(1)
-            value, low, high = interval_of(sample)
-            rows.append({**key, "score": score, "value": value, "low": low, "high": high})
+            rows.append({**key, "score": score, **interval_of(sample)._asdict()})
             if score not in SCORES:
                 rows[-1]["p"] = p_value(sample)
     return rows
@@ -144,11 +141,8 @@ def _excess(
     """Returns the differences of each pair, whole and resampled."""
     found: dict[str, list[Tensor]] = {}
     for pair in pairs:
-        every, both = (
-            [samples_of(each, weights) for each in tables]
-            for tables in (pair, _completed_by_both(*pair))
-        )
-        for scores, (one, other) in ((EXCESS, every), (EXCESS_BOTH, both)):
+        for scores, tables in ((EXCESS, pair), (EXCESS_BOTH, _completed_by_both(*pair))):
+            one, other = (samples_of(each, weights) for each in tables)
             for score in scores:
                 found.setdefault(f"excess_{score}", []).append(one[score] - other[score])
     return found
@@ -197,15 +191,12 @@ def _completed_by_both(*tables: pd.DataFrame) -> list[pd.DataFrame]:
 
 def require_same_flights(flights: Sequence[tuple[str, pd.DataFrame]]) -> None:
     """Raises `UserError` for perceptions that flew other missions than the first."""
-    (first, of_first), *others = flights
-    for name, table in others:
-        if _missions(table) != _missions(of_first):
+    # Names alone do not tell: other code may draw other missions under the same ones.
+    identity = ["flight", "stratum", "truth_s"]
+    missions = [set(table[identity].itertuples(index=False, name=None)) for _, table in flights]
+    for (name, _), own in zip(flights, missions):
+        if own != missions[0]:
             raise UserError(
-                f"{name} did not fly the missions of {first}; fly them with the same "
+                f"{name} did not fly the missions of {flights[0][0]}; fly them with the same "
                 "mission, planner, airframe and task.rules, to the end"
             )
-
-
-def _missions(flights: pd.DataFrame) -> set[tuple]:
-    """Returns the identity of each mission; code versions can share the mere names."""
-    return set(flights[["flight", "stratum", "truth_s"]].itertuples(index=False, name=None))

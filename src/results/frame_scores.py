@@ -31,8 +31,7 @@ class FrameScores:
         self._config, self._perception = config, perception
         image = config["sim"]["image"]
         self._size_pix = image["width"], image["height"]
-        self._frames: list[dict[str, torch.Tensor]] = []
-        self._times_s: list[float] = []
+        self._frames: list[tuple[float, dict[str, torch.Tensor]]] = []
         if perception:
             perception.begin(stage.truth, stage.mission.flight)
 
@@ -44,42 +43,30 @@ class FrameScores:
         seen = seen_by(frame, self._grid, truth != FREE)
 
         chain = camera_from_occ(torch.from_numpy(frame.world_from_body), frame.body_from_camera)
-        self._times_s.append(frame.time_s)
-        self._frames.append(
-            {
-                "preds": torch.from_numpy(belief.semantics),
-                "semantics": torch.from_numpy(truth),
-                "mask": torch.from_numpy(seen),
-                "visible": torch.from_numpy(seen),
-                "velocity_mps": torch.from_numpy(matrix[:3, :3].T @ frame.velocity_mps),
-                "camera_from_occ": chain,
-                "pix_from_camera": frame.pix_from_camera,
-            }
-        )
+        arrays = {
+            **{"preds": belief.semantics, "semantics": truth, "mask": seen, "visible": seen},
+            "velocity_mps": matrix[:3, :3].T @ frame.velocity_mps,
+        }
+        scored = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        scored |= {"camera_from_occ": chain, "pix_from_camera": frame.pix_from_camera}
+        self._frames.append((frame.time_s, scored))
 
     def counts(self, flight: str) -> Counts:
         """Returns the tables of every second of the flight, the first one first."""
         # A frame's time is a sum of steps, which may end just below a whole second.
-        seconds = [math.floor(time_s + 1e-6) for time_s in self._times_s]
+        seconds = [math.floor(time_s + 1e-6) for time_s, _ in self._frames]
         frames = [seconds.count(second) for second in range(seconds[-1] + 1)]
         clips = [f"{flight}@{second}" for second in range(len(frames))]
 
         metrics = self._config["suite"]["metrics"]
         # It takes logits.
         kept = {name: each for name, each in metrics.items() if name != "calibration"}
-        protocol = Protocol.of(
-            "flights",
-            "flown",
-            len(seconds),
-            self._grid,
-            MASK,
-            self._config["metric"],
-            {**self._config["suite"], "metrics": kept},
-        )
+        settings = self._config["metric"], {**self._config["suite"], "metrics": kept}
+        protocol = Protocol.of("flights", "flown", len(seconds), self._grid, MASK, *settings)
         import_metrics(protocol.suite)
         suite = ScoreSuite.of(protocol, clips)
         # One at a time: all frames of a flight would take much memory.
-        for second, frame in zip(seconds, self._frames):
+        for second, (_, frame) in zip(seconds, self._frames):
             batch = {name: tensor[None] for name, tensor in frame.items()}
             truth = {**batch, "clip": [clips[second]], "size_pix": self._size_pix}
             suite.update(truth.pop("preds"), truth)

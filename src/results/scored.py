@@ -1,21 +1,11 @@
 """Scored runs that a user names on the command line: their counts, by a name of each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import UserError
-from ..metrics.protocol import require_same_protocol
 from ..run_folder import ANCHORS, TALLIES
 from .counts import Counts
-
-
-def require_comparable(scored: Mapping[str, Counts]) -> None:
-    """Raises `UserError` for runs of other protocols, clips, frames or labels than the first's."""
-    require_same_protocol({name: counts.protocol for name, counts in scored.items()})
-    (first, reference), *others = scored.items()
-    for name, counts in others:
-        if other := counts.scored_on_other(reference):
-            raise UserError(f"{name}: was scored on {other} than {first}; score both alike")
 
 
 def read_scored(runs: Sequence[str]) -> dict[str, Counts]:

@@ -12,14 +12,9 @@ from torch import Generator, Tensor
 from ..metrics.safety import BLOCKED
 from ..ontology import CLASSES
 from ..provenance import digest_of
-from .bootstrap import (
-    interval_of,
-    resamplings,
-    score_samples,
-    seed_resamplings,
-    seed_sample,
-)
+from .bootstrap import Samples, interval_of, resamplings, seed_resamplings, seed_sample
 from .counts import Counts
+from .files import AS_RECORDED
 from .render import Cell, Row
 
 # The last two are empty for a score. Of a difference they say from what: from another experiment,
@@ -29,16 +24,8 @@ KEYS = (
     *("reference", "reference_condition"),
 )
 COLUMNS = (*KEYS, "value", "low", "high", "clips", "frames", "protocol")
-# Columns of a run's own table, which holds no difference.
-OF_A_RUN = tuple(name for name in COLUMNS if not name.startswith("reference"))
-
 # In the column ``seed``: the mean over all seeds of an experiment.
 MEAN = "mean"
-# The condition of a split that was presented as it was recorded.
-AS_RECORDED = "as recorded"
-
-Samples = dict[str, Float[Tensor, "1+r"]]
-Parts = Mapping[str, Callable[[str], bool]]
 # Scores that are made of others, as a mean of some classes.
 Derived = Mapping[str, Callable[[Samples], Tensor]]
 
@@ -80,17 +67,20 @@ class Resamples:
         # One stream of random numbers a level: clips and seeds are drawn independently.
         of_clips, of_seeds = (settings["seed"] + level for level in (0, 1))
         clips = Generator().manual_seed(of_clips)
-        self.weights = resamplings(len(self.rows), self.resamples, clips)
+        self.weights = resamplings(self.clips, self.resamples, clips)
         self.seed_weights = cache(
             lambda n: seed_resamplings(n, self.resamples, Generator().manual_seed(of_seeds))
         )
 
-        self.suite, self.without, self.derived = self.first.suite(), without, derived or {}
         self.scores_of: dict[str, list[str]] = {}
-        self.samples = {
-            name: {seed: self._samples(each) for seed, each in sorted(by_seed.items())}
-            for name, by_seed in counts.items()
-        }
+        self.samples: dict[str, dict[int, Samples]] = {}
+        for name, by_seed in counts.items():
+            for seed, each in sorted(by_seed.items()):
+                by_metric = each.samples(self.rows, self.weights, without)
+                self.scores_of |= {metric: list(scores) for metric, scores in by_metric.items()}
+                samples = {name: s for scores in by_metric.values() for name, s in scores.items()}
+                samples |= {name: score(samples) for name, score in (derived or {}).items()}
+                self.samples.setdefault(name, {})[seed] = samples
         self.protocols = {
             # How an experiment was scored is one for all its seeds.
             name: digest_of(next(iter(by_seed.values())).protocol.to_json())
@@ -130,8 +120,7 @@ class Resamples:
 
     def mean(self, experiment: str, score: str) -> Float[Tensor, "1+r"] | None:
         """Returns the mean over an experiment's seeds; ``None`` where it has no such score."""
-        by_seed = self.samples.get(experiment, {})
-        return self._mean([samples[score] for samples in by_seed.values() if score in samples])
+        return self.combined({experiment: 1.0}, score)
 
     def change(
         self, experiment: str, reference: str, score: str, other: "Resamples | None" = None
@@ -146,34 +135,28 @@ class Resamples:
         if of_reference.rows != self.rows:
             raise ValueError(f"clips {self.rows} and {of_reference.rows} cannot be paired")
 
-        by_seed = self.samples.get(experiment, {})
+        own = self.samples.get(experiment, {})
         references = of_reference.samples.get(reference, {})
-        pairs = [(by_seed[seed], references[seed]) for seed in by_seed if seed in references]
-        if experiment == reference and of_reference is self:
-            return torch.zeros(1, dtype=torch.float64) if pairs else None
-        return self._mean([a[score] - b[score] for a, b in pairs if score in a and score in b])
+        if own is references:
+            return torch.zeros(1, dtype=torch.float64)
+        return self._mean([(1.0, own), (-1.0, references)], score)
 
     def combined(self, weights: Mapping[str, float], score: str) -> Float[Tensor, "1+r"] | None:
         """Returns a weighted sum of experiments, over the seeds that all of them have; ``None``
         where there is none. What they share in a resample cancels where the weights add up to 0.
         """
-        of_all = [self.samples.get(experiment, {}) for experiment in weights]
-        seeds = [seed for seed in of_all[0] if all(score in of.get(seed, {}) for of in of_all)]
-        return self._mean(
-            [
-                sum(weight * of[seed][score] for weight, of in zip(weights.values(), of_all))
-                for seed in seeds
-            ]
-        )
+        terms = [(weight, self.samples.get(name, {})) for name, weight in weights.items()]
+        return self._mean(terms, score)
 
     def table(self, references: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
         """Returns the rows of every seed, of the means, and of the differences from references."""
         rows = []
         for experiment, by_seed in self.samples.items():
             for seed, samples in by_seed.items():
-                for score, sample in samples.items():
-                    rows.append(self._row(experiment, seed, score, self._mean([sample])))
-            for score in _scores(by_seed):
+                for score in samples:
+                    sample = self._mean([(1.0, {seed: samples})], score)
+                    rows.append(self._row(experiment, str(seed), score, sample))
+            for score in self._scores(experiment):
                 rows.append(self._row(experiment, MEAN, score, self.mean(experiment, score)))
         scores = pd.DataFrame(rows, columns=list(COLUMNS))
         return joined([scores, self.table_of_changes(references or {})])
@@ -184,57 +167,37 @@ class Resamples:
         """Returns the rows of the differences from references, as `change` has them."""
         condition, rows = other.condition if other else "", []
         for experiment, names in references.items():
-            for reference, score in product(names, _scores(self.samples.get(experiment, {}))):
+            for reference, score in product(names, self._scores(experiment)):
                 sample = self.change(experiment, reference, score, other)
                 if sample is not None:
                     row = self._row(experiment, MEAN, score, sample, reference, condition)
                     rows.append(row)
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
+    def _scores(self, experiment: str) -> list[str]:
+        """Returns the names of the scores that any seed has, in their order."""
+        by_seed = self.samples.get(experiment, {})
+        return list(dict.fromkeys(score for samples in by_seed.values() for score in samples))
+
     def _row(
-        self,
-        experiment: str,
-        seed: int | str,
-        score: str,
-        sample: Tensor,
-        reference: str = "",
-        reference_condition: str = "",
+        self, experiment: str, seed: str, score: str, sample: Tensor, *references: str
     ) -> tuple:
-        key = (experiment, str(seed), self.condition, self.part, score)
-        key += (reference, reference_condition)
-        interval = interval_of(sample, self.level)
-        return (*key, *interval, self.clips, self.frames, self.protocols[experiment])
+        key = (experiment, seed, self.condition, self.part, score, *(references or ("", "")))
+        facts = (self.clips, self.frames, self.protocols[experiment])
+        return (*key, *interval_of(sample, self.level), *facts)
 
-    def _mean(self, samples: Sequence[Tensor]) -> Tensor | None:
-        if not samples:
+    def _mean(
+        self, terms: Sequence[tuple[float, Mapping[int, Samples]]], score: str
+    ) -> Float[Tensor, "1+r"] | None:
+        """Returns the mean of a weighted sum over the seeds that all of its terms have."""
+        _, first = terms[0]
+        seeds = [seed for seed in first if all(score in of.get(seed, {}) for _, of in terms)]
+        if not seeds:
             return None
-        sample = seed_sample(torch.stack(list(samples)), self.seed_weights(len(samples)))
+        sums = [sum(weight * of[seed][score] for weight, of in terms) for seed in seeds]
+        sample = seed_sample(torch.stack(sums), self.seed_weights(len(sums)))
         # One seed on one clip leaves nothing to draw: the score stands alone, without bounds.
-        return sample if len(samples) > 1 or self.clips > 1 else sample[:1]
-
-    def _samples(self, counts: Counts) -> Samples:
-        """Returns every score of a run, of all clips and of each resample."""
-        samples: Samples = {}
-        for name, tables in counts.tables.items():
-            metric = self.suite.metric(name)
-            if metric.in_score_table and name not in self.without:
-                chosen = {key: table[self.rows].cpu() for key, table in tables.items()}
-                scored = score_samples(metric, chosen, self.weights)
-                self.scores_of.setdefault(name, list(scored))
-                samples |= scored
-        return samples | {name: score(samples) for name, score in self.derived.items()}
-
-
-def run_table(runs: Mapping[int, Sequence[Counts]], parts: Parts) -> pd.DataFrame:
-    """Returns the long table of what one command has scored: its counts by seed, on each part."""
-    tables = []
-    for seed, scored in runs.items():
-        for counts in scored:
-            for part, chosen in parts.items():
-                if counts.rows(chosen):
-                    table = Resamples({counts.name: {seed: counts}}, part, chosen=chosen).table()
-                    tables.append(table[table["seed"] != MEAN])
-    return joined(tables)[list(OF_A_RUN)]
+        return sample if len(sums) > 1 or self.clips > 1 else sample[:1]
 
 
 def joined(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
@@ -268,8 +231,3 @@ def pivoted(
     return [
         (name, [cell({**default, **column, **row}) for column in columns]) for name, row in rows
     ]
-
-
-def _scores(by_seed: Mapping[int, Samples]) -> list[str]:
-    """Returns the names of the scores that any seed has, in their order."""
-    return list(dict.fromkeys(score for samples in by_seed.values() for score in samples))

@@ -1,8 +1,9 @@
 """task=compare: scored runs beside each other, with paired intervals."""
 
+import fnmatch
 import math
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
+from itertools import chain
 from pathlib import Path
 
 import pandas as pd
@@ -10,11 +11,11 @@ from omegaconf import DictConfig
 
 from ..errors import UserError
 from ..metrics.suite import import_metrics
-from ..results.bootstrap import difference_of, interval_of
-from ..results.counts import Counts
+from ..results.bootstrap import interval_of, same_sign
+from ..results.counts import Counts, require_comparable
 from ..results.files import write_table
 from ..results.render import Cell, Table, print_table
-from ..results.scored import read_scored, require_comparable
+from ..results.scored import read_scored
 from ..results.table import Resamples
 from ..terminal import say
 
@@ -50,13 +51,13 @@ def _clips_like(patterns: Sequence[str], counts: Counts) -> set[str]:
     scored = [counts.clips[row] for row in counts.rows()]
     chosen: set[str] = set()
     for pattern in patterns:
-        like = {clip for clip in scored if fnmatchcase(clip, pattern)}
+        like = fnmatch.filter(scored, pattern)
         if not like:
             raise UserError(
                 f"task.clips: no scored clip is like {pattern!r}; there are {scored[0]} to "
                 f"{scored[-1]} ({len(scored)} clips)"
             )
-        chosen |= like
+        chosen.update(like)
     return chosen
 
 
@@ -66,14 +67,15 @@ def _differences(scored: Mapping[str, Counts]) -> pd.DataFrame:
     # Every run is an experiment of one seed, so that all are scored on the same draws of clips.
     drawn = Resamples({name: {0: counts} for name, counts in scored.items()})
     samples = {name: by_seed[0] for name, by_seed in drawn.samples.items()}
-    single = slice(None) if drawn.clips > 1 else slice(1)
+    # A single clip leaves nothing to draw.
+    kept = slice(None) if drawn.clips > 1 else slice(1)
 
     lines = []
     for name, of_run in samples.items():
         for score in (score for score in of_run if score in samples[first]):
-            change = of_run[score] - samples[first][score]
-            value = interval_of(of_run[score][single], drawn.level)
-            lines.append((name, score, *value, *difference_of(change[single], drawn.level)))
+            change = (of_run[score] - samples[first][score])[kept]
+            intervals = (interval_of(each, drawn.level) for each in (of_run[score][kept], change))
+            lines.append((name, score, *chain(*intervals), same_sign(change)))
     columns = ["run", "score", "value", "low", "high"]
     columns += [f"minus {first}", "difference_low", "difference_high", "same_sign"]
     return pd.DataFrame(lines, columns=columns)

@@ -1,7 +1,5 @@
 """The dataset that a configuration names: found, made where clips are missing, never mixed."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
@@ -99,25 +97,14 @@ def make_dataset(cfg: DictConfig) -> tuple[int, list[str]]:
         join_shards(root.parent, spec, sim["shards"])
 
     made = generate(sim, root)
-    # Another process may have made the last clips meanwhile, so what is missing is asked anew.
-    with _finishing(root / LOCK, sim["shards"]) as alone:
+    # A shard that cannot have the lock leaves it to one that is still at work: that one looks for
+    # missing clips when it is done, and finds none of this one's.
+    is_shard, waited_for = sim["shards"] > 1, f"{root}: another process is finishing this dataset"
+    lock = root / LOCK
+    with locked_if_free(lock) if is_shard else locked(lock, telling(waited_for)) as is_free:
+        # Another process may have made the last clips meanwhile, so what is missing is asked anew.
         missing = missing_clips(root, clip_ids)
-        if alone and not missing:
+        if not missing and (is_free or not is_shard):
             write_manifest(root, spec, clip_ids, split)
             forget_shards(root.parent, spec)
     return made, missing
-
-
-@contextmanager
-def _finishing(lock: Path, shards: int) -> Iterator[bool]:
-    """Yields whether this process holds the lock, so that it may finish the dataset.
-
-    A shard that cannot have the lock leaves it to one that is still at work: that one looks for
-    missing clips when it is done, and finds none of this one's.
-    """
-    if shards > 1:
-        with locked_if_free(lock) as alone:
-            yield alone
-    else:
-        with locked(lock, telling(f"{lock.parent}: another process is finishing this dataset")):
-            yield True

@@ -18,7 +18,7 @@ from ..worker_pool import worker_pool
 FRAMES = "frames"
 
 
-class Fleet:
+class Fleet(ExitStack):
     """Worker processes for the missions and flights of some configurations, inside a ``with``.
 
     Each keeps to maps of its own: building a town takes seconds. Flights name their configuration
@@ -26,18 +26,10 @@ class Fleet:
     """
 
     def __init__(self, configs: Sequence[Mapping], workers: int) -> None:
-        self._configs, self._count = configs, workers
+        super().__init__()
+        pools = (worker_pool(1, _start, (configs,)) for _ in range(workers))
+        self._pools = [self.enter_context(pool) for pool in pools]
         self._homes: dict[str, int] = {}
-
-    def __enter__(self) -> "Fleet":
-        with ExitStack() as stack:
-            pools = (worker_pool(1, _start, (self._configs,)) for _ in range(self._count))
-            self._pools = [stack.enter_context(pool) for pool in pools]
-            self._stack = stack.pop_all()
-        return self
-
-    def __exit__(self, *error: object) -> bool | None:
-        return self._stack.__exit__(*error)
 
     def chosen(self, places: Iterable[tuple[str, int]]) -> Iterator[list[Row]]:
         """Yields the missions of each map as they are found."""
@@ -56,7 +48,7 @@ class Fleet:
         """Yields the results of calls as they come; those of one name are made in one process."""
         futures: list[Future] = []
         for name, function, arguments in jobs:
-            home = self._homes.setdefault(name, len(self._homes) % self._count)
+            home = self._homes.setdefault(name, len(self._homes) % len(self._pools))
             futures.append(self._pools[home].submit(function, *arguments))
         for future in as_completed(futures):
             try:

@@ -1,8 +1,8 @@
 """task=flights: what perceptions cost in flight, side by side, with paired intervals."""
 
+import fnmatch
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from fnmatch import fnmatchcase
 from lzma import LZMAError
 from pathlib import Path
 from tarfile import TarError
@@ -118,15 +118,15 @@ def _chosen(
     then called is their perception."""
     names = [name for name, _, _ in read]
     for pattern in perceptions:
-        if not any(fnmatchcase(name, pattern) for name in names):
+        if not fnmatch.filter(names, pattern):
             raise UserError(
                 f"task.perceptions: none is called {pattern!r}; there are {', '.join(names)}"
             )
-    wanted = perceptions or ["*"]
+    wanted = {name for pattern in perceptions or ["*"] for name in fnmatch.filter(names, pattern)}
     return [
         (str(table["perception"].iloc[0]), threshold, table)
         for name, threshold, table in read
-        if any(fnmatchcase(name, pattern) for pattern in wanted)
+        if name in wanted
     ]
 
 

@@ -32,34 +32,25 @@ CAMPAIGN = "src.loop.campaign"
 OF_MISSIONS = ("mission", "planner", "airframe")
 
 
-def fly(
-    cfg: DictConfig,
-    out: str,
-    missions: str | None,
-    films: bool,
-    workers: int | None,
-    **_: object,
-) -> None:
-    """Writes ``flights.csv`` to ``out``, beside the configuration, and ``films`` of some flights.
+def fly(cfg: DictConfig, films: bool, **_: object) -> None:
+    """Writes ``flights.csv`` to ``task.out``, beside the configuration, and ``films`` of some
+    flights.
 
-    The missions are those of the file ``missions``, or they are drawn: once for all perceptions,
-    and kept under ``paths.data``. Flights that have a row are not flown again. Raises `UserError`
-    where ``out`` has flights of another configuration, for a mission that begins or ends in
-    something, and as `Campaign` does.
+    The missions are those of the file ``task.missions``, or they are drawn: once for all
+    perceptions, and kept under ``paths.data``. Flights that have a row are not flown again. Raises
+    `UserError` where ``task.out`` has flights of another configuration, for a mission that begins
+    or ends in something, and as `Campaign` does.
     """
-    require_count("task.workers", workers)
     config = OmegaConf.to_container(cfg, resolve=True)
-    campaign, folder = Campaign(config), Path(out)
-    _require_same(folder, config)
-
-    with Fleet([config], workers or default_workers()) as fleet:
-        jobs = _jobs(missions, config, fleet)
-        [table] = _flown(fleet, jobs, [folder], campaign.pilot.name)
+    folder = Path(config["task"]["out"])
+    with _fleet_of([config]) as fleet:
+        jobs = _jobs(config, fleet)
+        [table] = _flown(fleet, jobs, [folder], config["perception"]["name"])
         if films:
             wanted = {folder / f"{stem}.gif": jobs[each] for stem, each in films_of(table).items()}
             missing = {path: job for path, job in wanted.items() if not path.exists()}
             deque(tracked(fleet.drawn(missing), "drawing", len(missing)), maxlen=0)
-    print_scores({campaign.pilot.name: {"": table}}, None, RESAMPLES)
+    print_scores({table["perception"].iloc[0]: {"": table}}, None, RESAMPLES)
     say(folder / FLIGHTS)
 
 
@@ -70,19 +61,24 @@ def fly_together(configs: Sequence[Mapping]) -> None:
     and are made once for all. Raises `UserError` for other missions than the first one's, and as
     `fly` does.
     """
-    first = configs[0]
-    missions, workers = (first["task"][key] for key in ("missions", "workers"))
-    require_count("task.workers", workers)
-    for config in tracked(configs, "opening"):
-        Campaign(config)
-        if _of_missions(config) != _of_missions(first) or config["task"]["missions"] != missions:
-            raise UserError(f"{config['task']['out']}: flies other missions than the first one")
-        _require_same(Path(config["task"]["out"]), config)
-
-    with Fleet(configs, workers or default_workers()) as fleet:
-        jobs = _jobs(missions, first, fleet)
+    with _fleet_of(configs) as fleet:
         folders = [Path(config["task"]["out"]) for config in configs]
-        _flown(fleet, jobs, folders, f"{len(configs)} perceptions")
+        _flown(fleet, _jobs(configs[0], fleet), folders, f"{len(configs)} perceptions")
+
+
+def _fleet_of(configs: Sequence[Mapping]) -> Fleet:
+    """Returns the worker processes of the first configuration, for flights of all of them, whose
+    folders are ready by then."""
+    first = configs[0]
+    require_count("task.workers", first["task"]["workers"])
+    for config in tracked(configs, "opening"):
+        Campaign(config)  # for its refusals
+        task = config["task"]
+        same_file = task["missions"] == first["task"]["missions"]
+        if not same_file or _of_missions(config) != _of_missions(first):
+            raise UserError(f"{task['out']}: flies other missions than the first one")
+        _require_same(Path(task["out"]), config)
+    return Fleet(configs, first["task"]["workers"] or default_workers())
 
 
 def _flown(
@@ -108,8 +104,9 @@ def _flown(
     return tables
 
 
-def _jobs(missions: str | None, config: Mapping, fleet: Fleet) -> dict[str, Job]:
+def _jobs(config: Mapping, fleet: Fleet) -> dict[str, Job]:
     """Returns the missions of a file, or those of the configuration, by the name of the flight."""
+    missions = config["task"]["missions"]
     table = _given(Path(missions)) if missions else _missions(config, fleet)
     return {job.mission.flight: job for job in map(Job.of, table.to_dict("records"))}
 

@@ -41,8 +41,8 @@ def _matrix(sim: Mapping, plans: Sequence[ClipPlan]) -> pd.DataFrame:
     """Counts clips by town and weather, in the order of the settings, with sums."""
     table = pd.DataFrame([vars(plan) for plan in plans])
     counts = pd.crosstab(table["town"], table["weather"], margins=True, margins_name="all")
-    counts = counts.reindex(index=[*sim["towns"], "all"])
-    counts = counts.reindex(columns=[*sim["weathers"], "all"], fill_value=0)
+    towns, weathers = ([*sim[key], "all"] for key in ("towns", "weathers"))
+    counts = counts.reindex(index=towns, columns=weathers, fill_value=0)
     return counts.rename_axis(index=None, columns=None)
 
 

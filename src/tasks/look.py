@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import torch
 from omegaconf import DictConfig
@@ -30,28 +29,18 @@ SHOWN = "shown"
 PREDICTED_S, DRAWN_S = 0.3, 0.3
 
 
-class Score(NamedTuple):
-    """A score to print: the metric of the suite that has it, its name, and what it says."""
-
-    metric: str
-    name: str
-    meaning: str
-
-
+# Scores to print: the metric of the suite that has each, its name, and what it says.
 SCORES = {
-    "geometric_iou": Score(
-        "safety",
-        "geometric IoU",
+    "geometric_iou": (
+        *("safety", "geometric IoU"),
         "of the space that is occupied or predicted to be, the share that is both",
     ),
-    "kar_miou": Score(
-        "occupancy",
-        "KAR-mIoU",
+    "kar_miou": (
+        *("occupancy", "KAR-mIoU"),
         "the same by class, where a mistake weighs more the sooner the UAV would reach it",
     ),
-    "false_free_rate": Score(
-        "safety",
-        "called free",
+    "false_free_rate": (
+        *("safety", "called free"),
         "of the occupied space that the UAV could reach in 5 s, the share called free",
     ),
 }
@@ -107,7 +96,7 @@ def _announce(cfg: DictConfig, count: int, origin: Origin) -> None:
 def _suite(cfg: DictConfig, data: SkyShieldData) -> ScoreSuite:
     """Returns the metrics that have a score to print."""
     settings = score_settings(cfg)[1]
-    metrics = {score.metric: settings["metrics"][score.metric] for score in SCORES.values()}
+    metrics = {metric: settings["metrics"][metric] for metric, _, _ in SCORES.values()}
     return ScoreSuite(data.grid, clips_of(data.split[SHOWN]), settings | {"metrics": metrics})
 
 
@@ -142,6 +131,6 @@ def _draw(data: SkyShieldData, scenes: Sequence[VoxelScene], film: Path) -> None
 
 def _print_scores(model: Mapping[str, float], prior: Mapping[str, float]) -> None:
     """Prints a line for each score: the model's, that of the prior by height, and its meaning."""
-    for key, score in SCORES.items():
+    for key, (_, name, meaning) in SCORES.items():
         values = f"{100 * model[key]:5.1f} %  (guessed from the height: {100 * prior[key]:5.1f} %)"
-        say(f"{score.name:<15}{values}  {score.meaning}")
+        say(f"{name:<15}{values}  {meaning}")

@@ -1,8 +1,7 @@
 """Predictions beside their ground truth, in our layout or in Occ3D's."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol as Interface
 
 import torch
 from omegaconf import DictConfig, OmegaConf
@@ -20,26 +19,7 @@ from .dataset import root_of
 Sample = tuple[str, int] | tuple[str, str]
 
 
-class Pairing(Interface):
-    """Predictions, and the ground truth that they are scored against."""
-
-    dataset: str
-    mask: str
-    grid: VoxelGrid
-    samples: Sequence[Sample]
-    unseen: frozenset[str]
-    facts: Mapping[str, object]
-
-    def inventory(self) -> Inventory: ...
-
-    def has(self, sample: Sample) -> bool: ...
-
-    def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
-        """Returns predicted labels, their target, and logits if there are any: batches of one."""
-        ...
-
-
-class _SkyShield:
+class SkyShieldPairing:
     """Predictions and ground truth in the layout of this project."""
 
     def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
@@ -66,6 +46,7 @@ class _SkyShield:
         return self._predictions.has(*sample, self.grid.shape)
 
     def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
+        """Returns predicted labels, their target, and logits if there are any: batches of one."""
         truth = self._truth.truth(*sample)
         if self._visible:
             truth["mask"] = truth["visible"]
@@ -88,7 +69,7 @@ def _held_out(facts: Mapping[str, object], folder: Path) -> dict[str, list[str]]
         ) from error
 
 
-class _Occ3D:
+class Occ3DPairing:
     """Predictions and ground truth in Occ3D's layout; the configuration states the rest."""
 
     unseen: frozenset[str] = frozenset()
@@ -121,7 +102,8 @@ class _Occ3D:
     def has(self, sample: Sample) -> bool:
         return self._predictions.has(*sample)
 
-    def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
+    def frame(self, sample: Sample) -> tuple[Tensor, dict, None]:
+        """Returns predicted labels and their target, batches of one; Occ3D has no logits."""
         truth = {
             "clip": [sample[0]],
             "semantics": self._truth.labels(*sample)[None],
@@ -132,4 +114,5 @@ class _Occ3D:
         return self._predictions.labels(*sample)[None], truth, None
 
 
-LAYOUTS: dict[str, Callable[..., Pairing]] = {"skyshield": _SkyShield, "occ3d": _Occ3D}
+Pairing = SkyShieldPairing | Occ3DPairing
+LAYOUTS: dict[str, type[Pairing]] = {"skyshield": SkyShieldPairing, "occ3d": Occ3DPairing}

@@ -16,12 +16,13 @@ from ..report.report_page import learning_curves, write_report_pages
 from ..report.run_group import group_of
 from ..report.section import Section, ShownFrame, with_settings
 from ..report.template import write_text
+from ..results.counts import parts_of
 from ..results.files import write_table
-from ..results.render import WIDTH, csv_of, latex_of, print_table
+from ..results.latex import latex_of
+from ..results.render import WIDTH, csv_of, print_table
 from ..results.runs import ScoredRun, UnfinishedRun, read_run, run_folders
 from ..settings import GROUPS
 from ..terminal import tracked
-from .scoring import parts_of
 from .showcase import COMPARISON, showcase
 
 FIGURES = "figures"

@@ -34,6 +34,8 @@ def scene_of(
     roll_deg, pitch_deg = torch.rad2deg(sample["attitude_rad"]).tolist()
     title = f"{sample['clip']} frame {sample['frame']} · roll {roll_deg:+.0f}° "
     title += f"pitch {pitch_deg:+.0f}°{remark and ' · ' + remark}"
+    height, width = sample["image"].shape[-2:]
+    chain = camera_from_occ(sample["occ_from_body"][-1], sample["body_from_camera"])
 
     return VoxelScene(
         title=title,
@@ -41,15 +43,8 @@ def scene_of(
         image=sample["image"][-1].permute(1, 2, 0).numpy(),
         truth=sample["semantics"].numpy(),
         predictions=dict(predictions),
-        frustum=camera_of(sample, sample["occ_from_body"][-1]),
+        frustum=Frustum(chain, sample["pix_from_camera"][-1], (width, height)),
     )
-
-
-def camera_of(sample: Batch, occ_from_body: Tensor) -> Frustum:
-    """Returns the camera of a sample's current frame on a UAV with some attitude."""
-    height, width = sample["image"].shape[-2:]
-    chain = camera_from_occ(occ_from_body, sample["body_from_camera"])
-    return Frustum(chain, sample["pix_from_camera"][-1], (width, height))
 
 
 def tilt_rad(clip: Clip, frame: int) -> float:

@@ -11,13 +11,12 @@ from ..metrics.protocol import Protocol
 from ..metrics.suite import ScoreSuite
 from ..provenance import git_commit
 from ..results import files
-from ..results.counts import Counts
+from ..results.counts import Counts, Parts, parts_of
 from ..results.protocols import protocol_table
-from ..results.table import Parts
 from ..run_folder import RESULTS, RunFolder
 from ..terminal import say, tracked
 from .pairing import LAYOUTS, Pairing, Sample
-from .scoring import clips_of, counts_of, parts_of, score_settings
+from .scoring import clips_of, score_settings
 
 
 def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> None:
@@ -47,7 +46,7 @@ def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> N
     protocol = Protocol.of(
         pairing.dataset, part, len(samples), pairing.grid, pairing.mask, metric, suite
     )
-    counts = counts_of(name, protocol, scored, samples)
+    counts = Counts.of(name, protocol, scored, samples)
     parts = parts_of(pairing.unseen) if part == "test" else {part: lambda _: True}
     _write(Path(out) if out else folder / "scores", counts, parts, facts)
 

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from inspect import signature
 from pathlib import Path
+from statistics import mode
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from omegaconf import DictConfig
 
-from ..data.batch import Batch
 from ..data.datamodule import SkyShieldData
 from ..data.dataset import OccupancyDataset
 from ..errors import UserError
@@ -85,13 +85,12 @@ def _data_of(run: ScoredRun, root: Path) -> SkyShieldData:
 def ends_of(runs: Sequence[ScoredRun], ladder: Ladder = PAPER) -> list[ScoredRun]:
     """Returns the lowest and the highest rung, of the lowest seed that most of the rungs have."""
     rungs = [run for run in runs if run.experiment in ladder]
-    seeds = sorted({run.seed for run in rungs})
+    seeds = sorted(run.seed for run in rungs)
     if not seeds:
         return []
-    seed = max(seeds, key=lambda seed: sum(run.seed == seed for run in rungs))
-    of_seed = {run.experiment: run for run in rungs if run.seed == seed}
+    of_seed = {run.experiment: run for run in rungs if run.seed == mode(seeds)}
     present = [of_seed[name] for name in ladder.names if name in of_seed]
-    return present if len(present) < 2 else [present[0], present[-1]]
+    return [*present[:1], *present[1:][-1:]]
 
 
 def _drawn(
@@ -117,16 +116,11 @@ def _drawn(
 
 def _scene(case: HardCase, viewers: Sequence[_Viewer], grid: VoxelGrid) -> VoxelScene:
     """Returns a hard case as a scene with the prediction of every viewer."""
-    samples = [_sample(case, viewer.frames) for viewer in viewers]
-    predictions = {
-        viewer.name: labels_of(viewer.network, sample) for viewer, sample in zip(viewers, samples)
-    }
+    predictions, samples = {}, []
+    for name, network, frames in viewers:
+        samples.append(frames[frames.samples.index((case.clip, case.frame))])
+        predictions[name] = labels_of(network, samples[-1])
     return scene_of(samples[0], grid, predictions, case.reason)
-
-
-def _sample(case: HardCase, frames: OccupancyDataset) -> Batch:
-    """Returns the frame of a hard case from a dataset of test frames."""
-    return frames[frames.samples.index((case.clip, case.frame))]
 
 
 def facts_of(data: SkyShieldData) -> pd.DataFrame:

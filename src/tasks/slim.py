@@ -6,7 +6,6 @@ from pathlib import Path
 
 import torch
 from omegaconf import DictConfig
-from torch import Tensor
 
 from ..atomic import replacing
 from ..models.checkpoint import read_content
@@ -25,7 +24,10 @@ def slim(cfg: DictConfig, out: str) -> Path:
     path = Session(cfg).checkpoint("slim").path
     content = read_content(path)
     kept = {key: content[key] for key in ("epoch", ORIGIN)}
-    kept["state_dict"] = {name: _half(each) for name, each in content["state_dict"].items()}
+    kept["state_dict"] = {
+        name: each.half() if each.is_floating_point() else each
+        for name, each in content["state_dict"].items()
+    }
 
     written = io.BytesIO()  # given a path, torch.save writes its name into the file
     torch.save(kept, written)
@@ -35,7 +37,3 @@ def slim(cfg: DictConfig, out: str) -> Path:
         temporary.write_bytes(written.getvalue())
     say(f"{slimmed}: {slimmed.stat().st_size / 1e6:.1f} MB")
     return slimmed
-
-
-def _half(value: Tensor) -> Tensor:
-    return value.half() if value.is_floating_point() else value

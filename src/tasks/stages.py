@@ -53,9 +53,10 @@ def cores(number: int) -> str:
 
 def generation(cfg: DictConfig) -> Stage:
     """Returns the stage that makes the missing flights of the configured dataset."""
-    flights = len(_clip_ids(cfg))
+    root, clips = root_of(cfg), _clip_ids(cfg)
+    flights = len(clips)
     what = f"generate {flights} flight{'s' * (flights > 1)} of {CLIP_SECONDS:g} s"
-    if _is_there(cfg):
+    if (root / MANIFEST).is_file() and not missing_clips(root, clips):
         return Stage(what, 0.0)
     return Stage(what, generation_s(OmegaConf.to_container(cfg.sim, resolve=True), flights))
 
@@ -81,11 +82,6 @@ def stages_of_training(cfg: DictConfig, epochs_done: int) -> list[Stage]:
         Stage(f"score {len(split['test'])} frames, and the priors", scoring_s),
         Stage("draw predictions beside the labels", DRAWING_S),
     ]
-
-
-def _is_there(cfg: DictConfig) -> bool:
-    root = root_of(cfg)
-    return (root / MANIFEST).is_file() and not missing_clips(root, _clip_ids(cfg))
 
 
 def _clip_ids(cfg: DictConfig) -> list[str]:

@@ -60,13 +60,10 @@ class Progress(Callback):
     def on_test_batch_end(self, trainer: Trainer, *batch: Any) -> None:
         self._meter.advance()
 
-    def on_train_end(self, trainer: Trainer, module: LightningModule) -> None:
+    def on_train_end(self, *_: Any) -> None:
         self._shown.close()
 
-    on_test_end = on_train_end
-
-    def on_exception(self, trainer: Trainer, module: LightningModule, error: Any) -> None:
-        self._shown.close()
+    on_test_end = on_exception = on_train_end
 
     def _show(self, trainer: Trainer, doing: str, total: float) -> None:
         if trainer.is_global_zero:

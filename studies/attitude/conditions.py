@@ -13,7 +13,7 @@ from torch import Tensor
 
 from src.data.batch import Batch
 from src.errors import UserError
-from src.results.counts import Counts, require_same_frames
+from src.results.counts import Counts, require_comparable
 from src.results.runs import ScoredRun
 from src.run_folder import TALLIES
 
@@ -139,8 +139,8 @@ def read_conditions(runs: Sequence[ScoredRun]) -> Conditions:
             counts = Counts.read(path)
             if condition == Condition():
                 _require_own(run, path, counts)
-            first = firsts.setdefault(condition, (path, counts))
-            require_same_frames(*first, path, counts, AGAIN)
+            first, of_first = firsts.setdefault(condition, (path, counts))
+            require_comparable({str(first): of_first, str(path): counts}, AGAIN)
             by_experiment = conditions.setdefault(condition, {})
             by_experiment.setdefault(run.experiment, {})[run.seed] = counts
     return {each: conditions[each] for each in sorted(conditions, key=_order)}
@@ -188,7 +188,8 @@ def _require_own(run: ScoredRun, path: Path, counts: Counts) -> None:
     """Raises `UserError` where the true attitude was counted unlike the run itself."""
     # Its part has another name, but all frames are those that the run was scored on.
     protocol = replace(counts.protocol, part=run.counts.protocol.part)
-    require_same_frames(path, replace(counts, protocol=protocol), run.path, run.counts, AGAIN)
+    mine = replace(counts, protocol=protocol)
+    require_comparable({str(path): mine, str(run.path): run.counts}, AGAIN)
 
     table, own = (each.tables["occupancy"]["count"] for each in (counts, run.counts))
     moved = float((table - own).abs().sum() / 2 / own.sum())

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from src.results.counts import Counts, require_same_frames
+from src.results.counts import Counts, require_comparable
 from src.results.runs import ScoredRun
 from src.run_folder import TALLIES
 
@@ -25,7 +25,8 @@ def read_free_bias(runs: Sequence[ScoredRun]) -> dict[str, dict[int, Counts]]:
     counts: dict[str, dict[int, Counts]] = {}
     for run, file in zip(runs, files):
         read = Counts.read(file)
-        require_same_frames(run.path, run.counts, file, read, "run task=free_bias on it again")
+        both = {str(run.path): run.counts, str(file): read}
+        require_comparable(both, "run task=free_bias on it again")
         counts.setdefault(run.experiment, {})[run.seed] = read
     return counts
 

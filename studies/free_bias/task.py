@@ -18,9 +18,10 @@ from src.atomic import replacing_folder
 from src.data.truth import truth_of
 from src.errors import UserError
 from src.ontology import FREE
+from src.results.counts import Counts
 from src.results.files import write_table
 from src.run_folder import TALLIES
-from src.tasks.scoring import counts_of, protocol_of, suite_of
+from src.tasks.scoring import protocol_of, suite_of
 from src.tasks.session import Session
 from src.tasks.trainer import Predictor, predictor
 from src.terminal import say, tracked
@@ -48,7 +49,7 @@ def free_bias(cfg: DictConfig, bias: Sequence[float]) -> None:
     suite, samples = suite_of(cfg, data), data.split["test"]
     for batch in tracked(data.in_order("test"), "scoring"):
         suite.update(_shifted(logits_of(batch), best), truth_of(batch))
-    counts = counts_of(cfg.name, protocol_of(cfg, data, len(samples)), suite, samples)
+    counts = Counts.of(cfg.name, protocol_of(cfg, data, len(samples)), suite, samples)
 
     folder = run.path / FREE_BIAS
     with replacing_folder(folder) as new:

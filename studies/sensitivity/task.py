@@ -8,9 +8,9 @@ from omegaconf import DictConfig
 
 from src.errors import UserError
 from src.metrics.suite import import_metrics
-from src.results.counts import Counts
+from src.results.counts import Counts, require_comparable
 from src.results.files import write_table
-from src.results.scored import read_scored, require_comparable
+from src.results.scored import read_scored
 from src.terminal import say
 from studies.sensitivity.figure import draw_sensitivity
 

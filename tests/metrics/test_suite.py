@@ -12,7 +12,8 @@ from src.metrics import KARBreakdown, KARMeanIoU, OccupancyScores
 from src.metrics.protocol import SUPERVISED, Protocol
 from src.metrics.suite import ScoreSuite, import_metrics
 from src.results.counts import Counts
-from src.results.table import Resamples, run_table
+from src.results.files import run_table
+from src.results.table import Resamples
 from tests.metrics.inputs import CLIPS, METRIC, SUITE, scores_of, truth_of, updated
 from tests.synthetic import compose_config, sound_config
 

@@ -12,7 +12,7 @@ from src.errors import UserError
 from src.report.ladder_report import ladder_report
 from src.report.report_page import learning_curves, write_report_pages
 from src.report.run_group import group_of
-from src.tasks.scoring import parts_of
+from src.results.counts import parts_of
 from tests.report.street import SMALL, scene_of
 from tests.results.scored import ladder_of, write_ladder
 from tests.results.test_render import TABLE

@@ -9,9 +9,9 @@ from src.errors import UserError
 from src.ontology import FREE
 from src.report.ladder_report import _facts
 from src.report.run_group import OTHER_PROCESSOR, group_of
+from src.results.counts import parts_of
 from src.results.runs import read_run
 from src.run_folder import ANCHORS
-from src.tasks.scoring import parts_of
 from tests.results.scored import ladder_of, protocol, write_run
 
 

@@ -1,19 +1,18 @@
 """Run folders of a ladder as training leaves them, with random predictions for its networks."""
 
-import copy
 from functools import cache, partial
 
 import torch
 import yaml
+from omegaconf import OmegaConf
 
 from src.geometry import VoxelGrid
 from src.metrics.protocol import SUPERVISED, Protocol
 from src.metrics.suite import ScoreSuite
-from src.results.counts import Counts
+from src.results.counts import Counts, parts_of
 from src.results.files import result_rows, write_results
 from src.results.runs import read_run
 from src.run_folder import ANCHORS
-from src.tasks.scoring import parts_of
 from tests.metrics.inputs import with_metrics
 
 GRID = VoxelGrid((0.0, -10.0, -6.0), (24.0, 10.0, 6.0), (6, 5, 3))
@@ -123,14 +122,10 @@ def config_of(experiment, seed, **changes):
         "trainer": {"max_epochs": 8, "devices": 1, "accumulate_grad_batches": 1}
         | {"default_root_dir": f"runs/tiny/{experiment}/seed{seed}"},
     }
-    config = copy.deepcopy(config)
+    config = OmegaConf.create(config)
     for key, value in changes.items():
-        *parents, last = key.split("__")
-        node = config
-        for parent in parents:
-            node = node[parent]
-        node[last] = value
-    return config
+        OmegaConf.update(config, key.replace("__", "."), value, merge=False)
+    return OmegaConf.to_container(config)
 
 
 def write_run(

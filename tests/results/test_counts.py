@@ -6,7 +6,7 @@ import torch
 
 from src.errors import UserError
 from src.results.counts import Counts
-from src.results.table import run_table
+from src.results.files import run_table
 from tests.results.scored import counts, predicted
 
 

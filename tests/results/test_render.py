@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from src.results.render import Cell, Table, csv_of, latex, latex_of, print_table
+from src.results.latex import latex, latex_of
+from src.results.render import Cell, Table, csv_of, print_table
 from tests.report.typesetting import typeset
 
 NASTY = 'a|b_c & 100 % of #1 {x} ~^ \\n $2 <"é"> *[z], Δ'

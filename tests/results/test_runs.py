@@ -31,6 +31,7 @@ def test_runs_lie_below_a_scale_an_experiment_or_all_of_them(tmp_path):
     assert found(tmp_path / "tiny") == ["a/seed0", "a/seed1", "b/seed0"]
     assert found(tmp_path / "tiny/a") == ["seed0", "seed1"]
     assert run_folders([tmp_path / "tiny/a/seed1"], tmp_path) == [tmp_path / "tiny/a/seed1"]
+    assert len(found(tmp_path, tmp_path / "tiny", tmp_path / "tiny/a/seed0")) == 3, "each once"
 
 
 def test_what_is_no_run_of_the_sweep_is_passed_over(tmp_path):
@@ -39,16 +40,8 @@ def test_what_is_no_run_of_the_sweep_is_passed_over(tmp_path):
     empty_run(tmp_path / "a/seed0/test")
     (tmp_path / OUT / "tables").mkdir()
     assert found(tmp_path) == ["a/seed0"]
-
-
-def test_a_run_that_is_named_twice_is_one(tmp_path):
-    empty_run(tmp_path / "a/seed0")
-    assert found(tmp_path, tmp_path / "a", tmp_path / "a/seed0") == ["a/seed0"]
-
-
-def test_a_run_that_was_moved_aside_may_be_named(tmp_path):
-    aside = empty_run(tmp_path / "a/seed0.before1")
-    assert run_folders([aside], tmp_path / OUT) == [aside]
+    aside = tmp_path / "a/seed0.before1"
+    assert run_folders([aside], tmp_path / OUT) == [aside], "it may be named"
 
 
 def test_places_without_a_run_are_refused(tmp_path):
@@ -70,9 +63,6 @@ def test_a_finished_run_is_read_with_its_anchors(tmp_path):
     assert list(run.anchors) == list(ANCHORS)
     assert run.counts.name == "skyocc"
     assert run.row["split"] == "test"
-
-
-def test_a_run_that_recorded_no_code_is_readable(tmp_path):
     assert read_run(write_run(tmp_path, code=None)).code == "unknown code"
 
 
@@ -89,22 +79,14 @@ def test_a_run_that_recorded_no_code_is_readable(tmp_path):
 def test_a_run_without_results_is_unfinished(tmp_path, log, said):
     folder = write_run(tmp_path)
     (folder / "results.csv").unlink()
-    if log is not None:
-        (folder / "metrics.csv").write_text(log)
+    # The logs of sessions are joined only by a training that ends in good order.
+    for number, text in enumerate(("", log) if log is not None else ()):
+        session = folder / f"sessions/version_{number}"
+        session.mkdir(parents=True)
+        (session / "metrics.csv").write_text(text)
     run = read_run(folder)
     assert isinstance(run, UnfinishedRun)
     assert str(run) == f"skyocc seed 0: unfinished, {said}"
-
-
-def test_the_log_of_a_killed_session_tells_its_epoch(tmp_path):
-    """Its logs are joined only by a training that ends in good order."""
-    folder = write_run(tmp_path)
-    (folder / "results.csv").unlink()
-    for number, epoch in enumerate((1, 4)):
-        session = folder / f"sessions/version_{number}"
-        session.mkdir(parents=True)
-        (session / "metrics.csv").write_text(f"step,epoch\n1,{epoch}\n")
-    assert read_run(folder).epochs == 5
 
 
 # ------------------------------------------------------------------------- what cannot be read

@@ -1,6 +1,7 @@
 """A trained run of the full model, made once for all tasks that need a checkpoint."""
 
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -31,3 +32,9 @@ def trained(made_once, tmp_path_factory):
     made = made_once("trained", train)
     runs = shutil.copytree(made / "runs", tmp_path_factory.mktemp("trained") / "runs")
     return [*mini_overrides(made, *WORDS), f"paths.runs={runs}"]
+
+
+@pytest.fixture(scope="session")
+def checkpoint(trained):
+    """The best checkpoint of that run."""
+    return Path(compose_config(*trained).paths.run) / "checkpoints/best.ckpt"

@@ -34,9 +34,6 @@ def test_what_cannot_be_exported_is_refused(trained):
     with pytest.raises(UserError, match="ckpt_path: task=export"):
         export(compose_config(*trained), formats=["onnx"], frames=5, tolerance=1e-3)
     cfg = compose_config(*trained, "ckpt_path=best")
-    level = compose_config(*trained, "ckpt_path=best", "model/projection=level")
     for nothing in ({"formats": [], "frames": 5}, {"formats": ["onnx"], "frames": 0}):
         with pytest.raises(UserError, match=r"task\.(formats: empty|frames: 0)"):
             export(cfg, **nothing, tolerance=1e-3)
-    with pytest.raises(UserError, match=r'projection="attitude".*"level"'):
-        export(level, formats=["onnx"], frames=5, tolerance=1e-3)

@@ -5,6 +5,7 @@ import re
 import pandas as pd
 import pytest
 from hydra.errors import InstantiationException
+from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from PIL import Image
 
@@ -14,7 +15,7 @@ from src.loop.campaign import Campaign
 from src.report.flight_film import SHOWN
 from src.results.counts import Counts
 from src.results.flights import FLIGHTS
-from src.tasks.fly import films_of, fly, fly_together
+from src.tasks.fly import films_of, fly_together
 from tests.synthetic import sound_config
 
 YARD = (
@@ -33,10 +34,15 @@ def config(tmp_path, *overrides):
     return sound_config(*YARD, *paths, *overrides)
 
 
+def plain(*arguments):
+    return OmegaConf.to_container(config(*arguments), resolve=True)
+
+
 def run(cfg, **changes):
-    task = {key: value for key, value in cfg.task.items() if not key.startswith("_")}
-    fly(cfg, **{**task, **changes})
-    return pd.read_csv(f"{changes.get('out', cfg.task.out)}/{FLIGHTS}", keep_default_na=False)
+    for key, value in changes.items():
+        cfg.task[key] = value
+    instantiate(cfg.task)(cfg)
+    return pd.read_csv(f"{cfg.task.out}/{FLIGHTS}", keep_default_na=False)
 
 
 @pytest.mark.slow
@@ -68,26 +74,21 @@ def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
 
 @pytest.mark.slow
 def test_perceptions_that_take_turns_fly_as_each_does_alone(tmp_path):
-    overrides = "perception=seen", "perception=all_free", "perception=truth"
-    plain = "task.films=false", "task.workers=1"
-    alone = [run(config(tmp_path, *plain, each)) for each in overrides]
+    perceptions, words = ("seen", "all_free", "truth"), ("task.films=false", "task.workers=1")
+    alone = [run(config(tmp_path, *words, f"perception={each}")) for each in perceptions]
 
+    folders = [tmp_path / "together" / each for each in perceptions]
     configs = [
-        OmegaConf.to_container(
-            config(tmp_path, *plain, each, f"task.out={tmp_path}/together/{number}"), resolve=True
-        )
-        for number, each in enumerate(overrides)
+        plain(tmp_path, *words, f"perception={folder.name}", f"task.out={folder}")
+        for folder in folders
     ]
     fly_together(configs)
-    flown = [
-        pd.read_csv(f"{tmp_path}/together/{number}/{FLIGHTS}", keep_default_na=False)
-        for number in range(len(overrides))
-    ]
+    flown = [pd.read_csv(folder / FLIGHTS, keep_default_na=False) for folder in folders]
     assert all(map(pd.DataFrame.equals, flown, alone))
 
-    other = config(tmp_path, "mission.maps=1", f"task.out={tmp_path}/other")
+    other = plain(tmp_path, "mission.maps=1", f"task.out={tmp_path}/other")
     with pytest.raises(UserError, match=r"other: flies other missions than the first one"):
-        fly_together([*configs, OmegaConf.to_container(other, resolve=True)])
+        fly_together([*configs, other])
 
 
 @pytest.mark.slow
@@ -140,15 +141,13 @@ def test_a_mission_through_a_wall_is_refused(tmp_path):
     with pytest.raises(UserError, match="has no column yaw_rad"):
         run(config(tmp_path), missions=str(path))
     with pytest.raises(UserError, match="no file"):
-        run(config(tmp_path), missions=f"{tmp_path}/none.csv")
+        run(config(tmp_path), missions=f"{tmp_path}/none.csv", out=f"{tmp_path}/out")
 
 
 def test_a_map_with_no_route_in_conflict_is_refused(tmp_path):
     """Within 2.5 m of the corridor there is neither wall nor wire at these heights."""
-    cfg = config(
-        tmp_path, "mission.offset_m=[0.5,0.6]", "mission.height_m=[2.5,3.0]", "mission.tries=2"
-    )
-    campaign = Campaign(OmegaConf.to_container(cfg, resolve=True))
+    near = "mission.offset_m=[0.5,0.6]", "mission.height_m=[2.5,3.0]", "mission.tries=2"
+    campaign = Campaign(plain(tmp_path, *near))
     with pytest.raises(UserError, match=r"mission: no route of tests.loop.yard-100 .* 2 tried"):
         campaign.choose("tests.loop.yard", 100)
 
@@ -168,6 +167,6 @@ def test_a_map_with_no_route_in_conflict_is_refused(tmp_path):
 )
 def test_mistakes_are_told_in_one_line(overrides, match, tmp_path):
     with pytest.raises((UserError, InstantiationException)) as error:
-        Campaign(OmegaConf.to_container(config(tmp_path, *overrides), resolve=True))
+        Campaign(plain(tmp_path, *overrides))
     assert re.search(match, one_line(error.value))
     assert "\n" not in one_line(error.value)

@@ -11,14 +11,14 @@ from PIL import Image
 from src.errors import UserError
 from src.report.section import Section
 from src.results.render import Cell, Table
-from src.run_folder import ANCHORS
-from tests.results.scored import RIGHT, protocol, write_ladder, write_run
+from tests.results.scored import write_ladder, write_run
 from tests.synthetic import compose_config
 
 KEYS = ("main", "ablation", "long_tail", "incremental", "progression", "beyond", "sampling")
 FACTS = 2
 """So many tables say what the numbers of a ladder rest on."""
 OF_PARTS = ("main", "ablation", "beyond")
+UNTRAINED = ("All free", "Voxel prior", "Height prior")
 
 
 @pytest.fixture(scope="module")
@@ -63,13 +63,6 @@ def table(out, key):
     return wide.apply(pd.to_numeric, errors="coerce")
 
 
-def scores_of(out, part="test"):
-    """The rows of runs in the long table, as they were recorded."""
-    rows = pd.read_csv(out / "scores.csv", float_precision="round_trip", dtype={"seed": str})
-    rows = rows[(rows["seed"] != "mean") & (rows["part"] == part)]
-    return rows[rows["condition"] == "as recorded"]
-
-
 # -------------------------------------------------------------------------------- what it leaves
 
 
@@ -99,30 +92,11 @@ def test_a_ladder_leaves_every_table_in_every_form(ladder, tmp_path, capsys):
     assert said.splitlines()[-1] == str(out)
 
 
-def test_the_long_table_has_the_scores_of_every_run_and_part(ladder, tmp_path):
-    out = reported(ladder, out=tmp_path / "out")
-    for part in ("test", "test_unseen_clips", "test_seen_clips"):
-        rows = scores_of(out, part)
-        rows = rows[rows["score"].isin(["miou", "kar_miou"]) & rows["experiment"].isin(RIGHT)]
-        assert len(rows) == 4 * 3 * 2
-        for row in rows.itertuples():
-            results = pd.read_csv(ladder / f"{row.experiment}/seed{row.seed}/results.csv")
-            mine = results["experiment"] == row.experiment
-            (value,) = results[mine & (results["split"] == part)][row.score]
-            assert row.value == pytest.approx(value, abs=1e-7)
-
-    means = scores_of(out).query("score == 'kar_miou'").groupby("experiment")["value"].mean()
-    chosen = "table == 'main' & row == 'SkyOcc' & column == 'KAR-mIoU'"
-    (cell,) = tables(out).query(chosen).itertuples()
-    assert float(cell.value) == pytest.approx(100 * means["skyocc"])
-    assert float(cell.low) < float(cell.value) < float(cell.high)
-
-
 def test_runs_may_be_named_and_nothing_else_is_then_taken(ladder, tmp_path):
     named = (ladder / "baseline", ladder / "skyocc/seed1")
     out = reported(ladder, *named, out=tmp_path / "out")
     assert list(table(out, "ablation").index) == ["Baseline", "SkyOcc"]
-    assert set(scores_of(out)["experiment"]) - {*ANCHORS} == {"baseline", "skyocc"}
+    assert set(table(out, "main").index) == {"Baseline", "SkyOcc", *UNTRAINED}
 
 
 def test_a_report_in_its_default_place_is_no_run_of_the_next_one(runs):
@@ -184,15 +158,10 @@ def test_an_own_ladder_is_reported_as_the_papers_is(runs):
         rows = pd.read_csv(path, dtype=str, keep_default_na=False)
         rows.assign(parameters="12000").to_csv(path, index=False)
     out = reported(runs, rungs=["baseline", "skyocc", "mine"])
-    ablation, main = table(out, "ablation"), table(out, "main")
-    assert ablation.index.tolist() == ["Baseline", "SkyOcc", "mine"]
-    expected = main.loc["mine", "KAR-mIoU"] - main.loc["Baseline", "KAR-mIoU"]
-    assert ablation.loc["mine", "Δ KAR"] == pytest.approx(expected)
+    assert table(out, "ablation").index.tolist() == ["Baseline", "SkyOcc", "mine"]
     page = page_of(out)
-    assert "| optimizer.lr | 0.002 | 0.002 | 0.01 | 0.002 | 0.002 |" in page
     assert re.search(r"\| Parameters \| 10 \(baseline, skyocc.*\); 12,000 \(mine\) \|", page)
     assert "Not a clean comparison" not in page
-    assert "weights seed" not in page
 
 
 def test_without_data_set_or_checkpoints_it_says_so_and_has_no_scenes(runs, capsys):
@@ -213,12 +182,6 @@ def test_an_interrupted_sweep_says_what_is_missing_and_reports_the_rest(runs, ca
     ]
     assert "weights seed 1: unfinished, 3 of 8 epochs logged" in capsys.readouterr().out
 
-    both = scores_of(out).query("score == 'miou' and seed != '1'")
-    change = both.pivot(index="seed", columns="experiment", values="value")
-    expected = 100 * (change["weights"] - change["baseline"]).mean()
-    found = table(out, "ablation").loc["+ Safety-prior class weights", "Δ mIoU"]
-    assert found == pytest.approx(expected)
-
 
 def test_seeds_that_have_not_begun_are_missing_where_the_sweep_is_known(ladder, tmp_path):
     out = reported(ladder, out=tmp_path / "out", seeds=range(4))
@@ -232,7 +195,7 @@ def test_without_any_rung_there_is_the_main_table_alone(tmp_path):
     for seed in (0, 1):
         write_run(runs, "streams", seed)
     out = reported(runs)
-    assert list(table(out, "main").index) == ["streams", "All free", "Voxel prior", "Height prior"]
+    assert list(table(out, "main").index) == ["streams", *UNTRAINED]
     assert "ablation" not in set(tables(out)["table"])
     page = page_of(out)
     assert "no finished run of the ladder is here" in page
@@ -247,11 +210,6 @@ def unfinish(runs):
         path.unlink()
 
 
-def cut_counts(runs):
-    path = runs / "weights/seed1/tallies/weights.npz"
-    path.write_bytes(path.read_bytes()[:500])
-
-
 def empty_log(runs):
     (runs / "weights/seed1/metrics.csv").write_text("")
 
@@ -260,7 +218,6 @@ def empty_log(runs):
     ("damage", "said"),
     [
         (unfinish, r"tiny: holds no finished run \(attitude seed 0: unfin"),
-        (cut_counts, r"weights\.npz: cannot be read .*; delete it and give the command of its run"),
         (empty_log, r"metrics\.csv: not a readable table"),
     ],
 )
@@ -299,13 +256,3 @@ def test_a_run_without_a_number_of_epochs_is_reported(runs):
     write_run(runs, "streams", 0, trainer__max_epochs=None)
     (write_run(runs, "streams", 1, trainer__max_epochs=None) / "results.csv").unlink()
     assert "streams seed 1: unfinished, no epoch logged" in page_of(reported(runs))
-
-
-def test_runs_of_two_codes_or_protocols_are_refused_with_the_way_out(runs):
-    write_run(runs, "mine", 0, code="0ther")
-    with pytest.raises(UserError, match=r"by code .*; .* or report them apart, each with its own"):
-        reported(runs)
-    shutil.rmtree(runs / "mine")
-    write_run(runs, "mine", 0, of=protocol("tiny-4567"))
-    with pytest.raises(UserError, match=r"dataset=tiny-4567, and .* or report them apart, each"):
-        reported(runs)

@@ -8,6 +8,7 @@ import pytest
 import torch
 import yaml
 from hydra.utils import instantiate
+from omegaconf import OmegaConf
 from PIL import Image
 
 from src.data.clip import Clip
@@ -67,26 +68,24 @@ def test_frames_are_chosen_by_their_tilt_and_by_what_the_camera_sees(cfg, monkey
     assert facts["tilt_rad"].nunique() > 2
 
 
+class Watcher:
+    """A network that remembers how many frames it was given."""
+
+    device = torch.device("cpu")
+
+    def __call__(self, batch):
+        self.frames = batch["image"].shape[1]
+        return torch.zeros(1, len(CLASSES), *batch["semantics"].shape[1:])
+
+
 def test_each_network_sees_the_history_that_its_run_saw(cfg):
-    seen = {}
-
-    def network(name):
-        def logits(batch):
-            seen[name] = batch["image"].shape[1]
-            return torch.zeros(1, len(CLASSES), *batch["semantics"].shape[1:])
-
-        logits.device = torch.device("cpu")
-        return logits
-
     viewers = []
     for frames in (1, 2):
-        cfg = cfg.copy()
-        cfg.data.frames = frames
-        data = Session(cfg).data
-        viewers.append(_Viewer(f"of {frames}", network(frames), data.dataset("test")))
+        data = Session(OmegaConf.merge(cfg, {"data": {"frames": frames}})).data
+        viewers.append(_Viewer(f"of {frames}", Watcher(), data.dataset("test")))
     case = HardCase("most tilted", *data.split["test"][0])
     scene = _scene(case, viewers, data.grid)
-    assert seen == {1: 1, 2: 2}
+    assert [viewer.network.frames for viewer in viewers] == [1, 2]
     assert list(scene.predictions) == ["of 1", "of 2"]
 
 

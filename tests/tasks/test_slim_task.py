@@ -16,30 +16,25 @@ from tests.synthetic import compose_config
 
 
 @pytest.fixture(scope="module")
-def best(trained):
-    return Path(compose_config(*trained).paths.run) / "checkpoints/best.ckpt"
-
-
-@pytest.fixture(scope="module")
 def slimmed(trained, tmp_path_factory):
     return slim(compose_config(*trained, "ckpt_path=best"), str(tmp_path_factory.mktemp("out")))
 
 
-def test_it_is_named_after_its_content_and_holds_the_network_alone(slimmed, best):
+def test_it_is_named_after_its_content_and_holds_the_network_alone(slimmed, checkpoint):
     digest = hashlib.sha256(slimmed.read_bytes()).hexdigest()
     assert slimmed.name == f"skyocc-tiny-{digest[:8]}.ckpt"
-    assert slimmed.stat().st_size < 0.3 * best.stat().st_size
+    assert slimmed.stat().st_size < 0.3 * checkpoint.stat().st_size
 
-    small, whole = (Checkpoint.read(path) for path in (slimmed, best))
+    small, whole = (Checkpoint.read(path) for path in (slimmed, checkpoint))
     assert (small.epochs, small.origin.config) == (whole.epochs, whole.origin.config)
     networks = (each.network() for each in (small, whole))
     for rounded, exact in zip(*(network.state_dict().values() for network in networks)):
         torch.testing.assert_close(rounded, exact, rtol=2**-11, atol=2**-24)
 
 
-def test_an_image_encoder_begins_with_it(slimmed, best, tmp_path):
+def test_an_image_encoder_begins_with_it(slimmed, checkpoint, tmp_path):
     encoder = ResNet(18, 8, weights=str(slimmed)).state_dict()
-    trained = Checkpoint.read(best).network().backbone.state_dict()
+    trained = Checkpoint.read(checkpoint).network().backbone.state_dict()
     for name, value in encoder.items():
         torch.testing.assert_close(value, trained[name], rtol=2**-11, atol=2**-24)
 

@@ -1,12 +1,10 @@
 """The stages of a command and their expected times."""
 
-import re
-
 import pytest
 from omegaconf import OmegaConf
 
 from src.tasks.dataset import root_of
-from src.tasks.stages import Stage, announce, generation, generation_s, stages_of_training
+from src.tasks.stages import Stage, generation, generation_s, stages_of_training
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 
@@ -14,13 +12,6 @@ def test_a_stage_says_how_long_it_takes_as_a_range_or_that_nobody_knows():
     assert str(Stage("train", 60.0)) == "train: 60 s to 2.5 min"
     assert str(Stage("train", None)) == "train: the bar will tell how long it takes"
     assert str(Stage("generate", 0.0)) == "generate: done before"
-
-
-def test_they_are_numbered(capsys):
-    announce("demo", [Stage("generate", 1.0), Stage("train", None)])
-    heading, *lines = capsys.readouterr().out.splitlines()
-    assert re.fullmatch(r"demo, on \d+ cores?:", heading)
-    assert [line[:6] for line in lines] == ["  1. g", "  2. t"]
 
 
 def test_a_training_tells_its_frames_and_what_is_there_already(tmp_path):

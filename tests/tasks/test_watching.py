@@ -33,32 +33,9 @@ class LogsLosses(lightning.LightningModule):
         return torch.optim.SGD(self.parameters(), lr=0.1)
 
 
-def trainer_of(folder, *callbacks):
-    return lightning.Trainer(
-        max_epochs=2,
-        accumulate_grad_batches=2,
-        num_sanity_val_steps=0,
-        accelerator="cpu",
-        callbacks=list(callbacks),
-        logger=False,
-        enable_progress_bar=False,
-        enable_checkpointing=False,
-        default_root_dir=folder,
-    )
-
-
-def test_the_loss_of_a_line_is_the_mean_of_its_epoch(tmp_path, capsys):
-    trainer = trainer_of(tmp_path, Progress())
-    trainer.fit(LogsLosses(), DataLoader([9.0, 1.0, 2.0]), DataLoader([0.5]))
-    lines = re.findall(
-        r"epoch (\d/2): train loss (\S+), val loss (\S+), val KAR-mIoU (\S+) %",
-        capsys.readouterr().out,
-    )
-
-    assert lines == [("1/2", "4.000", "0.500", "5.0"), ("2/2", "4.000", "0.500", "5.0")]
-
-
-def test_a_log_says_how_far_the_whole_training_is(tmp_path, capsys, monkeypatch):
+def test_a_log_says_how_far_the_whole_training_is_and_an_epoch_s_mean_loss(
+    tmp_path, capsys, monkeypatch
+):
     monkeypatch.setattr(terminal, "LINE_S", 0.01)
     seen = []
 
@@ -68,11 +45,22 @@ def test_a_log_says_how_far_the_whole_training_is(tmp_path, capsys, monkeypatch)
             torch.multiprocessing.Event().wait(0.05)
 
     progress = Progress()
-    trainer = trainer_of(tmp_path, progress, Waits())
+    trainer = lightning.Trainer(
+        **{"max_epochs": 2, "accumulate_grad_batches": 2, "num_sanity_val_steps": 0},
+        **{"accelerator": "cpu", "logger": False, "default_root_dir": tmp_path},
+        **{"enable_progress_bar": False, "enable_checkpointing": False},
+        callbacks=[progress, Waits()],
+    )
     trainer.fit(LogsLosses(), DataLoader([9.0, 1.0, 2.0]), DataLoader([0.5]))
+
     # Two epochs of three steps, each with one of validation, which counts as 0.3.
     assert seen == pytest.approx([n / 6.6 for n in (1, 2, 3, 4.3, 5.3, 6.3)])
-    assert re.search(r"training, epoch 2/2: \d+ % after 0 s", capsys.readouterr().out)
+    output = capsys.readouterr().out
+    assert re.search(r"training, epoch 2/2: \d+ % after 0 s", output)
+    lines = re.findall(
+        r"epoch (\d/2): train loss (\S+), val loss (\S+), val KAR-mIoU (\S+) %", output
+    )
+    assert lines == [("1/2", "4.000", "0.500", "5.0"), ("2/2", "4.000", "0.500", "5.0")]
 
 
 @pytest.mark.slow
