@@ -102,6 +102,11 @@ def test_rows_of_the_figure_are_shares_beside_the_facts_of_their_conditions(atti
     assert 100 * worths.loc["tilt_5_infdeg", "value"] == pytest.approx(level.rows[3][1][2].value)
 
 
+def test_runs_without_a_common_seed_have_no_gains(folders):
+    tilt, *_ = attitude_tables(scores_of(folders["baseline", 0], folders["attitude", 1]))
+    assert [row[0] is None for _, row in tilt.rows] == [False, False, True]
+
+
 def test_runs_without_such_scores_have_no_table(folders):
     attitude = scores_of(folders["weights", 0])
     assert attitude.names([]) == []
