@@ -46,11 +46,6 @@ def names(table):
     return [name for name, _ in table.rows]
 
 
-def cells(table):
-    """Every cell by the names of its row and its column."""
-    return {(n, c): e for n, row in table.rows for c, e in zip(table.columns, row)}
-
-
 def test_tables_have_scores_and_below_them_the_changes(attitude):
     tilt, level, faults = attitude_tables(attitude)
     assert [each.key for each in (tilt, level, faults)] == [
@@ -94,7 +89,7 @@ def test_rows_of_the_figure_are_shares_beside_the_facts_of_their_conditions(atti
     _, level, faults = attitude_tables(attitude)
     rows = attitude.rows("attitude").set_index("condition")
     assert rows.loc["noise_3deg", "noise_deg"] == 3
-    noise = cells(faults)[ABOVE, "3° noise"]
+    noise = dict(faults.rows)[ABOVE][faults.columns.index("3° noise")]
     assert 100 * rows.loc["noise_3deg", "value"] == pytest.approx(noise.value)
     worths = attitude.rows("attitude", "attitude", "level").set_index("part")
     assert set(worths.index) == {"test", "tilt_0_5deg", "tilt_5_infdeg"}

@@ -20,7 +20,7 @@ from studies.card.page import overrides_of, write_card
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def text(root):
     return (root / "README.md").read_text()
 
