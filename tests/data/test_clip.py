@@ -17,7 +17,6 @@ from src.data.clip import (
     FRAME_COLUMNS,
     SUMS,
     Clip,
-    ClipMeta,
     ClipWriter,
     damaged_files,
     poses_of,
@@ -25,22 +24,13 @@ from src.data.clip import (
 )
 from src.data.files import sha256_of
 from src.errors import UserError
-from src.geometry import VoxelGrid, front_mount, pinhole
+from src.geometry import VoxelGrid
+from tests.synthetic import meta_of
 
 FRAMES = 30
 READ = ("clip.json", "frames.csv", "actors.csv", "rgb.zip", "occupancy.npz")
 SHAPE = (5, 4, 3)
-META = ClipMeta(
-    town="suburb",
-    weather="fog",
-    seed=3,
-    capture_hz=2.5,
-    width=64,
-    height=32,
-    pix_from_camera=pinhole(64, 32, 1.4),
-    body_from_camera=front_mount((0.1, 0.0, -0.05), 0.2),
-    grid=VoxelGrid((0, -2, -1), (5, 2, 2), SHAPE),
-)
+META = meta_of("suburb", 2.5, 64, 32, VoxelGrid((0, -2, -1), (5, 2, 2), SHAPE), seed=3)
 
 
 def content(seed=0):
