@@ -187,7 +187,7 @@ class Clip:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
-        self._archives: dict[tuple[int, str], Any] = {}
+        self._opened_by, self._archives = -1, {}
         with reading(self.folder / "clip.json") as path:
             self.meta = ClipMeta.from_json(json.loads(path.read_text()))
 
@@ -204,7 +204,7 @@ class Clip:
         return len(self.frames)
 
     def __getstate__(self) -> dict:
-        return {**self.__dict__, "_archives": {}}
+        return {**self.__dict__, "_opened_by": -1, "_archives": {}}
 
     @property
     def clip_id(self) -> str:
@@ -236,12 +236,14 @@ class Clip:
 
     def _archive(self, name: str) -> Any:
         """Returns an archive that this process opened: a fork would move a shared file position."""
-        own = os.getpid(), name
-        if own not in self._archives:
+        if self._opened_by != os.getpid():
+            self._opened_by, self._archives = os.getpid(), {}
+        if name not in self._archives:
+            path = self.folder / name
             # The images are plain members; all other archives are numpy's.
-            opened = zipfile.ZipFile if name == "rgb.zip" else np.load
-            self._archives[own] = opened(self.folder / name)
-        return self._archives[own]
+            zipped = name == "rgb.zip"
+            self._archives[name] = zipfile.ZipFile(path) if zipped else np.load(path)
+        return self._archives[name]
 
     def _table(self, name: str, columns: list[str]) -> pd.DataFrame:
         with reading(self.folder / name) as path:
