@@ -209,16 +209,12 @@ def read_all(folder):
 @pytest.mark.parametrize("keep", [None, 0.0, 0.3, 0.9])
 def test_a_truncated_or_missing_file_is_named(folder, name, keep):
     path = folder / name
-    whole = path.read_bytes()
-    path.unlink()
-    if keep is not None:
-        path.write_bytes(whole[: int(keep * len(whole))])
-
-    with pytest.raises(UserError, match="task=generate") as error:
+    if keep is None:
+        path.unlink()
+    else:
+        path.write_bytes(path.read_bytes()[: int(keep * path.stat().st_size)])
+    with pytest.raises(UserError, match=rf"^[^\n]*{path}[^\n]*task=generate[^\n]*$"):
         read_all(folder)
-    message = str(error.value)
-    assert str(path) in message
-    assert "\n" not in message
     assert damaged_files(folder) == [name]
 
 
