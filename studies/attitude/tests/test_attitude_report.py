@@ -12,8 +12,8 @@ from tests.tasks.test_report_task import KEYS, OF_PARTS, page_of, reported, tabl
 
 @pytest.fixture
 def runs(tmp_path):
-    """A finished ladder whose first two rungs were scored by tilt."""
-    runs = write_ladder(tmp_path / "runs/tiny", seeds=(0,))
+    """The first two rungs of a ladder, scored by tilt."""
+    runs = write_ladder(tmp_path / "runs/tiny", (0,), ("baseline", "attitude"))
     write_attitude(runs / "baseline/seed0")
     write_attitude(runs / "attitude/seed0", gain=0.4)
     return runs
@@ -21,6 +21,7 @@ def runs(tmp_path):
 
 @pytest.mark.slow
 def test_a_paper_takes_its_tables_in(runs, tmp_path):
+    write_ladder(runs, (0,), ("weights", "skyocc"))
     latex = (reported(runs) / "tables.tex").read_text()
     assert latex.count("\\label{") == len(KEYS) + 2 * len(OF_PARTS) + 3
     assert "Overfull" not in typeset(tmp_path, latex, ("booktabs", "graphicx", "hyperref"))

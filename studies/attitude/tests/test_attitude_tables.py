@@ -19,11 +19,12 @@ ABOVE = "+ Attitude-aware projection"
 def folders(tmp_path_factory):
     runs = tmp_path_factory.mktemp("runs")
     folders = {}
-    for name, gain in {"baseline": 0.0, "attitude": 0.4, "weights": None}.items():
+    for name, gain in {"baseline": 0.0, "attitude": 0.4}.items():
         for seed in SEEDS:
             folders[name, seed] = write_run(runs, name, seed)
-            if gain is not None:
-                write_attitude(folders[name, seed], gain, seed)
+            write_attitude(folders[name, seed], gain, seed)
+    # It was not scored so.
+    folders["weights", 0] = write_run(runs, "weights")
     return folders
 
 

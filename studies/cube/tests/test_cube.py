@@ -112,8 +112,8 @@ def test_a_missing_model_is_told(whole, tmp_path):
 
 @pytest.fixture
 def runs(tmp_path):
-    """The models of the ladder with one seed, each scored at a weight of free."""
-    runs = write_ladder(tmp_path / "runs/tiny", seeds=(0,))
+    """Three models with one seed, each scored at a weight of free."""
+    runs = write_ladder(tmp_path / "runs/tiny", (0,), ("baseline", "attitude", "weights"))
     for folder in runs.glob("*/seed0"):
         (folder / "free_bias/tallies").mkdir(parents=True)
         counts = f"tallies/{folder.parent.name}.npz"
@@ -132,9 +132,9 @@ def test_what_was_scored_by_tilt_and_with_a_bias_has_tables(runs):
     tuned, plain = (table(out, key)[scores] for key in ("cube_free_bias", "cube"))
     pd.testing.assert_frame_equal(tuned, plain)
     cells = tables(out)
-    values = cells.query("table == 'free_bias' and row == 'skyocc'").set_index("column")["value"]
+    values = cells.query("table == 'free_bias' and row == 'weights'").set_index("column")["value"]
     assert values["added to free"] == "-0.5"
-    assert float(values["KAR-mIoU"]) == pytest.approx(kar_of(runs, "skyocc"), abs=1e-4)
+    assert float(values["KAR-mIoU"]) == pytest.approx(kar_of(runs, "weights"), abs=1e-4)
     assert list(table(out, "cube_tilt").index) == [FACTORS[0]]
     sampled = cells.query("table == 'sampling' and column == 'clips'")
     assert {"tilt_0_5deg, true", "tilt_5_infdeg, true"} <= set(sampled["row"])
@@ -142,20 +142,21 @@ def test_what_was_scored_by_tilt_and_with_a_bias_has_tables(runs):
     # With one of them gone, effects of some models alone would say something else. And of models
     # that differ in something else, nothing is said of the attitude.
     shutil.rmtree(runs / "baseline/seed0/free_bias")
-    for names, is_tuned, has_tilt in ((NAMES, False, True), (["weights", "skyocc"], True, False)):
+    for names, is_tuned, has_tilt in ((NAMES, False, True), (["attitude", "weights"], True, False)):
         keys = set(tables(reported(runs, cube=names))["table"])
         assert "cube" in keys
         assert ("cube_free_bias" in keys, "cube_tilt" in keys) == (is_tuned, has_tilt)
 
 
 def test_a_free_bias_of_other_frames_is_refused(runs, tmp_path):
-    other = write_run(tmp_path / "other", "skyocc", 0, labels=1)
-    shutil.copy(other / "tallies/skyocc.npz", runs / "skyocc/seed0/free_bias/tallies")
-    with pytest.raises(UserError, match=r"skyocc.npz: was scored on other labels .*free_bias on"):
-        reported(runs, cube=["baseline", "skyocc"])
+    other = write_run(tmp_path / "other", "weights", 0, labels=1)
+    shutil.copy(other / "tallies/weights.npz", runs / "weights/seed0/free_bias/tallies")
+    with pytest.raises(UserError, match=r"weights.npz: was scored on other labels .*free_bias on"):
+        reported(runs, cube=["baseline", "weights"])
 
 
 def test_what_is_no_cube_is_refused(runs):
+    write_run(runs, "skyocc", 0)
     write_run(runs, "twin", 0)
     write_run(runs, "wide", 0, data__batch_size=2)
     for names, message in (
