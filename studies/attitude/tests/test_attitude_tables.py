@@ -6,6 +6,7 @@ from src.report.ladder import PAPER
 from src.results.counts import Counts
 from src.results.runs import read_run
 from studies.attitude.conditions import read_conditions
+from studies.attitude.figure import draw_report_attitude
 from studies.attitude.tables import AttitudeScores, attitude_tables
 from studies.attitude.tests.presented import write_attitude
 from studies.attitude.tests.test_conditions import rewrite
@@ -98,8 +99,11 @@ def test_rows_of_the_figure_are_shares_beside_the_facts_of_their_conditions(atti
     assert 100 * worths.loc["tilt_5_infdeg", "value"] == pytest.approx(level.rows[3][1][2].value)
 
 
-def test_runs_without_a_common_seed_have_no_gains(folders):
-    tilt, *_ = attitude_tables(scores_of(folders["baseline", 0], folders["attitude", 1]))
+def test_runs_without_a_common_seed_have_no_gains_and_are_drawn(folders, tmp_path):
+    attitude = scores_of(folders["baseline", 0], folders["attitude", 1])
+    assert draw_report_attitude(attitude, tmp_path / "attitude.png")
+    assert (tmp_path / "attitude.png").is_file()
+    tilt, *_ = attitude_tables(attitude)
     assert [row[0] is None for _, row in tilt.rows] == [False, False, True]
 
 
