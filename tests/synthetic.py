@@ -130,18 +130,7 @@ def write_dataset(cfg):
 
 def write_clip(folder, capture_hz=2.5, width=96, height=64, grid=None, seed=0):
     """Writes one clip; another seed flies another way through the same scene."""
-    grid = grid or VoxelGrid(shape=(25, 25, 15))
-    meta = ClipMeta(
-        town=folder.parent.name,
-        weather="clear",
-        seed=seed,
-        capture_hz=capture_hz,
-        width=width,
-        height=height,
-        pix_from_camera=pinhole(width, height, math.radians(90)),
-        body_from_camera=front_mount((0.1, 0.0, -0.05)),
-        grid=grid,
-    )
+    meta = meta_of(folder.parent.name, capture_hz, width, height, grid, seed)
     frames = flight(capture_hz, seed)
     poses = poses_of(frames)
     with ClipWriter(folder, meta) as writer:
@@ -152,6 +141,21 @@ def write_clip(folder, capture_hz=2.5, width=96, height=64, grid=None, seed=0):
             semantics = labels_of(world_from_body, meta)
             writer.add_labels(frame, semantics.numpy(), (semantics != UNKNOWN).numpy())
         writer.add_tables(frames, pd.DataFrame(columns=ACTOR_COLUMNS))
+
+
+def meta_of(town, capture_hz, width, height, grid=None, seed=0):
+    """What holds for a whole clip of a level camera in fair weather."""
+    return ClipMeta(
+        town=town,
+        weather="clear",
+        seed=seed,
+        capture_hz=capture_hz,
+        width=width,
+        height=height,
+        pix_from_camera=pinhole(width, height, math.radians(90)),
+        body_from_camera=front_mount((0.1, 0.0, -0.05)),
+        grid=grid or VoxelGrid(shape=(25, 25, 15)),
+    )
 
 
 def flight(capture_hz, seed=0):

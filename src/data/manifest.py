@@ -85,12 +85,14 @@ def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split
             for clip in clip_ids
         },
     }
-    # A manifest that was edited by hand is noticed by its own digest.
-    manifest["digest"] = digest_of({**manifest, "digest": None})
-
     with replacing(root / MANIFEST) as temporary:
-        temporary.write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n")
+        temporary.write_text(json.dumps(sealed(manifest), indent=1, sort_keys=True) + "\n")
     return root / MANIFEST
+
+
+def sealed(manifest: Mapping) -> dict:
+    """Returns a manifest with its own digest, by which is noticed what was edited by hand."""
+    return {**manifest, "digest": digest_of({**manifest, "digest": None})}
 
 
 def read_manifest(root: Path) -> dict:
@@ -100,7 +102,7 @@ def read_manifest(root: Path) -> dict:
         manifest = json.loads(path.read_text())
         if missing := MANIFEST_KEYS - set(manifest):
             raise ValueError(f"no {', '.join(sorted(missing))} in it")
-        if manifest["digest"] != digest_of({**manifest, "digest": None}):
+        if manifest != sealed(manifest):
             raise ValueError("its bytes are not the ones written")
         return manifest
     except FileNotFoundError:

@@ -92,16 +92,13 @@ def test_the_manifest_holds_the_settings_and_every_hash_whenever_it_is_written(
 )
 def test_other_data_are_refused_by_the_key_that_differs(mini_dataset, mini_sim, change, message):
     require_same_data(mini_dataset, DatasetSpec.of("mini", mini_sim | {"workers": 5}))
-    with pytest.raises(UserError, match=message) as error:
+    with pytest.raises(UserError, match=rf"^{mini_dataset}[^\n]*{message}[^\n]*$"):
         require_same_data(mini_dataset, DatasetSpec.of("mini", mini_sim | change))
-    assert str(mini_dataset) in str(error.value)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("text", [None, "", "[]", "3", '{"sim": {}}'])
 def test_a_manifest_that_cannot_be_used_is_named(tmp_path, text):
     if text is not None:
         (tmp_path / MANIFEST).write_text(text)
-    with pytest.raises(UserError, match=rf"{MANIFEST}.*task=generate") as error:
+    with pytest.raises(UserError, match=rf"^[^\n]*{MANIFEST}[^\n]*task=generate[^\n]*$"):
         read_manifest(tmp_path)
-    assert "\n" not in str(error.value)

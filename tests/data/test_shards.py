@@ -38,9 +38,8 @@ def test_other_settings_another_number_and_other_code_are_refused(spec, mini_sim
         (spec, 2, r"sim\.shards: .* 2\b.* 4\b"),
         (replace(spec, generator="abc"), 4, r"code of sim: .*abc"),
     ):
-        with pytest.raises(UserError, match=message) as error:
+        with pytest.raises(UserError, match=rf"^[^\n]*{message}[^\n]*$"):
             join_shards(tmp_path, joining, shards)
-        assert "\n" not in str(error.value)
     # Scales do not meet.
     join_shards(tmp_path, replace(other, scale="small"), 2)
     # What is finished elsewhere leaves this record alone.

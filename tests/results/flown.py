@@ -1,8 +1,10 @@
 """Perceptions that were flown, as files: some voxels right, and as many collisions as one says."""
 
+from functools import cache
 from itertools import product
 
 import pandas as pd
+import torch
 
 from src.metrics.suite import ScoreSuite
 from src.results.counts import Counts
@@ -47,9 +49,18 @@ def write_flown(root, name, right, collides, stratum="damaged", sets=("flown",),
 
 def counts_of(flight, shares, seed):
     """Counts of the seconds of a flight, whose frames are right in these shares."""
-    clips, of = [f"{flight}@{second}" for second in range(len(shares))], protocol()
-    suite = ScoreSuite.of(of, clips)
-    for clip, share in zip(clips, shares):
-        target = truth(2, seed=seed)
-        suite.update(predicted(target, share, seed), scene_of(target, clip))
-    return Counts("flown", of, clips, [2] * len(clips), suite.counts())
+    seconds = [tables_of(share, seed) for share in shares]
+    tables = {
+        metric: {name: torch.cat([each[metric][name] for each in seconds]) for name in counts}
+        for metric, counts in seconds[0].items()
+    }
+    clips = [f"{flight}@{second}" for second in range(len(shares))]
+    return Counts("flown", protocol(), clips, [2] * len(clips), tables)
+
+
+@cache
+def tables_of(share, seed):
+    """Counts of one second. They do not change, so flights share them."""
+    suite, target = ScoreSuite.of(protocol(), ["any"]), truth(2, seed=seed)
+    suite.update(predicted(target, share, seed), scene_of(target, "any"))
+    return suite.counts()

@@ -43,6 +43,7 @@ RIGHT = {"baseline": 0.3, "attitude": 0.4, "weights": 0.5, "skyocc": 0.6}
 """Share of the voxels that a rung predicts as they are."""
 
 
+@cache
 def protocol(dataset="tiny-0123", **metric):
     frames = sum(FRAMES)
     metric = METRIC | metric

@@ -1,6 +1,7 @@
 """What task=attitude leaves in run folders, with random predictions instead of networks."""
 
 import dataclasses
+from functools import cache
 
 import pandas as pd
 
@@ -34,14 +35,11 @@ def write_attitude(run, gain=0.0, seed=0):
     folder = run / "attitude"
     (folder / "tallies").mkdir(parents=True)
     for name in (condition.name for condition in CONDITIONS):
-        right = RIGHT.get(name, 0.2) + gain * (name == "tilt_5_infdeg")
-        counted = Counts.read(run / f"tallies/{run.parent.name}.npz")
-        if name != "true":
-            counted = counts(
-                name,
-                lambda target, n, r=right: predicted(target, r, 10 * seed + n),
-                frames_of=frames_of(name),
-            )
+        if name == "true":
+            counted = Counts.read(run / f"tallies/{run.parent.name}.npz")
+        else:
+            right = RIGHT.get(name, 0.2) + gain * (name == "tilt_5_infdeg")
+            counted = _counted(name, right, seed)
         frames = sum(counted.frames)
         protocol = dataclasses.replace(counted.protocol, part=f"test, {name}", frames=frames)
         counted = dataclasses.replace(counted, name=name, protocol=protocol)
@@ -51,3 +49,11 @@ def write_attitude(run, gain=0.0, seed=0):
     scored = [table.assign(score=score, value=0.5) for score in ("miou", "kar_miou")]
     pd.concat(scored).sort_values("condition").to_csv(folder / "attitude.csv", index=False)
     return folder
+
+
+@cache
+def _counted(name, right, seed):
+    """Counts do not change, so tests share them."""
+    return counts(
+        name, lambda target, n: predicted(target, right, 10 * seed + n), frames_of=frames_of(name)
+    )

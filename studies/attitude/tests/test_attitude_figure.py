@@ -1,35 +1,22 @@
 """The figure of scores by tilt and under a wrong attitude."""
 
-from itertools import combinations, pairwise
+from itertools import combinations
 
-import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from studies.attitude.conditions import condition_table, conditions_of
 from studies.attitude.figure import COLORS, TOLD, attitude_figure
 
-TILTS_DEG = (0, 2.5, 5, 10, 15, 20, np.inf)
+CONDITIONS = list(conditions_of([2.5, 5, 10, 15, 20], [1, 3, 5], [0.1, 0.2], level=True))
 FRAMES = 12345
 """More than any split has, so that a label is as wide as it can be."""
 
 
-def table(level):
-    """A row for each condition that task=attitude has, in its form."""
-    facts = [{"condition": "true"}]
-    for low, high in pairwise(TILTS_DEG):
-        facts.append(
-            {"condition": f"tilt_{low}_{high}deg", "tilt_low_deg": low, "tilt_high_deg": high}
-        )
-    told = facts[: len(TILTS_DEG)]
-    facts += [{**each, "condition": f"level_{each['condition']}", "level": True} for each in told]
-    facts += [{"condition": f"noise_{x}deg", "noise_deg": x} for x in (1, 3, 5)]
-    facts += [{"condition": f"delay_{x}s", "delay_s": x} for x in (0.1, 0.2)]
-    none = {
-        "tilt_low_deg": 0, "tilt_high_deg": np.inf, "noise_deg": 0, "delay_s": 0, "level": False
-    }  # fmt: skip
+def table(level, conditions=CONDITIONS):
+    """A row for each condition, in the form that the figure takes."""
     scores = {"frames": FRAMES, "value": level, "low": level - 0.02, "high": level + 0.02}
-    return pd.DataFrame([{**none, **each, **scores} for each in facts])
+    return condition_table(conditions, noise_seed=0).assign(**scores)
 
 
 @pytest.fixture(scope="module")
@@ -74,24 +61,15 @@ def test_told_a_level_attitude_each_run_has_a_dashed_line_that_is_named_once(fig
     assert [line.get_color() for line in dashed] == [
         bars.lines[0].get_color() for bars in first.containers
     ]
-    assert all(len(line.get_xdata()) == len(TILTS_DEG) - 1 for line in dashed)
+    assert all(len(line.get_xdata()) == 6 for line in dashed)
     (legend,) = (legend for part in figure.subfigs for legend in part.legends)
     named = [text.get_text() for text in legend.get_texts()]
     assert named == [*(bars.get_label() for bars in first.containers), TOLD]
 
 
-def test_of_one_run_there_are_its_scores_alone():
-    figure = attitude_figure({"mine": table(0.3)}, {})
-    assert len(figure.axes) == 3
-
-
-def test_without_a_fault_there_is_no_empty_panel():
-    rows = table(0.1)
-    rows = rows[(rows["noise_deg"] == 0) & (rows["delay_s"] == 0)]
-    assert len(attitude_figure({"Baseline": rows}, {}).axes) == 1
-
-    noisy = table(0.1).query("delay_s == 0")
-    assert [axes.get_xlabel()[:5] for axes in attitude_figure({"a": noisy}, {}).axes] == [
-        "tilt ",
-        "noise",
-    ]
+def test_of_one_run_there_are_its_scores_alone_and_no_panel_is_empty():
+    assert len(attitude_figure({"mine": table(0.3)}, {}).axes) == 3
+    for noise_deg, names in (([], ["tilt "]), ([1, 3], ["tilt ", "noise"])):
+        rows = table(0.1, list(conditions_of([5], noise_deg, [], False)))
+        axes = attitude_figure({"Baseline": rows}, {}).axes
+        assert [each.get_xlabel()[:5] for each in axes] == names

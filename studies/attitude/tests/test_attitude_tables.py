@@ -6,6 +6,7 @@ from src.report.ladder import PAPER
 from src.results.counts import Counts
 from src.results.runs import read_run
 from studies.attitude.conditions import read_conditions
+from studies.attitude.figure import draw_report_attitude
 from studies.attitude.tables import AttitudeScores, attitude_tables
 from studies.attitude.tests.presented import write_attitude
 from studies.attitude.tests.test_conditions import rewrite
@@ -19,11 +20,12 @@ ABOVE = "+ Attitude-aware projection"
 def folders(tmp_path_factory):
     runs = tmp_path_factory.mktemp("runs")
     folders = {}
-    for name, gain in {"baseline": 0.0, "attitude": 0.4, "weights": None}.items():
+    for name, gain in {"baseline": 0.0, "attitude": 0.4}.items():
         for seed in SEEDS:
             folders[name, seed] = write_run(runs, name, seed)
-            if gain is not None:
-                write_attitude(folders[name, seed], gain, seed)
+            write_attitude(folders[name, seed], gain, seed)
+    # It was not scored so.
+    folders["weights", 0] = write_run(runs, "weights")
     return folders
 
 
@@ -44,11 +46,6 @@ def by_hand(folders, name, condition):
 
 def names(table):
     return [name for name, _ in table.rows]
-
-
-def cells(table):
-    """Every cell by the names of its row and its column."""
-    return {(n, c): e for n, row in table.rows for c, e in zip(table.columns, row)}
 
 
 def test_tables_have_scores_and_below_them_the_changes(attitude):
@@ -94,12 +91,20 @@ def test_rows_of_the_figure_are_shares_beside_the_facts_of_their_conditions(atti
     _, level, faults = attitude_tables(attitude)
     rows = attitude.rows("attitude").set_index("condition")
     assert rows.loc["noise_3deg", "noise_deg"] == 3
-    noise = cells(faults)[ABOVE, "3° noise"]
+    noise = dict(faults.rows)[ABOVE][faults.columns.index("3° noise")]
     assert 100 * rows.loc["noise_3deg", "value"] == pytest.approx(noise.value)
     worths = attitude.rows("attitude", "attitude", "level").set_index("part")
     assert set(worths.index) == {"test", "tilt_0_5deg", "tilt_5_infdeg"}
     assert not worths["level"].any()
     assert 100 * worths.loc["tilt_5_infdeg", "value"] == pytest.approx(level.rows[3][1][2].value)
+
+
+def test_runs_without_a_common_seed_have_no_gains_and_are_drawn(folders, tmp_path):
+    attitude = scores_of(folders["baseline", 0], folders["attitude", 1])
+    assert draw_report_attitude(attitude, tmp_path / "attitude.png")
+    assert (tmp_path / "attitude.png").is_file()
+    tilt, *_ = attitude_tables(attitude)
+    assert [row[0] is None for _, row in tilt.rows] == [False, False, True]
 
 
 def test_runs_without_such_scores_have_no_table(folders):

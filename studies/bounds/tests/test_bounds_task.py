@@ -7,17 +7,16 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from src.data.clip import AUX
 from src.errors import UserError
 from src.results.counts import Counts
-from src.tasks.dataset import root_of
 from studies.bounds.task import Sight, bounds
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 
-@pytest.fixture
-def cfg(tmp_path):
-    cfg = compose_config(*mini_overrides(tmp_path, "task=bounds", "data.frames=4"))
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bounds")
+    cfg = compose_config(*mini_overrides(folder, "task=bounds", "data.frames=4"))
     write_dataset(cfg)
     return cfg
 
@@ -29,8 +28,15 @@ def measured(cfg, out, **settings):
     return table[table["score"] == "kar_miou"].set_index("bound")
 
 
-def test_floors_and_ceilings_stand_in_their_order(cfg, tmp_path, capsys):
-    table = measured(cfg, tmp_path / "out")
+@pytest.fixture(scope="module")
+def alone(cfg, tmp_path_factory):
+    """The bounds, and the folder of their files."""
+    out = tmp_path_factory.mktemp("alone")
+    return measured(cfg, out), out
+
+
+def test_floors_and_ceilings_stand_in_their_order(alone):
+    table, out = alone
     floors, score = ["all_free", "voxel_prior", "height_prior"], table["value"]
     assert [*table.index[:3]] == floors
     assert set(table.index[3:]) == {
@@ -42,19 +48,20 @@ def test_floors_and_ceilings_stand_in_their_order(cfg, tmp_path, capsys):
     assert score["sight"] > score["level"]
     assert table.loc[floors, "images"].isna().all()
     assert (table["low"] <= score).all()
-
-    shown = capsys.readouterr().out
-    assert all(name in shown for name in (*floors, "images_4"))
-    with Image.open(tmp_path / "out/bounds.png") as image:
+    with Image.open(out / "bounds.png") as image:
         assert image.width > 600
-    assert {path.stem for path in (tmp_path / "out/tallies").glob("*.npz")} == {*table.index}
+    assert {path.stem for path in (out / "tallies").glob("*.npz")} == {*table.index}
 
 
-def test_it_writes_the_same_again_and_leaves_nothing_of_an_earlier_call(cfg, tmp_path):
-    first = measured(cfg, tmp_path / "out")
-    again = measured(cfg, tmp_path / "out", depth_error=[])
+def test_it_writes_the_same_again_and_leaves_nothing_of_an_earlier_call(
+    cfg, alone, tmp_path, capsys
+):
+    first, out = alone
+    again = measured(cfg, shutil.copytree(out, tmp_path / "out"), depth_error=[])
     assert "depth_10%" not in again.index
     pd.testing.assert_frame_equal(first.loc[again.index], again)
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in again.index)
 
 
 def trained(place, counts, log):
@@ -67,11 +74,11 @@ def trained(place, counts, log):
 LOG = "val/kar_miou,val/depth_error\n0.1,0.4\n0.3,0.2\n0.2,0.1\n"
 
 
-def test_a_trained_run_stands_beside_them_by_the_depth_of_its_best_epoch(cfg, tmp_path, capsys):
-    alone = measured(cfg, tmp_path / "alone")
-    with Image.open(tmp_path / "alone/bounds.png") as image:
-        without = image.tobytes()
-    run = trained(tmp_path / "run", tmp_path / "alone/tallies/depth_10%.npz", LOG)
+def test_a_trained_run_stands_beside_them_by_the_depth_of_its_best_epoch(
+    cfg, alone, tmp_path, capsys
+):
+    bounds_alone, place = alone
+    run = trained(tmp_path / "run", place / "tallies/depth_10%.npz", LOG)
 
     # Its counts have the name of a bound, so another one tells it apart. Other scores than the
     # occupancy may have been counted with other settings.
@@ -82,16 +89,17 @@ def test_a_trained_run_stands_beside_them_by_the_depth_of_its_best_epoch(cfg, tm
     table = measured(cfg, tmp_path / "out", runs=[run])
     assert table.loc["mine", "depth_error"] == 0.2
     same = ["value", "low", "high"]
-    assert (table.loc["mine", same] == alone.loc["depth_10%", same]).all()
+    assert (table.loc["mine", same] == bounds_alone.loc["depth_10%", same]).all()
     assert "mine" in capsys.readouterr().out
     assert not (tmp_path / "out/tallies/mine.npz").exists()
-    with Image.open(tmp_path / "out/bounds.png") as image:
-        assert image.tobytes() != without
+    picture = (tmp_path / "out/bounds.png").read_bytes()
+    assert picture != (place / "bounds.png").read_bytes()
 
 
-def test_a_run_that_cannot_stand_beside_them_is_refused_before_anything_is_scored(cfg, tmp_path):
-    measured(cfg, tmp_path / "alone")
-    counts = tmp_path / "alone/tallies/sight.npz"
+def test_a_run_that_cannot_stand_beside_them_is_refused_before_anything_is_scored(
+    cfg, alone, tmp_path
+):
+    counts = alone[1] / "tallies/sight.npz"
     run = trained(tmp_path / "no_depth", counts, "val/kar_miou\n0.1\n")
     with pytest.raises(UserError, match=r"no_depth has no error of the depth; .*model/sight=on"):
         measured(cfg, tmp_path / "out", runs=[run])
@@ -107,9 +115,9 @@ def test_a_run_that_cannot_stand_beside_them_is_refused_before_anything_is_score
     assert not (tmp_path / "out").exists()
 
 
-def test_data_without_depth_are_refused_before_anything_is_written(cfg, tmp_path):
-    (root_of(cfg) / "suburb/clip00" / AUX).unlink()
-    with pytest.raises(UserError, match=r"suburb/clip00: .*sim\.save_aux=true"):
+def test_data_without_depth_are_refused_before_anything_is_written(cfg, tmp_path, monkeypatch):
+    monkeypatch.setattr("studies.bounds.true_sight.AUX", "none.npz")
+    with pytest.raises(UserError, match=r"/clip00: .*sim\.save_aux=true"):
         measured(cfg, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -1,5 +1,10 @@
+"""A sight of the true surfaces: what it tells is there, and how a wrong depth or attitude lies."""
+
+import shutil
+
 import pytest
 import torch
+from torch.utils.data import default_collate
 
 from src.data.clip import AUX, Clip
 from src.data.dataset import OccupancyDataset
@@ -7,35 +12,26 @@ from src.errors import UserError
 from src.geometry import VoxelGrid, transform, world_from_occ
 from src.ontology import CAR, CLASSES, FREE
 from studies.bounds.true_sight import TrueSight, counted, smooth_field
-from tests.synthetic import BOXES, write_clip
+from tests.synthetic import BOXES
 
 
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("data") / "town/clip00"
-    folder.parent.mkdir()
-    write_clip(folder)
-    return Clip(folder)
+@pytest.fixture
+def clip(clips):
+    return clips["downtown/clip00"]
 
 
 @pytest.fixture
 def sight(clip):
     def of(**settings):
-        return TrueSight({clip.clip_id: clip}, 1, **settings)
+        return TrueSight({clip.clip_id: clip}, 2, **settings)
 
     return of
 
 
 def batch_of(clip, *frames):
-    dataset = OccupancyDataset(
-        {clip.clip_id: clip}, [(clip.clip_id, frame) for frame in frames], 4, 0.4
-    )
-    samples = [dataset[n] for n in range(len(frames))]
-    kept = {key: torch.stack([s[key] for s in samples]) for key in samples[0] if key not in NAMES}
-    return kept | {name: [sample[name] for sample in samples] for name in NAMES}
-
-
-NAMES = ("clip", "frame")
+    samples = [(clip.clip_id, frame) for frame in frames]
+    dataset = OccupancyDataset({clip.clip_id: clip}, samples, 4, 0.4)
+    return default_collate([dataset[n] for n in range(len(frames))])
 
 
 def right(labels, batch, clip):
@@ -114,9 +110,7 @@ def test_what_cannot_be_is_refused(sight, clip, tmp_path):
     for wrong in (-0.1, float("nan")):
         with pytest.raises(UserError, match=r"^task\.depth_error: "):
             sight(depth_error=wrong)
-    bare = tmp_path / "town/clip00"
-    bare.parent.mkdir()
-    write_clip(bare)
+    bare = shutil.copytree(clip.folder, tmp_path / "town/clip00")
     (bare / AUX).unlink()
     with pytest.raises(UserError, match=r"town/clip00: .*sim\.save_aux=true"):
         TrueSight({"town/clip00": Clip(bare)}, 1)

@@ -17,22 +17,10 @@ from src.report import animation
 from src.tasks.dataset import spec_of
 from studies.card import paper
 from studies.card.page import overrides_of, write_card
-from studies.card.statistics import statistics_of
 from tests.synthetic import compose_config, mini_overrides, write_dataset
 
 
-@pytest.fixture(scope="module")
-def root(mini_dataset, tmp_path_factory):
-    """A copy of the small dataset with its card, whose animation has two frames."""
-    root = tmp_path_factory.mktemp("card") / mini_dataset.name
-    shutil.copytree(mini_dataset, root)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(animation, "SECONDS", 0.8)
-        write_card(root)
-        yield root
-
-
-@pytest.fixture(scope="module")
+@pytest.fixture
 def text(root):
     return (root / "README.md").read_text()
 
@@ -56,8 +44,7 @@ def test_everything_is_there_and_nothing_temporary(root, text):
     assert table["clip"].tolist() == ["suburb/clip00", "suburb/clip01"]
 
 
-def test_its_numbers_are_those_of_the_files_beside_the_paper_s(root, text):
-    statistics = statistics_of(root)
+def test_its_numbers_are_those_of_the_files_beside_the_paper_s(text, statistics):
     heights_m, cars = statistics.frames["altitude_m"], statistics.frames["visible/car"]
     below = 100 * (heights_m < 11).mean()
     expected = {
@@ -85,7 +72,10 @@ def test_its_numbers_are_those_of_the_files_beside_the_paper_s(root, text):
     assert sum(paper.INSTANCES.values()) == 218_280
 
 
-def test_the_task_writes_it_again_with_the_pictures_of_the_simulator(root, tmp_path, capsys):
+def test_the_task_writes_it_again_with_the_pictures_of_the_simulator(
+    root, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(animation, "SECONDS", 0.8)
     before = {path: path.read_bytes() for path in root.rglob("*") if path.is_file()}
     write_card(root)
     assert {path: path.read_bytes() for path in before} == before

@@ -1,7 +1,6 @@
 """The metadata against mlcroissant, which validates it and reads the files through it."""
 
 import json
-import shutil
 import sys
 
 import mlcroissant as mlc
@@ -13,23 +12,9 @@ from src.data.files import sha256_of
 from src.data.manifest import MANIFEST, read_manifest
 from src.ontology import CLASSES
 from studies.card.croissant import FILE_SETS, croissant_of
-from studies.card.statistics import statistics_of
 
 # absl, which mlcroissant brings, closes its stream when logging is configured anew: not pytest's.
 absl_logging.get_absl_handler().python_handler.stream = sys.__stderr__
-
-
-@pytest.fixture(scope="module")
-def root(mini_dataset, tmp_path_factory):
-    """A copy of the small dataset with its metadata."""
-    root = tmp_path_factory.mktemp("croissant") / mini_dataset.name
-    shutil.copytree(mini_dataset, root)
-    clips_csv = root / "card/clips.csv"
-    clips_csv.parent.mkdir()
-    statistics_of(root).clip_table().to_csv(clips_csv, index=False)
-    metadata = croissant_of(root, read_manifest(root), "A test.", clips_csv)
-    (root / "croissant.json").write_text(json.dumps(metadata))
-    return root
 
 
 @pytest.fixture

@@ -7,12 +7,6 @@ from src.ontology import ACTOR_TYPES, CLASSES
 from src.report.canvas import readable
 from studies.card import paper
 from studies.card.figure import percent, statistics_figure
-from studies.card.statistics import statistics_of
-
-
-@pytest.fixture(scope="module")
-def statistics(mini_dataset):
-    return statistics_of(mini_dataset)
 
 
 @pytest.fixture(scope="module")

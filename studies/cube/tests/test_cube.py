@@ -13,7 +13,7 @@ from studies.attitude.tests.presented import write_attitude
 from studies.cube.effects import FACTORS, effects
 from tests.results.scored import FACTORS as SETTINGS
 from tests.results.scored import WEIGHTS, config_of, write_ladder, write_run
-from tests.tasks.test_report_task import reported, table
+from tests.tasks.test_report_task import page_of, reported, table, tables
 
 OTHERS = {
     "lovasz": ("level", None, 1.0),
@@ -70,12 +70,6 @@ def _whole(tmp_path_factory):
     return runs
 
 
-@pytest.fixture
-def runs(whole, tmp_path):
-    """A copy that a test may change."""
-    return shutil.copytree(whole, tmp_path / "runs/tiny")
-
-
 def kar_of(runs, name):
     """The mean over seeds, in percent."""
     tables = [pd.read_csv(path) for path in sorted(runs.glob(f"{name}/seed*/results.csv"))]
@@ -95,94 +89,83 @@ def test_an_effect_is_the_mean_of_its_differences(whole, tmp_path):
     assert shown.loc[FACTORS[0], "KAR-mIoU"] == pytest.approx(expected, abs=1e-4)
     assert list(shown["models"]) == [4, 4, 4, 2, 2, 2, 1]
     assert {"Primitive miss", "Geometric IoU", "VRU"} <= {*shown.columns}
-    cells = pd.read_csv(out / "tables.csv").query("table == 'cube' and column == 'KAR-mIoU'")
+    cells = tables(out).query("table == 'cube' and column == 'KAR-mIoU'")
     assert (cells["low"] <= cells["high"]).all()
     assert cells["low"].notna().all()
+    with Image.open(out / "figures/cube.png") as image:
+        assert image.width > 1000
+    assert "cube.png" in page_of(out)
+
+    # Without its names there is no cube.
+    reported(whole, out=out)
+    assert not tables(out)["table"].str.startswith("cube").any()
+    assert not (out / "figures/cube.png").exists()
 
 
-def test_without_its_names_there_is_no_cube(whole, tmp_path):
-    out = reported(whole, out=tmp_path / "out")
-    assert not pd.read_csv(out / "tables.csv")["table"].str.startswith("cube").any()
-
-
-def test_a_missing_model_is_told(runs):
+def test_a_missing_model_is_told(whole, tmp_path):
+    runs = shutil.copytree(whole, tmp_path / "runs/tiny")
     shutil.rmtree(runs / "weights_lovasz")
     out = reported(runs, cube=NAMES)
     assert list(table(out, "cube")["models"]) == [3, 3, 3, 1, 1, 1]
-    text = (out / "report.md").read_text()
-    assert "- weights\\_lovasz seed 1: no run" in text
+    assert "- weights_lovasz seed 1: no run" in page_of(out)
 
 
-def write_biases(folder):
-    """Of the two best ones the smaller is taken."""
-    curve = {"bias": [-1.0, -0.5, 0.0], "val/kar_miou": [0.3, 0.3, 0.2]}
-    pd.DataFrame(curve).to_csv(folder / "free_bias/free_bias.csv", index=False)
+@pytest.fixture
+def runs(tmp_path):
+    """Three models with one seed, each scored at a weight of free."""
+    runs = write_ladder(tmp_path / "runs/tiny", (0,), ("baseline", "attitude", "weights"))
+    for folder in runs.glob("*/seed0"):
+        (folder / "free_bias/tallies").mkdir(parents=True)
+        counts = f"tallies/{folder.parent.name}.npz"
+        shutil.copy(folder / counts, folder / "free_bias" / counts)
+        # Of the two best ones the smaller is taken.
+        curve = {"bias": [-1.0, -0.5, 0.0], "val/kar_miou": [0.3, 0.3, 0.2]}
+        pd.DataFrame(curve).to_csv(folder / "free_bias/free_bias.csv", index=False)
+    return runs
 
 
 def test_what_was_scored_by_tilt_and_with_a_bias_has_tables(runs):
-    for folder in runs.glob("*/seed1"):
-        shutil.rmtree(folder)
     for folder in runs.glob("*/seed0"):
         write_attitude(folder)
-        (folder / "free_bias/tallies").mkdir(parents=True)
-        name = f"{folder.parent.name}.npz"
-        shutil.copy(folder / "tallies" / name, folder / "free_bias/tallies" / name)
-        write_biases(folder)
     out = reported(runs, cube=NAMES)
     scores = ["KAR-mIoU", "mIoU", "Car"]
     tuned, plain = (table(out, key)[scores] for key in ("cube_free_bias", "cube"))
     pd.testing.assert_frame_equal(tuned, plain)
-    cells = pd.read_csv(out / "tables.csv").query("table == 'free_bias' and row == 'skyocc'")
-    values = cells.set_index("column")["value"]
+    cells = tables(out)
+    values = cells.query("table == 'free_bias' and row == 'weights'").set_index("column")["value"]
     assert values["added to free"] == "-0.5"
-    assert float(values["KAR-mIoU"]) == pytest.approx(kar_of(runs, "skyocc"), abs=1e-4)
+    assert float(values["KAR-mIoU"]) == pytest.approx(kar_of(runs, "weights"), abs=1e-4)
     assert list(table(out, "cube_tilt").index) == [FACTORS[0]]
-    sampled = pd.read_csv(out / "tables.csv").query("table == 'sampling' and column == 'clips'")
+    sampled = cells.query("table == 'sampling' and column == 'clips'")
     assert {"tilt_0_5deg, true", "tilt_5_infdeg, true"} <= set(sampled["row"])
 
-    # Of models that differ in something else, nothing is said of the attitude.
-    keys = set(pd.read_csv(reported(runs, cube=["baseline", "lovasz"]) / "tables.csv")["table"])
-    assert "cube_free_bias" in keys
-    assert "cube_tilt" not in keys
-
-    # With one of them gone, effects of some models alone would say something else.
-    shutil.rmtree(runs / "skyocc/seed0/free_bias")
-    again = pd.read_csv(reported(runs, cube=NAMES) / "tables.csv")["table"]
-    assert "cube_free_bias" not in set(again)
-    assert "cube" in set(again)
+    # With one of them gone, effects of some models alone would say something else. And of models
+    # that differ in something else, nothing is said of the attitude.
+    shutil.rmtree(runs / "baseline/seed0/free_bias")
+    for names, is_tuned, has_tilt in ((NAMES, False, True), (["attitude", "weights"], True, False)):
+        keys = set(tables(reported(runs, cube=names))["table"])
+        assert "cube" in keys
+        assert ("cube_free_bias" in keys, "cube_tilt" in keys) == (is_tuned, has_tilt)
 
 
 def test_a_free_bias_of_other_frames_is_refused(runs, tmp_path):
-    other = write_run(tmp_path / "other", "skyocc", 0, labels=1)
-    for folder in (runs / "skyocc/seed0", runs / "baseline/seed0"):
-        counts = f"tallies/{folder.parent.name}.npz"
-        source = other if folder.parent.name == "skyocc" else folder
-        (folder / "free_bias/tallies").mkdir(parents=True)
-        shutil.copy(source / counts, folder / "free_bias" / counts)
-    for folder in runs.glob("*/seed1"):
-        shutil.rmtree(folder)
-    with pytest.raises(UserError, match=r"skyocc.npz: was scored on other labels .*free_bias on"):
-        reported(runs, cube=["baseline", "skyocc"])
+    other = write_run(tmp_path / "other", "weights", 0, labels=1)
+    shutil.copy(other / "tallies/weights.npz", runs / "weights/seed0/free_bias/tallies")
+    with pytest.raises(UserError, match=r"weights.npz: was scored on other labels .*free_bias on"):
+        reported(runs, cube=["baseline", "weights"])
 
 
 def test_what_is_no_cube_is_refused(runs):
-    with pytest.raises(UserError, match=r"task\.cube: no finished run is of sky"):
-        reported(runs, cube=["sky"])
+    write_run(runs, "skyocc", 0)
     write_run(runs, "twin", 0)
-    with pytest.raises(UserError, match="skyocc and twin have the same factors"):
-        reported(runs, cube=[*NAMES, "twin"])
     write_run(runs, "wide", 0, data__batch_size=2)
-    with pytest.raises(UserError, match=r"differ in data\.batch_size: .*wide 2; leave"):
-        reported(runs, cube=["baseline", "wide"])
-
-
-def test_the_picture_is_of_the_tables_that_there_are(runs, tmp_path):
-    out = reported(runs, out=tmp_path / "out", cube=NAMES)
-    with Image.open(out / "figures/cube.png") as image:
-        assert image.width > 1000
-    assert "cube.png" in (out / "report.md").read_text()
-    reported(runs, out=out)
-    assert not (out / "figures/cube.png").exists()
+    for names, message in (
+        (["sky"], r"task\.cube: no finished run is of sky"),
+        ([*NAMES, "twin"], "skyocc and twin have the same factors"),
+        (["baseline", "wide"], r"differ in data\.batch_size: .*wide 2; leave"),
+    ):
+        with pytest.raises(UserError, match=message):
+            reported(runs, cube=names)
 
 
 def write_search(folder, name, lr, *scores):

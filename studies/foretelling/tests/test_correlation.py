@@ -29,9 +29,11 @@ def generator():
     return torch.Generator().manual_seed(0)
 
 
-def table_of(root, scores=SCORES, resamples=50):
+def tables_of(root, scores=SCORES, resamples=5):
+    """The table of correlations by what they are of, and that of the perceptions."""
     perceptions = FlownPerception.all_below([root])
-    return foretelling(perceptions, "seen", scores, "kar_miou", resamples, generator())[0]
+    found = foretelling(perceptions, "seen", scores, "kar_miou", resamples, generator())
+    return found[0].set_index(["frames", "stratum", "target", "score"]).sort_index(), found[1]
 
 
 # ------------------------------------------------------------------------------------ by hand
@@ -89,7 +91,7 @@ def root(tmp_path_factory):
 
 
 def test_scores_that_order_perceptions_as_their_flights_do_have_correlation_one(root):
-    table = table_of(root).set_index(["frames", "stratum", "target", "score"]).sort_index()
+    table, _ = tables_of(root, resamples=50)
     assert set(table.index.get_level_values("frames")) == {"flown", "verge"}
     for score in ("miou_occupied", "kar_miou", "geometric_iou", "false_free_rate"):
         row = table.loc[("verge", "damaged", "collisions", score)]
@@ -104,8 +106,7 @@ def test_scores_that_order_perceptions_as_their_flights_do_have_correlation_one(
 
 def test_the_perceptions_stand_with_their_scores_and_collisions(root):
     """Of six flights as many as one says, less the one of the reference."""
-    perceptions = FlownPerception.all_below([root])
-    table = foretelling(perceptions, "seen", SCORES, "kar_miou", 5, generator())[1]
+    _, table = tables_of(root)
     assert list(table.columns[:4]) == ["frames", "stratum", "perception", "collisions"]
     verge = table[table["frames"] == "verge"].set_index("perception")
     assert list(verge.index) == ["noisy0", "noisy1", "noisy2", "noisy3"]
@@ -117,8 +118,7 @@ def test_the_perceptions_stand_with_their_scores_and_collisions(root):
 
 
 def test_the_better_end_of_a_score_decides_the_sign(root):
-    wrong = SCORES | {"false_free_rate": "high"}
-    table = table_of(root, wrong, resamples=5).set_index(["frames", "stratum", "target", "score"])
+    table, _ = tables_of(root, SCORES | {"false_free_rate": "high"})
     assert table.loc[("flown", "damaged", "collisions", "false_free_rate"), "spearman"] == -1.0
 
 
@@ -127,8 +127,8 @@ def test_collisions_of_the_reference_are_no_one_elses(root, tmp_path):
     write_flown(tmp_path, "seen", 1.0, lambda m, n: n == 0, "anchors")
     for k in range(3):
         write_flown(tmp_path, f"n{k}", 0.9 - 0.2 * k, lambda m, n: n == 0)
-    table = table_of(tmp_path, resamples=5)
-    assert table[table["target"] == "collisions"]["spearman"].isna().all()
+    table, _ = tables_of(tmp_path)
+    assert table.xs("collisions", level="target")["spearman"].isna().all()
 
 
 def foreseen_by(root, *names, scores=SCORES):
@@ -156,6 +156,10 @@ def test_a_worse_perception_is_told_from_a_better_one_and_not_from_itself(root):
     table = foreseen_by(root, "noisy0", "noisy1")
     assert table.loc[("others", "kar_miou"), "auroc"] == 1.0
     assert table.loc[("earlier", "kar_miou"), "auroc"] == 0.5
+    # Without a flight that arrived there is nothing to compare with.
+    row = foreseen_by(root, "noisy1").loc[("others", "kar_miou")]
+    assert (row["collisions"], row["compared"]) == (1, 0)
+    assert math.isnan(row["auroc"])
 
 
 def test_what_never_has_anything_to_count_is_chance_over_the_same_collisions(root):
@@ -168,18 +172,12 @@ def test_what_never_has_anything_to_count_is_chance_over_the_same_collisions(roo
         assert table.loc[(control, "kar_miou"), "compared"] == count
 
 
-def test_without_a_flight_that_arrived_there_is_nothing_to_compare_with(root):
-    row = foreseen_by(root, "noisy1").loc[("others", "kar_miou")]
-    assert (row["collisions"], row["compared"]) == (1, 0)
-    assert math.isnan(row["auroc"])
-
-
 def test_nothing_flown_and_an_absent_reference_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"no <stratum>/<name>/flown/flights.csv there"):
         FlownPerception.all_below([tmp_path])
     write_flown(tmp_path, "mine", 0.9, lambda m, n: False)
     with pytest.raises(UserError, match=r"task.reference: no flights of seen"):
-        table_of(tmp_path)
+        tables_of(tmp_path)
 
 
 def test_perceptions_of_several_places_are_put_together_and_none_is_there_twice(root, tmp_path):
@@ -202,7 +200,7 @@ def test_perceptions_that_flew_other_missions_are_refused(root, tmp_path):
     for other in (whole[1:], whole.assign(truth_s=12.2)):
         other.to_csv(path, index=False)
         with pytest.raises(UserError, match="noisy1 did not fly the missions of seen"):
-            table_of(tmp_path / "flight", resamples=2)
+            tables_of(tmp_path / "flight")
 
 
 def test_a_family_is_drawn_as_a_whole():
@@ -222,10 +220,10 @@ def test_perceptions_scored_on_other_frames_are_refused(root, tmp_path):
     shutil.copy(path.with_name("000.npz"), path)
     for _ in range(2):
         with pytest.raises(UserError, match=r"noisy1/verge/frames: has other frames than .*noisy0"):
-            table_of(tmp_path / "flight", resamples=2)
+            tables_of(tmp_path / "flight")
         path.unlink(missing_ok=True)
 
 
 def test_a_score_that_there_is_not_is_told(root):
     with pytest.raises(UserError, match=r"task.scores.mine: no score of .*; there are .*kar_miou"):
-        table_of(root, SCORES | {"mine": "low"}, resamples=2)
+        tables_of(root, SCORES | {"mine": "low"})

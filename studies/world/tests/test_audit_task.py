@@ -6,7 +6,7 @@ import shutil
 import pandas as pd
 import pytest
 
-from src.data.manifest import MANIFEST, digest_of
+from src.data.manifest import MANIFEST, read_manifest, sealed
 from src.errors import UserError
 from src.tasks.dataset import root_of
 from studies.world.audit import audit
@@ -46,9 +46,8 @@ def test_what_cannot_be_audited_is_refused(config, tmp_path):
     with pytest.raises(UserError, match="task=generate"):
         audit(config, frames_per_clip=1, out=None)
 
-    manifest = json.loads((root / MANIFEST).read_text()) | {"generator": "another"}
-    manifest["digest"] = digest_of({**manifest, "digest": None})
-    (root / MANIFEST).write_text(json.dumps(manifest))
+    manifest = read_manifest(root) | {"generator": "another"}
+    (root / MANIFEST).write_text(json.dumps(sealed(manifest)))
     with pytest.raises(UserError, match="generator another"):
         audit(config, frames_per_clip=1, out=None)
     (root / MANIFEST).unlink()
