@@ -8,7 +8,6 @@ the loop over classes of Berman et al. 2018 (Alg. 1 and Eq. 8): errors sorted as
 Jaccard losses, their differences.
 """
 
-import argparse
 import math
 from collections.abc import Callable
 
@@ -64,10 +63,8 @@ def scene() -> tuple[Tensor, Tensor]:
     return logits.requires_grad_(), target.to(torch.uint8).masked_fill(unknown, UNKNOWN)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--threads", type=int, default=1)
-    torch.set_num_threads(parser.parse_args().threads)
+def main(*, threads: int = 1) -> None:
+    torch.set_num_threads(threads)
     logits, target = scene()
 
     def with_backward(loss: Callable[..., Tensor]) -> Callable[[], Tensor]:

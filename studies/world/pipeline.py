@@ -21,7 +21,6 @@ from src.sim.annotation import FrontView as View
 from src.sim.annotation import elect, is_supported, vote_actors, vote_camera
 from src.sim.clip_maker import ClipMaker, ClipPlan, Observation
 from src.sim.sensors import scan
-from src.sim.world import Rendering
 from studies.world.shot import entropy
 
 CELL_PIX = (560, 315)
@@ -42,11 +41,7 @@ def draw_pipeline(sim: Mapping, plan: ClipPlan, path: Path) -> None:
     rate_hz = min(sim["capture_hz"], sim["lidar_hz"])
     maker = ClipMaker({**sim, "capture_hz": rate_hz}, Path())
     images: list[Pixels] = []
-
-    def keep(_: int, image: Pixels, __: Rendering) -> None:
-        images.append(image)
-
-    seen = maker.observe(plan, keep)
+    seen = maker.observe(plan, lambda frame, image, rendering: images.append(image))
     frame = int(np.argmax([entropy(view.class_id) for view in seen.views]))
     rows = [_sensed(maker, seen, frame, images[frame]), _labelled(maker, seen, frame)]
     write_picture(titled_sheet(rows, CELL_PIX[0]).drawn(), path, MAX_BYTES)
