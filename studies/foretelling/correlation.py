@@ -85,13 +85,15 @@ class FlownPerception:
         return sorted(found.values(), key=lambda each: (each.stratum, each.name))
 
 
-def compared_with(reference: str, perceptions: Sequence[FlownPerception]) -> list[FlownPerception]:
-    """Returns the perceptions of all strata but the reference's, which has the anchors. Raises
-    `UserError` without the reference."""
-    strata = [each.stratum for each in perceptions if each.name == reference]
-    if not strata:
+def compared_with(
+    reference: str, perceptions: Sequence[FlownPerception]
+) -> tuple[list[FlownPerception], pd.DataFrame]:
+    """Returns the perceptions of all strata but the reference's, which has the anchors, and the
+    reference's flights. Raises `UserError` without the reference."""
+    found = [each for each in perceptions if each.name == reference]
+    if not found:
         raise UserError(f"task.reference: no flights of {reference}; fly them, or name another")
-    return [each for each in perceptions if each.stratum != strata[0]]
+    return [each for each in perceptions if each.stratum != found[0].stratum], found[0].flights
 
 
 def foretelling(
@@ -118,8 +120,7 @@ def foretelling(
     reference, for a score that there is not, and for perceptions that flew other missions or are
     scored on other frames.
     """
-    compared = compared_with(reference, perceptions)
-    flown = next(each.flights for each in perceptions if each.name == reference)
+    compared, flown = compared_with(reference, perceptions)
     require_same_flights([(reference, flown), *((each.name, each.flights) for each in compared)])
     maps = sorted(set(flown["map"]))
     weights = resamplings(len(maps), resamples, generator)

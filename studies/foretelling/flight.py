@@ -38,16 +38,13 @@ def perceptions(plan: Mapping, runs: str) -> Iterator[tuple[str, str, list[str]]
         of_run = ["perception=learned", f"name={name}", f"seed={seed}", checkpoint]
         yield "learned", f"{name}-seed{seed}", of_run
 
-    of_run = f"ckpt_path={runs}/skyocc/seed0/{BEST}"
-    for kind, amounts in plan["faulty"].items():
-        for amount in amounts:
-            how = [f"perception.fault={kind}", f"perception.amount={amount}", of_run]
-            yield "faulty", f"{kind}_{amount}", ["perception=faulty", *how]
-
-    for kind, amounts in plan["damaged"].items():
-        for amount in amounts:
-            how = [f"perception.kind={kind}", f"perception.amount={amount}"]
-            yield "damaged", f"{kind}_{amount}", ["perception=damaged", *how]
+    # A fault is one of a model's frames, a damage one of the truth.
+    of_run = [f"ckpt_path={runs}/skyocc/seed0/{BEST}"]
+    for stratum, key, more in (("faulty", "fault", of_run), ("damaged", "kind", [])):
+        for kind, amounts in plan[stratum].items():
+            for amount in amounts:
+                how = [f"perception.{key}={kind}", f"perception.amount={amount}", *more]
+                yield stratum, f"{kind}_{amount}", [f"perception={stratum}", *how]
 
 
 def main(

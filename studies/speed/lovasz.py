@@ -10,6 +10,7 @@ Jaccard losses, their differences.
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import torch
 import torch.nn.functional as F
@@ -70,18 +71,16 @@ def main(*, threads: int = 1) -> None:
     def with_backward(loss: Callable[..., Tensor]) -> Callable[[], Tensor]:
         return lambda: torch.autograd.grad(loss(logits, target), logits)[0]
 
-    def framework_cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
-        return F.cross_entropy(logits, target.long(), ignore_index=UNKNOWN)
-
-    def weighted(logits: Tensor, target: Tensor) -> Tensor:
-        return weighted_cross_entropy(logits, target, torch.ones(NUM_CLASSES))
-
-    measures = {
-        "Lovász-Softmax, the published loop": with_backward(published_loop),
-        "Lovász-Softmax, ours": with_backward(lovasz_softmax),
-        "cross-entropy, the framework's": with_backward(framework_cross_entropy),
-        "weighted cross-entropy, ours": with_backward(weighted),
+    weights = torch.ones(NUM_CLASSES)
+    losses = {
+        "Lovász-Softmax, the published loop": published_loop,
+        "Lovász-Softmax, ours": lovasz_softmax,
+        "cross-entropy, the framework's": lambda logits, target: F.cross_entropy(
+            logits, target.long(), ignore_index=UNKNOWN
+        ),
+        "weighted cross-entropy, ours": partial(weighted_cross_entropy, weight=weights),
     }
+    measures = {name: with_backward(loss) for name, loss in losses.items()}
     subject = "a loss of 600,000 voxels x 9, forward and backward"
     print_costs(subject, measures, ROUNDS, compared(logits, target))
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import matplotlib
@@ -102,11 +103,9 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Pixels) -> 
     column, row = (pix[inside][order] * scale).long().numpy().T
     colors = _by_range(depth_m[inside][order].numpy())
 
-    for right in range(DOT_PIX):
-        for down in range(DOT_PIX):
-            u = np.minimum(column + right, picture.shape[1] - 1)
-            picture[np.minimum(row + down, picture.shape[0] - 1), u] = colors
-
+    for right, down in product(range(DOT_PIX), repeat=2):
+        v = np.minimum(row + down, picture.shape[0] - 1)
+        picture[v, np.minimum(column + right, picture.shape[1] - 1)] = colors
     return picture
 
 
