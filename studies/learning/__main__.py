@@ -45,10 +45,6 @@ class Trials:
         self.path, self.lock = folder / "trials.csv", Lock()
         self.table = pd.read_csv(self.path) if self.path.is_file() else pd.DataFrame()
 
-    def has(self, change: str, seed: int) -> bool:
-        known = self.table.reindex(columns=["change", "seed"])
-        return bool((known == [change, seed]).all(axis=1).any())
-
     def add(self, row: dict[str, object]) -> None:
         with self.lock:
             self.table = pd.concat([self.table, pd.DataFrame([row])], ignore_index=True)
@@ -97,11 +93,13 @@ def main(
 ) -> None:
     planned, trials = read_plan(plan, "overrides", "seeds", "changes"), Trials(out)
     shared, pool = [*planned["overrides"], *overrides], ThreadPoolExecutor(jobs)
+    table = trials.table.reindex(columns=["change", "seed"])
+    done = set(table.itertuples(index=False, name=None))
     # All changes with the first seed come first: an interrupted study compares something.
     trainings = [
         pool.submit(train, trials, change, seed, [*shared, *own])
         for seed, (change, own) in product(planned["seeds"], planned["changes"].items())
-        if not trials.has(change, seed)
+        if (change, seed) not in done
     ]
     try:
         for training in trainings:
