@@ -78,7 +78,7 @@ def main(
     plans = plan_clips(sim)
 
     # The first frames compile the kernels.
-    _make(_sim([*words, "sim.capture_hz=2.5"]), plans[0])
+    _make(_sim([*words, "sim.capture_hz=2.5", "data.history_step_s=0.4"]), plans[0])
     print(f"{machine()}, one thread, 1 clip a town, sim.seed=0")
     print(f"{width}x{height}, grid {sim['grid']['shape']}, {capture_hz:g} Hz")
     built_s: dict[str, float] = defaultdict(float)
