@@ -1,7 +1,11 @@
 """The configuration, the data and the machine of a study, and the way that it is run."""
 
+import sys
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Callable, Sequence
+from inspect import BoundArguments, Parameter, signature
 from pathlib import Path
+from typing import get_args, get_origin
 
 import torch
 import yaml
@@ -46,12 +50,37 @@ def composed_with_data(overrides: Sequence[str]) -> tuple[DictConfig, SkyShieldD
     return cfg, data_of(cfg, finished_dataset(cfg))
 
 
-def run(main: Callable[[], None]) -> None:
-    """Runs a study as run.py runs a task: without warnings, each mistake in one line."""
+def run(main: Callable[..., None]) -> None:
+    """Runs a study, with its arguments from the command line, as run.py runs a task: without
+    warnings, each mistake in one line."""
     quiet_libraries()
     keep_freed_memory()
     with told_in_one_line():
-        main()
+        arguments = arguments_of(main, sys.argv[1:])
+        main(*arguments.args, **arguments.kwargs)
+
+
+def arguments_of(main: Callable[..., None], words: Sequence[str]) -> BoundArguments:
+    """Reads the arguments of a function from the words of a command line.
+
+    Those that have to be given by their name are options: ``out_folder: Path`` is
+    ``--out-folder``, a tuple takes several words, and a bool none.
+    """
+    text = sys.modules[main.__module__].__doc__
+    parser = ArgumentParser(description=text, formatter_class=RawDescriptionHelpFormatter)
+    expected = signature(main)
+    for name, each in expected.parameters.items():
+        option, kind = f"--{name.replace('_', '-')}", each.annotation
+        if each.kind is not Parameter.KEYWORD_ONLY:
+            several = {"nargs": "*"} if each.kind is Parameter.VAR_POSITIONAL else {}
+            parser.add_argument(name, type=kind, **several)
+        elif kind is bool:
+            parser.add_argument(option, action="store_true")
+        else:
+            several = {"nargs": "+"} if get_origin(kind) is tuple else {}
+            needed = {"required": each.default is Parameter.empty, "default": each.default}
+            parser.add_argument(option, type=(*get_args(kind), kind)[0], **several, **needed)
+    return BoundArguments(expected, vars(parser.parse_args(words)))
 
 
 def device() -> torch.device:

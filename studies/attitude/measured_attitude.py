@@ -9,8 +9,8 @@ from torch import Tensor
 
 from src.data.batch import Batch
 from src.data.clip import Clip
-from src.errors import UserError
 from src.geometry import euler_from_rotation, rigid, rotation_from_euler
+from src.limits import require_at_least
 
 
 class MeasuredAttitude:
@@ -41,9 +41,8 @@ class MeasuredAttitude:
         seed: int = 0,
         level: bool = False,
     ) -> None:
-        for name, value in {"noise_deg": noise_deg, "delay_s": delay_s}.items():
-            if not (math.isfinite(value) and value >= 0):
-                raise UserError(f"task.{name}: {value}; give 0 or more")
+        settings = {"noise_deg": noise_deg, "delay_s": delay_s}
+        require_at_least(0, "task", settings, *settings)
 
         self.step = step
         # Drawn once for every clip in sorted order, not as batches come.

@@ -83,17 +83,15 @@ def attitude_tables(attitude: AttitudeScores) -> list[Table]:
     what there is."""
     bins = [each for each in attitude.resamples if each.is_bin and not each.level]
     level = [each for each in attitude.resamples if each.level]
-    # The true attitude stands before them, to compare.
+    # The true attitude stands before them, to compare; it alone makes no table.
     faults = [each for each in attitude.resamples if not (each.is_bin or each.level)]
 
-    tables = []
-    if bins:
-        tables.append(_table(attitude, "tilt", "By tilt", BY_TILT, bins))
-    if level:
-        tables.append(_table(attitude, "level", "Told level flight", BY_LEVEL, level))
-    if len(faults) > 1:
-        tables.append(_table(attitude, "faults", "Wrong attitude", BY_FAULT, faults))
-    return tables
+    chosen = [
+        ("tilt", "By tilt", BY_TILT, bins),
+        ("level", "Told level flight", BY_LEVEL, level),
+        ("faults", "Wrong attitude", BY_FAULT, faults if len(faults) > 1 else []),
+    ]
+    return [_table(attitude, *each) for each in chosen if each[-1]]
 
 
 def _table(

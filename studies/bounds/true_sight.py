@@ -1,6 +1,5 @@
 """A ceiling: what the depth and the class of every pixel, seen perfectly or nearly so, tell."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
@@ -14,7 +13,7 @@ from src.data.batch import Batch
 from src.data.clip import AUX, Clip
 from src.errors import UserError
 from src.geometry import VoxelGrid, pixel_centers, transform, unproject
-from src.limits import require_choice
+from src.limits import require_at_least, require_choice
 from src.ontology import FREE, SKY
 
 By = Literal["image", "pixel"]
@@ -47,8 +46,7 @@ class TrueSight:
 
     def __post_init__(self) -> None:
         require_choice("task.by", self.by, get_args(By))
-        if not (math.isfinite(self.depth_error) and self.depth_error >= 0):
-            raise UserError(f"task.depth_error: {self.depth_error}; give shares of 0 or more")
+        require_at_least(0, "task", vars(self), "depth_error")
         for clip in self.clips.values():
             if not (clip.folder / AUX).is_file():
                 raise UserError(
@@ -112,10 +110,9 @@ def counted(
 ) -> Int[Tensor, "8 X Y Z"]:
     """Counts the points of each class in every voxel; those outside the grid are left out."""
     index, inside = grid.index_of(points)
-    cell = torch.cat([class_id[inside, None].long(), index[inside]], dim=1)
-    shape = (FREE, *grid.shape)
-    flat = (cell * torch.tensor([math.prod(shape[k + 1 :]) for k in range(4)])).sum(dim=1)
-    return flat.bincount(minlength=math.prod(shape)).view(shape)
+    cells = class_id[inside].long(), *index[inside].T
+    counts = torch.zeros(FREE, *grid.shape, dtype=torch.long)
+    return counts.index_put_(cells, torch.tensor(1), accumulate=True)
 
 
 def smooth_field(height: int, width: int, generator: torch.Generator) -> Float[Tensor, "H W"]:
@@ -124,4 +121,4 @@ def smooth_field(height: int, width: int, generator: torch.Generator) -> Float[T
     phase = torch.rand(WAVES, 1, 1, generator=generator)
     x = torch.linspace(0, 1, width)
     y = torch.linspace(0, 1, height)[:, None]
-    return (2 * math.pi * (cycles_x * x + cycles_y * y + phase)).cos().sum(dim=0)
+    return (2 * torch.pi * (cycles_x * x + cycles_y * y + phase)).cos().sum(dim=0)

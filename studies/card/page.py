@@ -107,11 +107,6 @@ def _assignments(key: str, value: object) -> list[str]:
     key = key.replace("sim.grid.", "grid.")
     # These two groups are empty by default, and take what their classes take.
     add = "++" if key.startswith(("sim.flight.", "sim.traffic.")) else ""
-    return [f"{add}{key}={_plain(value)}"]
-
-
-def _plain(value: object) -> str:
-    """A value as Hydra's command line reads it."""
-    if isinstance(value, list | tuple):
-        return f"[{','.join(map(_plain, value))}]"
-    return json.dumps(value) if value is None or isinstance(value, bool) else str(value)
+    # Hydra's command line reads JSON, and needs no quotes around its words.
+    plain = json.dumps(value, separators=(",", ":")).replace('"', "")
+    return [f"{add}{key}={plain}"]

@@ -5,8 +5,9 @@ factors, give its *main effect*: the mean of what it adds to the four models wit
 *interaction* of two factors is how much more the one adds where the other is there, too.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations, product
+from itertools import combinations
 
 from src.errors import UserError
 from src.report.shared_settings import FACTOR_KEYS, SEED, differing, factors_of
@@ -61,34 +62,19 @@ def vertices_of(runs: Sequence[ScoredRun], names: Sequence[str]) -> dict[Vertex,
 def effects(vertices: Mapping[Vertex, str]) -> Iterator[tuple[str, dict[str, float], int]]:
     """Yields the name, the weights of the models, and the number of comparisons, of every main
     effect and every interaction for which there are models."""
-    axes = range(len(FACTORS))
     for order in (1, 2, 3):
-        for chosen in combinations(axes, order):
-            # A comparison holds the other factors as they are, and needs all models that it names.
-            others = [axis for axis in axes if axis not in chosen]
+        for chosen in combinations(range(len(FACTORS)), order):
+            # A comparison is of the models that differ in the chosen factors alone.
+            comparisons = defaultdict(dict)
+            for vertex, name in sorted(vertices.items()):
+                held = tuple(has for axis, has in enumerate(vertex) if axis not in chosen)
+                lacking = sum(not vertex[axis] for axis in chosen)
+                comparisons[held][name] = (-1) ** lacking
 
-            comparisons = [
-                _comparison(chosen, dict(zip(others, held)))
-                for held in product((False, True), repeat=len(others))
-            ]
-            whole = [each for each in comparisons if each.keys() <= vertices.keys()]
-
+            whole = [each for each in comparisons.values() if len(each) == 2**order]
             if whole:
-                weights = {
-                    vertices[vertex]: sign / len(whole)
-                    for comparison in whole
-                    for vertex, sign in comparison.items()
-                }
+                weights = {name: sign / len(whole) for each in whole for name, sign in each.items()}
                 yield " x ".join(FACTORS[axis] for axis in chosen), weights, len(whole)
-
-
-def _comparison(chosen: Sequence[int], held: Mapping[int, bool]) -> dict[Vertex, int]:
-    """Returns the signs of the models that differ in the chosen factors alone."""
-    signs = {}
-    for values in product((False, True), repeat=len(chosen)):
-        has = dict(held) | dict(zip(chosen, values))
-        signs[tuple(has[axis] for axis in range(len(FACTORS)))] = (-1) ** values.count(False)
-    return signs
 
 
 def cube_tables(

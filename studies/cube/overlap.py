@@ -7,7 +7,6 @@ occupied: the share whose center lies in a voxel that a training frame of the sa
 occupied, and with the same class.
 """
 
-import sys
 from collections import defaultdict
 
 import numpy as np
@@ -24,8 +23,8 @@ from studies.settings import composed_with_data, run
 from studies.tables import print_table
 
 
-def main() -> None:
-    _, data = composed_with_data(sys.argv[1:])
+def main(*overrides: str) -> None:
+    _, data = composed_with_data(overrides)
     truth = SkyShieldTruth(data.root, "test")
     frames = defaultdict(list)
     for clip, frame in truth.samples:

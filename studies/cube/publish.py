@@ -2,10 +2,10 @@
 
     python -m studies.cube.publish FOLDER... --out FILE.tar.xz
 
-A report is made from it again after ``python -m tarfile -e FILE.tar.xz FOLDER``.
+A ``FOLDER`` is that of a run, or one above those of runs. A report is made from the archive again
+after ``python -m tarfile -e FILE.tar.xz FOLDER``.
 """
 
-import argparse
 import tarfile
 import tempfile
 from collections.abc import Sequence
@@ -25,18 +25,13 @@ from studies.settings import run
 FILES = (CONFIG, CODE, METRICS, RESULTS, "class_weights.json")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folders", type=Path, nargs="+", help="run folders, or folders above them")
-    parser.add_argument("--out", type=Path, required=True, help="the archive")
-    options = parser.parse_args()
-
-    paths = run_folders(options.folders, options.out)
+def main(first: Path, *others: Path, out: Path) -> None:
+    paths = run_folders([first, *others], out)
     runs = [read_run(path) for path in tracked(paths, "reading")]
     finished = [each for each in runs if isinstance(each, ScoredRun)]
     if not finished:
-        raise UserError(f"{options.folders[0]}: holds no finished run; name a folder of runs")
-    publish_runs(finished, options.out)
+        raise UserError(f"{first}: holds no finished run; name a folder of runs")
+    publish_runs(finished, out)
 
 
 def publish_runs(runs: Sequence[ScoredRun], path: Path) -> None:

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from src.results.bootstrap import interval_of, resamplings, score_samples
 from src.results.counts import Counts
 from src.results.flights import FLIGHTS, holm, p_value, require_same_flights, samples_of
 from src.terminal import tracked
-from studies.foretelling.windows import WINDOWS
+from studies.foretelling.windows import WINDOWS, require_scores
 
 # The first row is of all maps and perceptions, the others are resampled; a column a perception.
 Samples = Float[np.ndarray, "1+r k"]
@@ -30,6 +31,8 @@ MAPS = "maps.npz"
 # The difference of two correlations whose power is told, and what 95 % of a normal lies within.
 DIFFERENCE, BOUND = 0.2, 1.96
 
+
+DIFFERENCES = ("difference", "difference_low", "difference_high")
 
 # What tells perceptions of one family apart: the seed of a training, the amount of a damage.
 MEMBER = re.compile(r"(-seed|_)[\d.]+$")
@@ -82,13 +85,15 @@ class FlownPerception:
         return sorted(found.values(), key=lambda each: (each.stratum, each.name))
 
 
-def compared_with(reference: str, perceptions: Sequence[FlownPerception]) -> list[FlownPerception]:
-    """Returns the perceptions of all strata but the reference's, which has the anchors. Raises
-    `UserError` without the reference."""
-    strata = [each.stratum for each in perceptions if each.name == reference]
-    if not strata:
+def compared_with(
+    reference: str, perceptions: Sequence[FlownPerception]
+) -> tuple[list[FlownPerception], pd.DataFrame]:
+    """Returns the perceptions of all strata but the reference's, which has the anchors, and the
+    reference's flights. Raises `UserError` without the reference."""
+    found = [each for each in perceptions if each.name == reference]
+    if not found:
         raise UserError(f"task.reference: no flights of {reference}; fly them, or name another")
-    return [each for each in perceptions if each.stratum != strata[0]]
+    return [each for each in perceptions if each.stratum != found[0].stratum], found[0].flights
 
 
 def foretelling(
@@ -115,8 +120,7 @@ def foretelling(
     reference, for a score that there is not, and for perceptions that flew other missions or are
     scored on other frames.
     """
-    compared = compared_with(reference, perceptions)
-    flown = next(each.flights for each in perceptions if each.name == reference)
+    compared, flown = compared_with(reference, perceptions)
     require_same_flights([(reference, flown), *((each.name, each.flights) for each in compared)])
     maps = sorted(set(flown["map"]))
     weights = resamplings(len(maps), resamples, generator)
@@ -132,11 +136,7 @@ def foretelling(
         units = counts[0].clips
         own = weights if units == maps else resamplings(len(units), resamples, generator)
         values = _scores(counts, own)
-        for score in scores:
-            if score not in values:
-                raise UserError(
-                    f"task.scores.{score}: no score of {places[0]}; there are {', '.join(values)}"
-                )
+        require_scores(scores, values, places[0])
         targets = _targets([each.flights for each in members], flown, weights)
         standings.append(_standings(frames, members, targets | {s: values[s] for s in scores}))
 
@@ -165,23 +165,20 @@ def counts_by_map(place: Path) -> Counts:
     """
     if place.is_file():
         return Counts.read(place)
-    by_map = {
-        folder.name: [Counts.read(path) for path in sorted(folder.glob("*.npz"))]
-        for folder in sorted(place.iterdir())
-        if folder.is_dir()
-    }
-    first = next(iter(by_map.values()))[0]
-    frames = [sum(sum(each.frames) for each in own) for own in by_map.values()]
+    maps = sorted(folder for folder in place.iterdir() if folder.is_dir())
+    by_map = [[Counts.read(path) for path in sorted(folder.glob("*.npz"))] for folder in maps]
+    first = by_map[0][0]
+    frames = [sum(sum(each.frames) for each in own) for own in by_map]
+
+    def summed(metric: str, name: str) -> Shaped[Tensor, "m *table"]:
+        of_maps = ([each.tables[metric][name].sum(0) for each in own] for own in by_map)
+        return torch.stack([sum(tables) for tables in of_maps])
+
     tables = {
-        metric: {
-            name: torch.stack(
-                [sum(each.tables[metric][name].sum(0) for each in own) for own in by_map.values()]
-            )
-            for name in of_metric
-        }
+        metric: {name: summed(metric, name) for name in of_metric}
         for metric, of_metric in first.tables.items()
     }
-    return Counts(first.name, first.protocol, list(by_map), frames, tables)
+    return Counts(first.name, first.protocol, [folder.name for folder in maps], frames, tables)
 
 
 def _require_same_frames(places: Sequence[Path], counts: Sequence[Counts], alike: bool) -> None:
@@ -212,11 +209,9 @@ def _targets(
 ) -> dict[str, Samples]:
     """Returns the outcomes of the flights; collisions are in excess of the reference's."""
     weights = torch.cat([torch.ones_like(weights[:1]), weights])
-    of_table = [samples_of(each, weights) for each in (*tables, reference)]
+    of_table = [samples_of(each, weights) for each in tables]
     of_target = {t: np.stack([each[t].numpy() for each in of_table], axis=1) for t in TARGETS}
-    of_target = {t: values[:, :-1] for t, values in of_target.items()} | {
-        "collisions": of_target["collisions"][:, :-1] - of_target["collisions"][:, -1:]
-    }
+    of_target["collisions"] -= samples_of(reference, weights)["collisions"].numpy()[:, None]
     return of_target
 
 
@@ -239,12 +234,9 @@ def _drawn(
     first all. Where families are small, -1 stands for none."""
     drawn = {}
     for stratum in sorted(set(strata)):
-        own = [places[(strata == stratum) & (families == f)] for f in dict.fromkeys(families)]
-
-        own = [family for family in own if len(family)]
-        padded = np.full((len(own), max(map(len, own))), -1)
-        for row, family in zip(padded, own):
-            row[: len(family)] = family
+        of_stratum = strata == stratum
+        own = [places[of_stratum & (families == f)] for f in dict.fromkeys(families[of_stratum])]
+        padded = np.array(list(zip_longest(*own, fillvalue=-1))).T
 
         picked = torch.randint(len(own), (resamples, len(own)), generator=generator).numpy()
         picked = np.concatenate([np.arange(len(own))[None], picked])
@@ -267,13 +259,11 @@ def _correlations(
 
     rows = []
     for name, sample in rhos.items():
-        value, low, high = interval_of(sample)
-        row = {"score": name, "spearman": value, "low": low, "high": high}
+        row = {"score": name, **dict(zip(("spearman", "low", "high"), interval_of(sample)))}
         row["kendall"] = kendall(goods[name][0, places[0]], y[0], blocks)
-        apart = sample - rhos[against]
         if name != against:
-            value, low, high = interval_of(apart)
-            row |= {"difference": value, "difference_low": low, "difference_high": high}
+            apart = sample - rhos[against]
+            row |= dict(zip(DIFFERENCES, interval_of(apart)))
             row |= {"p": p_value(apart), "power": _power(apart[1:])}
         rows.append(row)
     return rows

@@ -8,7 +8,6 @@ amounts at which each of the two is at its targets, where it gets there. ``fligh
 file has them: damages of one mIoU and different KAR-mIoU, and the reverse.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
@@ -56,13 +55,8 @@ class Watchers:
             each(moment)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent)
-    options = parser.parse_args()
-
-    words = ["task=fly", "perception=truth", *MISSIONS, *options.overrides]
+def main(*overrides: str, out: Path = Path(__file__).parent) -> None:
+    words = ["task=fly", "perception=truth", *MISSIONS, *overrides]
     config = OmegaConf.to_container(composed(words), resolve=True)
     torch.set_num_threads(1)
     campaign, tables = Campaign(config), {}
@@ -72,18 +66,17 @@ def main() -> None:
         _, watchers = campaign.watched(job, lambda stage: Watchers(stage, config, campaign))
         for key, scores in watchers.of.items():
             counts = scores.counts(job.mission.flight)
-            metric = counts.suite().metric("occupancy")
-            whole = {name: table[0] for name, table in counts.tables["occupancy"].items()}
-            before = tables.setdefault(key, (metric, {name: 0 for name in whole}))[1]
-            tables[key] = metric, {name: before[name] + whole[name] for name in whole}
+            summed = tables.setdefault(key, {})
+            for name, table in counts.tables["occupancy"].items():
+                summed[name] = summed.get(name, 0) + table[0]
 
-    rows = []
-    for (kind, amount), (metric, summed) in tables.items():
+    rows, metric = [], counts.suite().metric("occupancy")
+    for (kind, amount), summed in tables.items():
         scores = metric.scores(summed)
         values = {name: round(float(scores[name]), 4) for name in ("miou_occupied", "kar_miou")}
         rows.append({"kind": kind, "amount": amount, **values})
     table = pd.DataFrame(rows)
-    write_table(table, options.out / "damage.csv")
+    write_table(table, out / "damage.csv")
     for score, targets in TARGETS.items():
         columns = ("kind", *(f"{target:.0%}" for target in targets))
         print_table(f"amounts at which {score} is so much", columns, _reached(table, score))

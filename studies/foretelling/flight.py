@@ -11,7 +11,6 @@ turns on a mission. It can be interrupted: flights that are there are not flown 
 names perceptions or strata.
 """
 
-import argparse
 from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
@@ -20,12 +19,12 @@ from omegaconf import OmegaConf
 
 from src.errors import UserError
 from src.results.counts import Counts
-from src.run_folder import TALLIES
+from src.run_folder import BEST, TALLIES
 from src.tasks.fly import fly_together
 from src.terminal import say, tracked
 from studies.settings import composed, read_plan, run
 
-CHECKPOINT = "checkpoints/best.ckpt"
+PLAN = Path(__file__).with_suffix(".yaml")
 
 
 def perceptions(plan: Mapping, runs: str) -> Iterator[tuple[str, str, list[str]]]:
@@ -35,52 +34,42 @@ def perceptions(plan: Mapping, runs: str) -> Iterator[tuple[str, str, list[str]]
             yield stratum, name, [each.replace("{runs}", runs) for each in overrides]
 
     for name, seed in product(plan["learned"]["runs"], plan["learned"]["seeds"]):
-        of_run = [
-            f"name={name}",
-            f"seed={seed}",
-            f"ckpt_path={runs}/{name}/seed{seed}/{CHECKPOINT}",
-        ]
-        yield "learned", f"{name}-seed{seed}", ["perception=learned", *of_run]
+        checkpoint = f"ckpt_path={runs}/{name}/seed{seed}/{BEST}"
+        of_run = ["perception=learned", f"name={name}", f"seed={seed}", checkpoint]
+        yield "learned", f"{name}-seed{seed}", of_run
 
-    of_run = f"ckpt_path={runs}/skyocc/seed0/{CHECKPOINT}"
-    for kind, amounts in plan["faulty"].items():
-        for amount in amounts:
-            how = [f"perception.fault={kind}", f"perception.amount={amount}", of_run]
-            yield "faulty", f"{kind}_{amount}", ["perception=faulty", *how]
-
-    for kind, amounts in plan["damaged"].items():
-        for amount in amounts:
-            how = [f"perception.kind={kind}", f"perception.amount={amount}"]
-            yield "damaged", f"{kind}_{amount}", ["perception=damaged", *how]
+    # A fault is one of a model's frames, a damage one of the truth.
+    of_run = [f"ckpt_path={runs}/skyocc/seed0/{BEST}"]
+    for stratum, key, more in (("faulty", "fault", of_run), ("damaged", "kind", [])):
+        for kind, amounts in plan[stratum].items():
+            for amount in amounts:
+                how = [f"perception.{key}={kind}", f"perception.amount={amount}", *more]
+                yield stratum, f"{kind}_{amount}", [f"perception={stratum}", *how]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--runs", default="runs/ladder", help="folder of the runs that fly")
-    parser.add_argument("--out", type=Path, default=Path("runs/flight"))
-    parser.add_argument("--only", nargs="+", default=[], help="perceptions or strata")
-    parser.add_argument("--plan", type=Path, default=Path(__file__).with_suffix(".yaml"))
-    options = parser.parse_args()
-
-    plan = read_plan(
-        options.plan, "overrides", "sets", "perceptions", "learned", "faulty", "damaged"
-    )
-    there = list(perceptions(plan, options.runs))
-    wanted = set(options.only)
+def main(
+    *overrides: str,
+    runs: str = "runs/ladder",
+    out: Path = Path("runs/flight"),
+    only: tuple[str, ...] = (),
+    plan: Path = PLAN,
+) -> None:
+    keys = "overrides", "sets", "perceptions", "learned", "faulty", "damaged"
+    planned = read_plan(plan, *keys)
+    there, wanted = list(perceptions(planned, runs)), set(only)
     if unknown := wanted - {word for stratum, name, _ in there for word in (stratum, name)}:
-        raise UserError(f"--only: {', '.join(sorted(unknown))} is not in {options.plan}")
+        raise UserError(f"--only: {', '.join(sorted(unknown))} is not in {plan}")
     chosen = [each for each in there if not wanted or wanted & {each[0], each[1]}]
 
     for stratum, name, _ in chosen:
         if stratum == "learned":
-            write_test(Path(options.runs), name, options.out / stratum / name)
-    for frames, of_set in plan["sets"].items():
+            write_test(Path(runs), name, out / stratum / name)
+    for frames, of_set in planned["sets"].items():
         say(frames)
         configs = []
-        for stratum, name, overrides in tracked(chosen, "composing"):
-            out = options.out / stratum / name / frames
-            words = [*plan["overrides"], *of_set, *overrides, f"task.out={out}", *options.overrides]
+        for stratum, name, own in tracked(chosen, "composing"):
+            own = [*of_set, *own, f"task.out={out / stratum / name / frames}"]
+            words = [*planned["overrides"], *own, *overrides]
             configs.append(OmegaConf.to_container(composed(words), resolve=True))
         fly_together(configs)
 

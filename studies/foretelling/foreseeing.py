@@ -54,11 +54,9 @@ def foreseen(
         for control in CONTROLS:
             won = torch.tensor(found[control, score].to_numpy())
             there = ~won.isnan()
-            value, low, high = interval_of(
-                (weights[:, there] @ won[there]) / weights[:, there].sum(1)
-            )
+            areas = (weights[:, there] @ won[there]) / weights[:, there].sum(1)
             numbers = {"collisions": len(found), "compared": int(there.sum())}
-            area = {"auroc": value, "low": low, "high": high}
+            area = dict(zip(("auroc", "low", "high"), interval_of(areas)))
             rows.append({"score": score, "control": control, **numbers, **area})
     return pd.DataFrame(rows)
 

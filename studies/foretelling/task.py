@@ -46,7 +46,7 @@ def foretell(
     write_table(table, folder / "correlations.csv")
     write_table(standings, folder / "perceptions.csv")
 
-    compared = compared_with(reference, perceptions)
+    compared, of_reference = compared_with(reference, perceptions)
     counted = [each for each in perceptions if each.windows]
     windows = {
         each.name: windows_of(each.windows, scores)
@@ -54,7 +54,6 @@ def foretell(
     }
     flown = [each for each in compared if each.name in windows]
     if flown:
-        of_reference = next(each.flights for each in perceptions if each.name == reference)
         foresight = foreseen(flown, windows, of_reference, scores, resamples, generator)
         write_table(foresight, folder / "foreseen.csv")
 

@@ -36,7 +36,7 @@ def windows_of(place: Path, scores: Collection[str]) -> dict[str, Windows]:
         for metric, tables in counts.tables.items():
             sums = {name: table[1:] + table[:-1] for name, table in tables.items()}
             values |= suite.metric(metric).scores(sums)
-        _require(scores, values, place)
+        require_scores(scores, values, place)
         found[f"{path.parent.name}/{path.stem}"] = {
             score: np.r_[math.nan, values[score].numpy()].astype(np.float32) for score in scores
         }
@@ -48,7 +48,7 @@ def _read(path: Path, scores: Collection[str]) -> dict[str, Windows]:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         flights, ends = arrays.pop("flights").tolist(), np.cumsum(arrays.pop("seconds"))[:-1]
-        _require(scores, arrays, path)
+        require_scores(scores, arrays, path)
         parts = {score: np.split(arrays[score], ends) for score in scores}
     except BROKEN as error:
         raise UserError(f"{path}: cannot be read ({error})") from error
@@ -58,7 +58,8 @@ def _read(path: Path, scores: Collection[str]) -> dict[str, Windows]:
     }
 
 
-def _require(scores: Collection[str], known: Collection[str], place: Path) -> None:
+def require_scores(scores: Collection[str], known: Collection[str], place: Path) -> None:
+    """Raises `UserError` for a score that is not known of what lies at a place."""
     if missing := [score for score in scores if score not in known]:
         raise UserError(
             f"task.scores.{missing[0]}: no score of {place}; there are {', '.join(known)}"

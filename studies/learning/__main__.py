@@ -8,7 +8,6 @@ a time, as ``run.py`` would; the overrides are added to all of them. A row is ad
 again, so it can be interrupted. Prints the table of means. The runs lie in ``runs/learning``.
 """
 
-import argparse
 import re
 import subprocess
 import sys
@@ -20,14 +19,15 @@ from threading import Lock
 
 import pandas as pd
 
-from src.atomic import replacing
 from src.errors import UserError
 from src.provenance import SOURCE, git_commit
+from src.results.files import write_table
 from src.terminal import say
 from studies.settings import read_plan, run
 from studies.tables import print_table
 
 RUNS = "runs/learning"
+PLAN = Path(__file__).with_name("plan.yaml")
 SCORES = {
     "KAR-mIoU": "val/kar_miou",
     "thin structure": "val/iou/thin_structure",
@@ -45,15 +45,10 @@ class Trials:
         self.path, self.lock = folder / "trials.csv", Lock()
         self.table = pd.read_csv(self.path) if self.path.is_file() else pd.DataFrame()
 
-    def has(self, change: str, seed: int) -> bool:
-        known = self.table.reindex(columns=["change", "seed"])
-        return bool((known == [change, seed]).all(axis=1).any())
-
     def add(self, row: dict[str, object]) -> None:
         with self.lock:
             self.table = pd.concat([self.table, pd.DataFrame([row])], ignore_index=True)
-            with replacing(self.path) as temporary:
-                self.table.to_csv(temporary, index=False)
+            write_table(self.table, self.path)
 
 
 def train(trials: Trials, change: str, seed: int, overrides: list[str]) -> None:
@@ -90,27 +85,25 @@ def table_of(trials: pd.DataFrame) -> pd.DataFrame:
     return table.round({name: 1 for name in SCORES})
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--jobs", type=int, default=2, help="trainings at a time, a thread each")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent)
-    parser.add_argument("--plan", type=Path, default=Path(__file__).with_name("plan.yaml"))
-    options = parser.parse_args()
-
-    plan = read_plan(options.plan, "overrides", "seeds", "changes")
-    trials = Trials(options.out)
-    shared = [*plan["overrides"], *options.overrides]
-    pool = ThreadPoolExecutor(options.jobs)
+def main(
+    *overrides: str,
+    jobs: int = 2,
+    out: Path = Path(__file__).parent,
+    plan: Path = PLAN,
+) -> None:
+    planned, trials = read_plan(plan, "overrides", "seeds", "changes"), Trials(out)
+    shared, pool = [*planned["overrides"], *overrides], ThreadPoolExecutor(jobs)
+    table = trials.table.reindex(columns=["change", "seed"])
+    done = set(table.itertuples(index=False, name=None))
     # All changes with the first seed come first: an interrupted study compares something.
-    jobs = [
-        pool.submit(train, trials, change, seed, [*shared, *overrides])
-        for seed, (change, overrides) in product(plan["seeds"], plan["changes"].items())
-        if not trials.has(change, seed)
+    trainings = [
+        pool.submit(train, trials, change, seed, [*shared, *own])
+        for seed, (change, own) in product(planned["seeds"], planned["changes"].items())
+        if (change, seed) not in done
     ]
     try:
-        for job in jobs:
-            job.result()
+        for training in trainings:
+            training.result()
     finally:
         # After a mistake or Ctrl-C what has not begun does not begin.
         pool.shutdown(cancel_futures=True)

@@ -1,6 +1,5 @@
 """The weight of an error by its distance: ``python -m studies.sensitivity.penalty_curve PNG``."""
 
-import sys
 from pathlib import Path
 
 import torch
@@ -8,13 +7,14 @@ from matplotlib.figure import Figure
 
 from src.metrics.functional import Penalty
 from src.report.canvas import INK, MUTED, write_figure
+from studies.settings import run
 
 SPEEDS_MPS = (5.0, 8.0, 12.0)
 COLORS = ("#2962ff", "#00898a", "#d1495b")
 REACH_M, SIZE_INCHES, DPI = 70.0, (8.0, 3.6), 150
 
 
-def draw_penalty(path: str | Path) -> None:
+def draw_penalty(path: Path) -> None:
     """Write a PNG: the paper's penalty at three speeds by distance, the bubbles' edges dotted.
 
     Raises `UserError` for a path that cannot be written.
@@ -46,4 +46,4 @@ def draw_penalty(path: str | Path) -> None:
 
 
 if __name__ == "__main__":
-    draw_penalty(sys.argv[1])
+    run(draw_penalty)

@@ -10,7 +10,6 @@ once for those in view alone, as its callers gather them. Prints median millisec
 the memory that each takes; asserts nothing.
 """
 
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 
@@ -90,13 +89,9 @@ def scene(dataset: Path) -> tuple[Tensor, list[Tensor], References]:
     return query.to(device()).requires_grad_(), features, references
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("dataset", type=Path)
-    parser.add_argument("--threads", type=int, default=1)
-    options = parser.parse_args()
-    torch.set_num_threads(options.threads)
-    query, features, references = scene(options.dataset)
+def main(dataset: Path, *, threads: int = 1) -> None:
+    torch.set_num_threads(threads)
+    query, features, references = scene(dataset)
     torch.manual_seed(0)
     attention = DeformableCrossAttention(DIM, HEIGHTS, HEADS, POINTS).to(device())
     # Fresh offsets are zero, so all points of a head would fall on one place.

@@ -1,6 +1,7 @@
 """The time of generation by stage: one clip on one core.
 
     python -m studies.speed.generation --width 384 --height 224 --capture-hz 25
+                                       [--towns TOWN...] [OVERRIDE...]
 
 Prints milliseconds a frame of every stage, for the first clip of every town under the weather that
 its place in the dataset gives it; then frames a second of one core, and the peak memory. The first
@@ -8,7 +9,6 @@ frames compile the kernels: a short clip before the measured ones pays for that.
 beforehand, as a worker does once for all clips of a town; what that takes is printed below.
 """
 
-import argparse
 import resource
 import tempfile
 from collections import defaultdict
@@ -33,6 +33,7 @@ from src.sim.world import World
 from studies.settings import composed, run
 from studies.speed.timing import timed
 
+TOWNS = tuple(town_names())
 # The functions that are timed: the stage's name in the table, the owner, and the name there.
 STAGES: list[tuple[str, object, str]] = [
     ("flight, traffic, scene", ClipMaker, "stage"),
@@ -62,24 +63,24 @@ def timed_stages() -> Iterator[dict[str, float]]:
         yield seconds
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--width", type=int, default=384)
-    parser.add_argument("--height", type=int, default=224)
-    parser.add_argument("--capture-hz", type=float, default=25)
-    parser.add_argument(
-        "--towns", nargs="+", default=town_names(), choices=town_names(), metavar="TOWN"
-    )
-    parser.add_argument("overrides", nargs="*", help="any other setting, such as sim.lidar_hz=10")
-    args = parser.parse_args()
+def main(
+    *overrides: str,
+    width: int = 384,
+    height: int = 224,
+    capture_hz: float = 25.0,
+    towns: tuple[str, ...] = TOWNS,
+) -> None:
     torch.set_num_threads(1)
-    sim = _sim(args)
+    image = [f"sim.image.width={width}", f"sim.image.height={height}"]
+    of_towns = ["sim.clips_per_town=1", f"sim.towns=[{','.join(towns)}]"]
+    words = ["scale=paper", f"sim.capture_hz={capture_hz}", *image, *of_towns, *overrides]
+    sim = _sim(words)
     plans = plan_clips(sim)
 
     # The first frames compile the kernels.
-    _make(_sim(args, "sim.capture_hz=2.5"), plans[0])
+    _make(_sim([*words, "sim.capture_hz=2.5", "data.history_step_s=0.4"]), plans[0])
     print(f"{machine()}, one thread, 1 clip a town, sim.seed=0")
-    print(f"{args.width}x{args.height}, grid {sim['grid']['shape']}, {args.capture_hz:g} Hz")
+    print(f"{width}x{height}, grid {sim['grid']['shape']}, {capture_hz:g} Hz")
     built_s: dict[str, float] = defaultdict(float)
     columns = {}
     for plan in plans:
@@ -97,17 +98,8 @@ def main() -> None:
     print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB")
 
 
-def _sim(args: argparse.Namespace, *more: str) -> dict:
-    settings = [
-        "scale=paper",
-        "sim.clips_per_town=1",
-        f"sim.image.width={args.width}",
-        f"sim.image.height={args.height}",
-        f"sim.capture_hz={args.capture_hz}",
-        f"sim.towns=[{','.join(args.towns)}]",
-    ]
-    cfg = composed([*settings, *args.overrides, *more])
-    return OmegaConf.to_container(cfg.sim, resolve=True)
+def _sim(overrides: list[str]) -> dict:
+    return OmegaConf.to_container(composed(overrides).sim, resolve=True)
 
 
 def _make(sim: dict, plan: ClipPlan) -> int:

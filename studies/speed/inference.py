@@ -9,7 +9,6 @@ milliseconds a frame, frames a second, the ratio to computing the queue anew, an
 frame takes beyond the model; asserts nothing.
 """
 
-import argparse
 import tempfile
 from collections.abc import Callable
 from functools import partial
@@ -67,16 +66,11 @@ def contenders(
     return measures
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("overrides", nargs="+")
-    parser.add_argument("--threads", type=int, default=torch.get_num_threads())
-    parser.add_argument("--exported", action="store_true")
-    options = parser.parse_args()
-    torch.set_num_threads(options.threads)
-    cfg, data = composed_with_data(options.overrides)
+def main(*overrides: str, threads: int = torch.get_num_threads(), exported: bool = False) -> None:
+    torch.set_num_threads(threads)
+    cfg, data = composed_with_data(overrides)
     with tempfile.TemporaryDirectory() as folder:
-        measures = contenders(cfg, data, options.exported, Path(folder))
+        measures = contenders(cfg, data, exported, Path(folder))
         print_costs(f"a frame at scale {cfg.scale_name}", measures, ROUNDS)
 
 

@@ -8,7 +8,6 @@ dataset's: level flight, 90 degrees. The lifts take turns, so that whatever else
 meets all of them.
 """
 
-import argparse
 from collections.abc import Callable
 
 import torch
@@ -28,36 +27,6 @@ LIFTS = sorted(path.stem for path in (GROUPS / "model" / "lift").glob("*.yaml"))
 CHANNELS = (256, 512, 1024, 2048)
 
 
-class Scene:
-    """The inputs of a lift at the paper's size, and the lifts."""
-
-    def __init__(self) -> None:
-        named = {name: composed(["scale=paper", f"model/lift={name}"]) for name in LIFTS}
-        cfg = named[LIFTS[0]]
-        torch.manual_seed(0)
-        size = {"dim": cfg.size.dim, "num_heights": cfg.size.heights}
-        self.lifts = {name: instantiate(c.model.encoder.lift)(**size) for name, c in named.items()}
-
-        image = cfg.sim.image
-        self.references = references_of(VoxelGrid(**cfg.grid), cfg.size.heights, image)
-        self.query = torch.randn(1, self.references.valid.shape[1], cfg.size.dim)
-        self.maps = [
-            torch.randn(1, c, image.height // s, image.width // s)
-            for c, s in zip(CHANNELS, STRIDES)
-        ]
-
-        # A pyramid computes only the levels that its lift reads.
-        self.necks = {
-            name: FPN(CHANNELS, cfg.size.dim, getattr(lift, "reads_strides", STRIDES))
-            for name, lift in self.lifts.items()
-        }
-        self.features = FPN(CHANNELS, cfg.size.dim)(self.maps)
-        self.title = (
-            f"{cfg.size.dim} channels, {self.query.shape[1]} pillars of {cfg.size.heights} "
-            f"heights, image {image.width}x{image.height}"
-        )
-
-
 def references_of(grid: VoxelGrid, num_heights: int, image) -> References:
     """Returns the references of a level UAV with its camera at its center."""
     pix_from_camera = pinhole(image.width, image.height, torch.pi / 2).float()
@@ -66,35 +35,43 @@ def references_of(grid: VoxelGrid, num_heights: int, image) -> References:
     return references(torch.eye(4)[None], *camera, (image.width, image.height))
 
 
-def measures(scene: Scene) -> dict[str, Callable[[], object]]:
-    """Returns the measures of all lifts by name."""
+def measures() -> tuple[str, dict[str, Callable[[], object]], list[str]]:
+    """Returns what is measured, the measures of all lifts by name, and the size of each lift."""
+    named = {name: composed(["scale=paper", f"model/lift={name}"]) for name in LIFTS}
+    cfg = named[LIFTS[0]]
+    dim, heights, image = cfg.size.dim, cfg.size.heights, cfg.sim.image
 
-    def forward(lift: nn.Module) -> Tensor:
-        features = [feature.detach().requires_grad_() for feature in scene.features]
-        return lift(scene.query, features, scene.references)
+    torch.manual_seed(0)
+    references = references_of(VoxelGrid(**cfg.grid), heights, image)
+    query = torch.randn(1, references.valid.shape[1], dim)
+    levels = zip(CHANNELS, STRIDES)
+    maps = [torch.randn(1, c, image.height // s, image.width // s) for c, s in levels]
+    pyramid = FPN(CHANNELS, dim)(maps)
 
     # A forward with its backward needs inputs that want gradients; they are made anew each time.
+    def forward(lift: nn.Module) -> Tensor:
+        features = [feature.detach().requires_grad_() for feature in pyramid]
+        return lift(query, features, references)
+
     todo: dict[str, Callable[[], object]] = {}
-    for name, lift in scene.lifts.items():
-        neck = scene.necks[name]
+    notes = []
+    for name, own in named.items():
+        lift = instantiate(own.model.encoder.lift)(dim=dim, num_heights=heights)
+        # A pyramid computes only the levels that its lift reads.
+        neck = FPN(CHANNELS, dim, getattr(lift, "reads_strides", STRIDES))
         todo[f"{name}, forward"] = lambda lift=lift: torch.no_grad()(forward)(lift)
         todo[f"{name}, forward and backward"] = lambda lift=lift: forward(lift).sum().backward()
-        todo[f"{name}, its pyramid"] = lambda neck=neck: torch.no_grad()(neck)(scene.maps)
-    return todo
+        todo[f"{name}, its pyramid"] = lambda neck=neck: torch.no_grad()(neck)(maps)
+        notes.append(f"{name}: {sum(each.numel() for each in lift.parameters()):,} parameters")
+
+    pillars = f"{query.shape[1]} pillars of {heights} heights"
+    return f"{dim} channels, {pillars}, image {image.width}x{image.height}", todo, notes
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--rounds", type=int, default=7)
-    arguments = parser.parse_args()
-    torch.set_num_threads(arguments.threads)
-    scene = Scene()
-    notes = []
-    for name, lift in scene.lifts.items():
-        count = sum(parameter.numel() for parameter in lift.parameters())
-        notes.append(f"{name}: {count:,} parameters")
-    print_costs(scene.title, measures(scene), arguments.rounds, notes)
+def main(*, threads: int = 1, rounds: int = 7) -> None:
+    torch.set_num_threads(threads)
+    title, todo, notes = measures()
+    print_costs(title, todo, rounds, notes)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ the loop over classes of Berman et al. 2018 (Alg. 1 and Eq. 8): errors sorted as
 Jaccard losses, their differences.
 """
 
-import argparse
 import math
 from collections.abc import Callable
 
@@ -68,27 +67,28 @@ def lovasz_softmax(logits: Tensor, target: Tensor) -> Tensor:
     return lovasz(*supervised(logits, target))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--threads", type=int, default=1)
-    torch.set_num_threads(parser.parse_args().threads)
+def framework_cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
+    return F.cross_entropy(logits, target.long(), ignore_index=UNKNOWN)
+
+
+def weighted(logits: Tensor, target: Tensor) -> Tensor:
+    return cross_entropy(*supervised(logits, target), torch.ones(NUM_CLASSES))
+
+
+def main(*, threads: int = 1) -> None:
+    torch.set_num_threads(threads)
     logits, target = scene()
 
     def with_backward(loss: Callable[..., Tensor]) -> Callable[[], Tensor]:
         return lambda: torch.autograd.grad(loss(logits, target), logits)[0]
 
-    def framework_cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
-        return F.cross_entropy(logits, target.long(), ignore_index=UNKNOWN)
-
-    def weighted(logits: Tensor, target: Tensor) -> Tensor:
-        return cross_entropy(*supervised(logits, target), torch.ones(NUM_CLASSES))
-
-    measures = {
-        "Lovász-Softmax, the published loop": with_backward(published_loop),
-        "Lovász-Softmax, ours": with_backward(lovasz_softmax),
-        "cross-entropy, the framework's": with_backward(framework_cross_entropy),
-        "weighted cross-entropy, ours": with_backward(weighted),
+    losses = {
+        "Lovász-Softmax, the published loop": published_loop,
+        "Lovász-Softmax, ours": lovasz_softmax,
+        "cross-entropy, the framework's": framework_cross_entropy,
+        "weighted cross-entropy, ours": weighted,
     }
+    measures = {name: with_backward(loss) for name, loss in losses.items()}
     subject = "a loss of 600,000 voxels x 9, forward and backward"
     print_costs(subject, measures, ROUNDS, compared(logits, target))
 

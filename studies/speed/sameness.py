@@ -6,7 +6,6 @@ scores on the test split and on its parts, and of the anchors' scores, and how m
 datasets differ in any byte.
 """
 
-import argparse
 from pathlib import Path
 
 import pandas as pd
@@ -48,10 +47,7 @@ def clips_of(run: Path) -> dict[str, str]:
     return {clip: listed["sha256"] for clip, listed in manifest["clips"].items()}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("runs", type=Path, nargs="+", metavar="RUN")
-    first, *others = parser.parse_args().runs
+def main(first: Path, *others: Path) -> None:
     clips, rows = clips_of(first), []
     for other in others:
         other_clips = clips_of(other)

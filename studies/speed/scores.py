@@ -8,7 +8,6 @@ torchmetrics' `MulticlassJaccardIndex` at its defaults, and the memory that an u
 its inputs. The measures take turns, so that whatever else the machine does meets all of them.
 """
 
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 
@@ -68,11 +67,9 @@ def measures(dataset: Path) -> tuple[dict[str, Callable[[], object]], str]:
     }, subject
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("dataset", type=Path)
+def main(dataset: Path) -> None:
     torch.set_num_threads(1)
-    todo, subject = measures(parser.parse_args().dataset)
+    todo, subject = measures(dataset)
     print_costs(f"an update with {subject}", todo, ROUNDS)
 
 

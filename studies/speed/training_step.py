@@ -8,10 +8,9 @@ configuration there. Prints samples per second, the share of each stage, the pea
 often a step makes the host wait for a GPU, which a simulated one counts; asserts nothing.
 """
 
-import argparse
 import resource
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 
 import torch
@@ -80,7 +79,7 @@ class Step:
             return network.decode(fused, batch), frame.sight
 
 
-def measure(overrides: list[str], steps: int) -> tuple[DictConfig, Seconds, str]:
+def measure(overrides: Sequence[str], steps: int) -> tuple[DictConfig, Seconds, str]:
     """Returns configuration, seconds of every stage over all steps, and the machine."""
     cfg, data = composed_with_data(overrides)
     step = Step(cfg, device())
@@ -114,16 +113,12 @@ def waits_of_step(cfg: DictConfig, batch: Mapping[str, Tensor]) -> Counter[str]:
         return waits.copy()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("overrides", nargs="+")
-    parser.add_argument("--steps", type=int, default=12)
-    options = parser.parse_args()
-    cfg, seconds, where = measure(options.overrides, options.steps)
+def main(*overrides: str, steps: int = 12) -> None:
+    cfg, seconds, where = measure(overrides, steps)
     total_s = sum(seconds.values())
-    rate = options.steps * cfg.data.batch_size / total_s
+    rate = steps * cfg.data.batch_size / total_s
     rows = [
-        (stage, f"{1e3 * spent_s / options.steps:.0f}", f"{100 * spent_s / total_s:.1f} %")
+        (stage, f"{1e3 * spent_s / steps:.0f}", f"{100 * spent_s / total_s:.1f} %")
         for stage, spent_s in seconds.items()
     ]
 

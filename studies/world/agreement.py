@@ -62,34 +62,33 @@ class SurfaceAgreement:
         self, scope: str, semantics: Labels, truth: SurfaceTruth, surfaces: OfClasses, air: Voxels
     ) -> None:
         """Counts a frame's ``surfaces``, the labels there, and those in the open ``air``."""
-        occupied = semantics < FREE
+        occupied, labelled = semantics < FREE, semantics[..., None] == np.array(OCCUPIED)
         true, in_scope = truth.holds & surfaces, surfaces.any(axis=-1) | air
-        holds_any, named_any = truth.holds.any(axis=-1), np.zeros(semantics.shape, dtype=bool)
-
-        for k in OCCUPIED:
-            own = (semantics == k) & in_scope
-            voxels = {
-                "true": true[..., k],
-                "found": true[..., k] & occupied,
-                "named": true[..., k] & own,
-                "labelled": own,
-                "right": own & holds_any,
-                "right_name": own & truth.holds[..., k],
-                "ghosts": own & ~truth.touches[..., k],
-            }
-            self._count(scope, CLASSES[k], voxels)
-            named_any |= (semantics == k) & truth.holds[..., k]
+        own, holds_any = labelled & in_scope[..., None], truth.holds.any(axis=-1)
+        of_classes = {
+            "true": true,
+            "found": true & occupied[..., None],
+            "named": true & own,
+            "labelled": own,
+            "right": own & holds_any[..., None],
+            "right_name": own & truth.holds,
+            "ghosts": own & ~truth.touches,
+        }
 
         # A voxel has one label, but may hold several classes: true ones do not add up.
-        of_labels = ["labelled", "right", "right_name", "ghosts"]
-        classes = self.counts.loc[scope, of_labels].drop(ALL)
-        self.counts.loc[(scope, ALL), of_labels] = classes.sum()
         any_true, free = true.any(axis=-1), (semantics == FREE) & air
-        voxels = {"true": any_true, "found": any_true & occupied, "named": any_true & named_any}
-        self._count(scope, ALL, voxels | {"free": free, "free_wrong": free & holds_any})
-
-    def _count(self, scope: str, row: str, voxels: dict[str, Voxels]) -> None:
-        self.counts.loc[(scope, row), list(voxels)] += [each.sum() for each in voxels.values()]
+        of_all = {
+            **{name: voxels.any(axis=-1) for name, voxels in of_classes.items()},
+            "named": any_true & (labelled & truth.holds).any(axis=-1),
+            "free": free,
+            "free_wrong": free & holds_any,
+        }
+        rows = {
+            CLASSES[k]: {name: voxels[..., k] for name, voxels in of_classes.items()}
+            for k in OCCUPIED
+        }
+        for row, voxels in {**rows, ALL: of_all}.items():
+            self.counts.loc[(scope, row), list(voxels)] += [each.sum() for each in voxels.values()]
 
     def table(self) -> pd.DataFrame:
         """Returns counts and shares by scope and class; shares are NaN where there is nothing.

@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 
-from src.atomic import replacing
 from src.data.clip import Clip
 from src.data.manifest import missing_clips, read_manifest, require_same_data
 from src.errors import UserError
 from src.limits import require_at_least
 from src.provenance import git_commit, machine
+from src.report.template import write_text
 from src.sim.clip_maker import ClipMaker, ClipPlan
 from src.sim.plan import plan_clips
 from src.tasks.dataset import root_of, spec_of
@@ -81,10 +81,9 @@ def _require_rebuildable(cfg: DictConfig, root: Path) -> None:
 
 def _write(folder: Path, total: SurfaceAgreement, root: Path, sim: Mapping) -> None:
     """Writes ``audit.csv`` and ``audit.md``, each as a whole."""
-    folder.mkdir(parents=True, exist_ok=True)
     table = total.table()
-    with replacing(folder / "audit.csv") as temporary:
-        table.to_csv(temporary, index=False, float_format="%.6f", lineterminator="\n")
+    csv = table.to_csv(index=False, float_format="%.6f", lineterminator="\n")
+    write_text(folder / "audit.csv", csv)
 
     # Where the dataset lies on this machine is nobody else's concern.
     overrides = [each for each in sys.argv[1:] if not each.startswith("paths.")]
@@ -111,8 +110,7 @@ Ghosts of moving classes among what is visible: {total.moving_ghosts}.
 {_readable(table)}
 ```
 """
-    with replacing(folder / "audit.md") as temporary:
-        temporary.write_text(text)
+    write_text(folder / "audit.md", text)
 
 
 def _readable(table: pd.DataFrame) -> str:

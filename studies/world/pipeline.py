@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import matplotlib
@@ -21,7 +22,6 @@ from src.sim.annotation import FrontView as View
 from src.sim.annotation import elect, is_supported, vote_actors, vote_camera
 from src.sim.clip_maker import ClipMaker, ClipPlan, Observation
 from src.sim.sensors import scan
-from src.sim.world import Rendering
 from studies.world.shot import entropy
 
 CELL_PIX = (560, 315)
@@ -42,11 +42,7 @@ def draw_pipeline(sim: Mapping, plan: ClipPlan, path: Path) -> None:
     rate_hz = min(sim["capture_hz"], sim["lidar_hz"])
     maker = ClipMaker({**sim, "capture_hz": rate_hz}, Path())
     images: list[Pixels] = []
-
-    def keep(_: int, image: Pixels, __: Rendering) -> None:
-        images.append(image)
-
-    seen = maker.observe(plan, keep)
+    seen = maker.observe(plan, lambda frame, image, rendering: images.append(image))
     frame = int(np.argmax([entropy(view.class_id) for view in seen.views]))
     rows = [_sensed(maker, seen, frame, images[frame]), _labelled(maker, seen, frame)]
     write_picture(titled_sheet(rows, CELL_PIX[0]).drawn(), path, MAX_BYTES)
@@ -107,11 +103,9 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Pixels) -> 
     column, row = (pix[inside][order] * scale).long().numpy().T
     colors = _by_range(depth_m[inside][order].numpy())
 
-    for right in range(DOT_PIX):
-        for down in range(DOT_PIX):
-            u = np.minimum(column + right, picture.shape[1] - 1)
-            picture[np.minimum(row + down, picture.shape[0] - 1), u] = colors
-
+    for right, down in product(range(DOT_PIX), repeat=2):
+        v = np.minimum(row + down, picture.shape[0] - 1)
+        picture[v, np.minimum(column + right, picture.shape[1] - 1)] = colors
     return picture
 
 

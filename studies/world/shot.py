@@ -15,7 +15,6 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from src.geometry import front_mount, pinhole, rigid, rotation_from_euler
-from src.ontology import SKY
 from src.sim.air import apply_weather
 from src.sim.camera import FAR_M, NEAR_M
 from src.sim.clip_maker import ClipMaker, ClipPlan
@@ -85,9 +84,8 @@ def street_shot(sim: Mapping, town: str) -> Shot:
 
 def entropy(class_id: UInt8[np.ndarray, "h w"]) -> float:
     """Shannon entropy, in nats, of the classes of an image's pixels; the sky counts as one."""
-    counts = np.bincount(class_id[class_id != SKY], minlength=1)
-    share = np.array([*counts, (class_id == SKY).sum()]) / class_id.size
-    share = share[share > 0]
+    counts = np.unique(class_id, return_counts=True)[1]
+    share = counts / class_id.size
     return float(-(share * np.log(share)).sum())
 
 

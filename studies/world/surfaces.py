@@ -85,7 +85,7 @@ def _cut(piece, corners, axis, at_m, side, kept):
     for k in range(corners):
         corner, following = piece[k], piece[(k + 1) % corners]
         a, b = side * (corner[axis] - at_m), side * (following[axis] - at_m)
-        if a > 0 or (a == 0 and (side > 0 or not _lies_in(piece, corners, axis, at_m))):
+        if a > 0 or (a == 0 and (side > 0 or not (piece[:corners, axis] == at_m).all())):
             kept[count] = corner
             count += 1
 
@@ -95,11 +95,6 @@ def _cut(piece, corners, axis, at_m, side, kept):
             kept[count, axis] = at_m
             count += 1
     return count
-
-
-@njit
-def _lies_in(piece, corners, axis, at_m):
-    return (piece[:corners, axis] == at_m).all()
 
 
 @njit

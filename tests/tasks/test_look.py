@@ -46,7 +46,7 @@ def test_it_leaves_a_film_and_prints_the_scores_of_what_it_shows(looking, checkp
 
     film = re.search(r"^film:  (\S+)$", output, re.MULTILINE)[1]
     with Image.open(film) as gif:
-        assert (gif.n_frames, gif.width) == (5, 1000)
+        assert (gif.n_frames, gif.width) == (5, 1016)
         assert gif.info["duration"] == 400
 
     # By the definition of the score, from the last two seconds: frames 25 to 29.

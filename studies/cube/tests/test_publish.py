@@ -1,7 +1,6 @@
 """Published runs: unpacked they give the report that the runs gave, and they are small."""
 
 import shutil
-import sys
 import tarfile
 
 import pytest
@@ -11,6 +10,7 @@ from src.report.run_group import APART
 from src.results.counts import Counts
 from src.results.runs import read_run, run_folders
 from studies.cube.publish import main
+from studies.settings import arguments_of
 from tests.results.scored import write_run
 
 
@@ -28,10 +28,10 @@ def runs(tmp_path_factory):
 
 
 @pytest.fixture
-def publish(monkeypatch):
+def publish():
     def publish(*words):
-        monkeypatch.setattr(sys, "argv", ["publish", *map(str, words)])
-        main()
+        arguments = arguments_of(main, [*map(str, words)])
+        main(*arguments.args, **arguments.kwargs)
 
     return publish
 
