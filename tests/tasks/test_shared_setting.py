@@ -22,6 +22,7 @@ def config(tmp_path):
     return composed
 
 
+@pytest.mark.slow
 def test_what_pixels_see_is_learnt_measured_and_scored_beside_its_floor(config):
     cfg = config("trainer.max_epochs=4")
     assert fit(cfg) == "finished"
