@@ -29,6 +29,8 @@ class Batch(PixelLabels):
 
     # The current one alone, [B, 1, 3, H, W], where the past was computed in earlier steps.
     image: UInt8[Tensor, "B L 3 H W"]
+    # With model/parallax=on, of the same frames.
+    parallax: UInt8[Tensor, "B L bins h w"]
     pix_from_camera: Float[Tensor, "B L 3 3"]
     body_from_camera: Float[Tensor, "B 4 4"]
     # Rotation by roll and pitch only.
@@ -85,10 +87,10 @@ def mirrored(sample: Batch) -> Batch:
     pix_from_camera[..., 0, 1] *= -1
     pix_from_camera[..., 0, 2] = sample["image"].shape[-1] - pix_from_camera[..., 0, 2]
 
-    of_pixels = [name for name in ("image", "pixel_class", "pixel_depth_m") if name in sample]
+    of_pixels = ("image", "parallax", "pixel_class", "pixel_depth_m")
     return {
         **sample,
-        **{name: sample[name].flip(-1) for name in of_pixels},
+        **{name: sample[name].flip(-1) for name in of_pixels if name in sample},
         "pix_from_camera": pix_from_camera,
         "body_from_camera": swap_y[:, None] * sample["body_from_camera"] * swap_x,
         "occ_from_body": sample["occ_from_body"] * sides,

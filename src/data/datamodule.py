@@ -13,12 +13,14 @@ from torch.utils.data import DataLoader, Dataset
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..limits import require_choice
+from ..parallax import Parallax
 from ..terminal import tracked
 from .batches import ALONE, ORDERS, BatchesInOrder, Rank, StreamBatches, TrainingBatches
 from .clip import AUX, Clip
 from .dataset import OccupancyDataset, velocity_world_mps
 from .manifest import missing_clips, read_manifest
 from .split import make_split
+from .volumes import keep_volumes
 
 # A frame's labels, the UAV's velocity in the world, and its height in voxels.
 LabelledFrame = tuple[UInt8[Tensor, "X Y Z"], Float[Tensor, "3"], int]
@@ -51,6 +53,7 @@ class SkyShieldData(LightningDataModule):
         workers: int,
         seed: int,
         pixels: bool = False,
+        parallax: Parallax | None = None,
         allow_missing: bool = False,
     ) -> None:
         super().__init__()
@@ -58,7 +61,7 @@ class SkyShieldData(LightningDataModule):
         self.root = Path(root)
         self.held_out = (*val_clips, *test_clips)
         self.frames, self.history_step_s, self.history = frames, history_step_s, history
-        self.pixels = pixels
+        self.pixels, self.parallax = pixels, parallax
         self.order, self.run_frames = order, run_frames
         self.mirror, self.batch_size, self.workers, self.seed = mirror, batch_size, workers, seed
 
@@ -92,7 +95,13 @@ class SkyShieldData(LightningDataModule):
     def dataset(self, part: str, images: bool = True, pixels: bool = False) -> OccupancyDataset:
         """Returns the samples of a part of the split, as `OccupancyDataset` has them."""
         window = self.frames, self.history_step_s, self.history, self.held_out
-        return OccupancyDataset(self.clips, self.split[part], *window, images, pixels)
+        wanted = images, pixels, self.parallax
+        return OccupancyDataset(self.clips, self.split[part], *window, *wanted)
+
+    def prepare_data(self) -> None:
+        """Keeps the cost volumes of all frames, so that each is computed once."""
+        if self.parallax is not None:
+            keep_volumes(self.parallax, list(self.clips.values()))
 
     def train_dataloader(self) -> DataLoader:
         dataset = self.dataset("train", self.order == "shuffled", self.pixels)

@@ -4,17 +4,19 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from torch import Tensor
 from torch.utils.data import Dataset
 
 from ..errors import UserError
 from ..limits import require_choice
 from ..ontology import FREE, SKY
+from ..parallax import Parallax
 from .batch import Batch, ego_motion, mirrored
 from .batches import Key
 from .clip import Clip
 from .split import part_of_time
+from .volumes import volume_of
 
 HISTORY = ("open", "strict")
 # As coarse as the finest features of an image encoder.
@@ -42,10 +44,12 @@ class OccupancyDataset(Dataset):
         held_out: Sequence[str] = (),
         images: bool = True,
         pixels: bool = False,
+        parallax: Parallax | None = None,
     ) -> None:
         require_choice("data.history", history, HISTORY)
         self.clips, self.samples = clips, list(samples)
         self.frames, self.images, self.pixels = frames, images, pixels
+        self.parallax = parallax
         self.history, self.held_out = history, frozenset(held_out)
         self.step = history_stride(history_step_s, clips[self.samples[0][0]].meta.capture_hz)
 
@@ -71,6 +75,9 @@ class OccupancyDataset(Dataset):
         read = window if self.images else [now]
         images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(read)}
         labels = pixel_labels(clip, now) if self.pixels else {}
+        if self.parallax is not None:
+            volumes = {frame: self._volume(clip_id, frame) for frame in set(read)}
+            labels["parallax"] = torch.stack([volumes[frame] for frame in read])
         motion = ego_motion(clip.world_from_body[window], velocity_world_mps(clip, now))
 
         return {
@@ -85,6 +92,10 @@ class OccupancyDataset(Dataset):
             "clip": clip_id,
             "frame": now,
         }
+
+    def _volume(self, clip_id: str, now: int) -> UInt8[Tensor, "bins h w"]:
+        clip = self.clips[clip_id]
+        return volume_of(self.parallax, clip, now, lambda past: self._may_see(clip_id, now, past))
 
     def _may_see(self, clip_id: str, now: int, frame: int) -> bool:
         if frame < 0:

@@ -127,6 +127,7 @@ class ExportedStep:
         _, self.past_frames, *self.pillar_shape = shapes.get("past_pillars", [1, 0, 0, 0])
         self.device = torch.device("cpu")
         self.history_step_s = facts.get("history_step_s")
+        self.parallax = None
         self.image_shape = shapes["image"]
 
         try:

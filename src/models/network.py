@@ -11,9 +11,11 @@ from torch import Tensor, nn
 from ..errors import UserError
 from ..geometry import inverse
 from ..limits import require_choice
+from ..parallax import Parallax
 from .checkpointing import recompute_in_backward, running_statistics
 from .decoder import PillarDecoder
 from .encoder import PillarEncoder
+from .evidence import Evidence, VoxelEvidence
 from .ground import GroundVolume
 from .history import History
 from .metadata import Metadata
@@ -33,6 +35,7 @@ class EncodedFrame(NamedTuple):
     references: References
     pillars: Pillars
     sight: Sight | None = None
+    evidence: VoxelEvidence | None = None
 
 
 class Step(NamedTuple):
@@ -75,6 +78,7 @@ class SkyOcc(nn.Module):
         metadata_first: bool = False,
         ground: GroundVolume | None = None,
         sight: SightHead | None = None,
+        evidence: Evidence | None = None,
         history_grad: bool = False,
         checkpointing: bool = False,
     ) -> None:
@@ -98,10 +102,12 @@ class SkyOcc(nn.Module):
                 f"reads {sorted(encoder.reads_strides)}; give model/sight=off, or "
                 f"model.encoder.lift.stride={sight.stride}"
             )
-        self.ground, self.sight = ground, sight
+        self.ground, self.sight, self.evidence = ground, sight, evidence
         self.history, self.history_grad = history, history_grad
 
-        self.to(memory_format=torch.channels_last)
+        for parameter in self.parameters():
+            if parameter.ndim == 4:
+                parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
         if checkpointing:
             recompute_in_backward(self)
 
@@ -115,6 +121,11 @@ class SkyOcc(nn.Module):
         """The largest number of frames before the current one in the history of a `step`."""
         queue = self.encoder.num_frames - 1
         return min(queue, 1) if self.history == "recursive" else queue
+
+    @property
+    def parallax(self) -> Parallax | None:
+        """What compares a frame with past ones for this network; ``None`` without it."""
+        return None if self.sight is None else self.sight.parallax
 
     @property
     def device(self) -> torch.device:
@@ -155,7 +166,7 @@ class SkyOcc(nn.Module):
         """Computes the logits of a batch's current frames, and the pillars for later ones."""
         frame = self.encode(batch, -1)
         fused = self.fuse(frame, history)
-        logits = self.decode(fused, batch)
+        logits = self.decode(fused, batch, frame.evidence)
         return Step(logits, self.carried(frame, fused), frame.sight)
 
     def encode(
@@ -169,19 +180,25 @@ class SkyOcc(nn.Module):
                 height_m = height_m + batch["occ_from_past_occ"][:, at, 2, 3]
             height_m = height_m[rows]
 
-        references = self.encoder.references(
+        camera = (
             batch["occ_from_body"][rows, at],
             batch["body_from_camera"][rows],
             batch["pix_from_camera"][rows, at],
             (image.shape[-1], image.shape[-2]),
             height_m,
         )
-        features, sight = self.neck(self.backbone(image)), None
+        references = self.encoder.references(*camera)
+        features, sight, evidence = self.neck(self.backbone(image)), None, None
         if self.sight is not None:
-            sight = self.sight(features[0], references, self.ground is not None)
+            volume = None if self.parallax is None else batch["parallax"][rows, at]
+            sight = self.sight(features[0], references, self.ground is not None, volume)
+        if self.evidence is not None:
+            features = [features[0] + self.evidence.feature(sight), *features[1:]]
+            if at == -1:
+                evidence = self.evidence.of(sight, self.evidence.voxels(*camera), self.sight.stride)
         told = self._told(batch) if self.metadata_first else None
         pillars = self.encoder.frame(features, references, told)
-        return EncodedFrame(features, references, pillars, sight)
+        return EncodedFrame(features, references, pillars, sight, evidence)
 
     def fuse(self, frame: EncodedFrame, history: History | None) -> Pillars:
         """Fuses the pillars of a frame with its history."""
@@ -193,11 +210,20 @@ class SkyOcc(nn.Module):
         """Returns the pillars that later frames take as their history."""
         return fused if self.history == "recursive" else frame.pillars
 
-    def decode(self, pillars: Pillars, batch: Mapping[str, Tensor]) -> Logits:
+    def decode(
+        self,
+        pillars: Pillars,
+        batch: Mapping[str, Tensor],
+        evidence: VoxelEvidence | None = None,
+    ) -> Logits:
         """Returns the logits of the current frame, from its pillars and measurements of the UAV."""
         if not self.metadata_first and (told := self._told(batch)) is not None:
             pillars = pillars + told
+        if evidence is not None:
+            pillars = pillars + self.evidence.pillars(evidence)
         logits = self.decoder(pillars)
+        if evidence is not None:
+            logits = logits + self.evidence.logits(evidence, tuple(logits.shape[2:4]))
         return logits if self.ground is None else self.ground(logits, batch["height_m"])
 
     def _told(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 1 dim"] | None:

@@ -10,18 +10,16 @@ from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor, nn
 
 from ..errors import UserError
 from ..geometry import inverse
 from ..ontology import NUM_CLASSES
+from ..parallax import FAR_M, NEAR_M, Parallax
 from .backbone import STRIDES
 from .references import References, rays_camera
 from .tensors import Scalar
-
-# The bins of the depth are equally wide in its logarithm.
-NEAR_M, FAR_M = 1.0, 64.0
 
 
 class Sight(NamedTuple):
@@ -62,6 +60,7 @@ class SightHead(nn.Module):
         bins: int = 48,
         weight: float = 1.0,
         class_weights: Sequence[float] = (1.0,) * NUM_CLASSES,
+        parallax: Parallax | None = None,
     ) -> None:
         super().__init__()
         if len(class_weights) != NUM_CLASSES or not min(class_weights) > 0:
@@ -70,7 +69,7 @@ class SightHead(nn.Module):
                 "above 0; give one for each class"
             )
 
-        self.bins, self.weight = bins, weight
+        self.bins, self.weight, self.parallax = bins, weight, parallax
         self.register_buffer(
             "class_weights", torch.tensor([*class_weights], dtype=torch.float), persistent=False
         )
@@ -81,20 +80,40 @@ class SightHead(nn.Module):
             nn.ReLU(),
             nn.Conv2d(dim, NUM_CLASSES + bins + 2, 1),
         )
+        if parallax is not None:
+            self.volume = nn.Conv2d(bins, dim, 3, padding=1)
+            self.matching = nn.Sequential(
+                nn.Conv3d(1, 8, 3, padding=1),
+                nn.ReLU(),
+                nn.Conv3d(8, 8, 3, padding=1),
+                nn.ReLU(),
+                nn.Conv3d(8, 1, 3, padding=1),
+            )
 
     def forward(
-        self, feature: Float[Tensor, "b dim h w"], references: References, has_ground: bool
+        self,
+        feature: Float[Tensor, "b dim h w"],
+        references: References,
+        has_ground: bool,
+        volume: UInt8[Tensor, "b bins h w"] | None = None,
     ) -> Sight:
         """Returns class and depth logits of the pixels of the finest level."""
         height, width = feature.shape[-2:]
         # Autocast would round geometry to 8 bits.
         with torch.autocast(feature.device.type, enabled=False):
             ray, ground_m, meets = rays(references, width, height, self.stride, has_ground)
-        out = self.layers(torch.relu(feature + self.ray(ray)))
+        feature = feature + self.ray(ray)
+        if self.parallax is not None:
+            agreement = volume.to(feature.dtype) / 255
+            feature = feature + self.volume(agreement)
+        out = self.layers(torch.relu(feature))
 
         classes, depth, is_ground = out.float().split([NUM_CLASSES, self.bins + 1, 1], dim=1)
         bins = torch.arange(self.bins + 1, device=depth.device)[:, None, None] + 0.5
         near_ground = (-0.5 * (bins - place_of(ground_m, self.bins)) ** 2).exp() * meets
+        if self.parallax is not None:
+            matched = self.matching(agreement[:, None])[:, 0].float()
+            depth = depth + F.pad(matched, (0, 0, 0, 0, 0, 1))
         # One is what it begins with: without a look most pixels see the ground.
         return Sight(classes, depth + 4 * near_ground * (1 + is_ground))
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from ..data.batch import ego_motion
@@ -27,8 +27,7 @@ SHAPES = {
 class Past(NamedTuple):
     """The part of a frame that a stream keeps."""
 
-    time_s: float
-    world_from_body: Float[Tensor, "4 4"]
+    frame: StreamFrame
     pillars: Float[Tensor, "1 p dim"]
 
 
@@ -57,6 +56,9 @@ class SkyOccStream:
             raise UserError(f"history_step_s: {history_step_s}; the graph is for {trained_s}")
         self.ages = range(network.past_frames, 0, -1)
         self.step_s, self.tolerance_s = history_step_s, tolerance_s
+        self.parallax = network.parallax
+        ages_s = () if self.parallax is None else self.parallax.ages_s
+        self.reach_s = max(len(self.ages) * history_step_s, *ages_s, 0)
         self.past: list[Past] = []
         self.clip = ""
 
@@ -85,10 +87,9 @@ class SkyOccStream:
         frame = sound(frame)
         logits, pillars = self.network.step(*self.arguments(frame))[:2]
 
-        newest = Past(frame.time_s, frame.world_from_body, pillars)
-        oldest_s = frame.time_s - len(self.ages) * self.step_s - self.tolerance_s
-        kept = (*self._still_valid(frame), newest)
-        self.past = [past for past in kept if past.time_s >= oldest_s]
+        kept = (*self._still_valid(frame), Past(frame, pillars))
+        oldest_s = frame.time_s - self.reach_s - self.tolerance_s
+        self.past = [past for past in kept if past.frame.time_s >= oldest_s]
         self.clip = frame.clip
         return logits[0]
 
@@ -98,6 +99,8 @@ class SkyOccStream:
         kept = self._still_valid(frame)
         chosen = [self._at(frame.time_s - age * self.step_s, kept) for age in self.ages]
         batch = self._batch(frame, chosen)
+        if self.parallax is not None:
+            batch["parallax"] = self._volume(frame, kept)[None, None].to(self.network.device)
         if not chosen:
             return batch, None
 
@@ -112,23 +115,35 @@ class SkyOccStream:
         """Returns the kept frames that a new frame may use: all of them, or none."""
         if not self.past or frame.clip != self.clip:
             return []
-        gap_s = frame.time_s - self.past[-1].time_s
+        last_s = self.past[-1].frame.time_s
+        gap_s = frame.time_s - last_s
         if gap_s <= 0:
             raise UserError(
-                f"time_s: a frame of {frame.time_s:g} s after one of {self.past[-1].time_s:g} s; "
+                f"time_s: a frame of {frame.time_s:g} s after one of {last_s:g} s; "
                 "give frames in order, or reset() the stream"
             )
         return self.past if gap_s <= self.step_s + self.tolerance_s else []
 
     def _at(self, time_s: float, kept: Sequence[Past]) -> Past | None:
         """Returns the kept frame that was taken then, if there is one."""
-        near = [past for past in kept if abs(past.time_s - time_s) <= self.tolerance_s]
-        return min(near, key=lambda past: abs(past.time_s - time_s), default=None)
+        near = [past for past in kept if abs(past.frame.time_s - time_s) <= self.tolerance_s]
+        return min(near, key=lambda past: abs(past.frame.time_s - time_s), default=None)
+
+    def _volume(self, frame: StreamFrame, kept: Sequence[Past]) -> UInt8[Tensor, "bins h w"]:
+        """Returns the cost volume of a frame with the kept ones that are of parallax's ages."""
+        found = [self._at(frame.time_s - age_s, kept) for age_s in reversed(self.parallax.ages_s)]
+        frames = [past.frame for past in found if past is not None] + [frame]
+        return self.parallax.volume(
+            [each.image for each in frames],
+            torch.stack([each.world_from_body for each in frames]),
+            frame.body_from_camera,
+            torch.stack([each.pix_from_camera for each in frames]),
+        )
 
     def _batch(self, frame: StreamFrame, chosen: Sequence[Past | None]) -> dict[str, Tensor]:
         """Returns a batch of one window, whose only image is the current one."""
         # Where a past frame is missing, the current one fills its place: it is never read.
-        frames = [past or frame for past in chosen] + [frame]
+        frames = [past.frame if past else frame for past in chosen] + [frame]
         world_from_body = torch.stack([each.world_from_body for each in frames])
         window = {
             "image": frame.image[None],

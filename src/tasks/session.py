@@ -4,6 +4,7 @@ from functools import cached_property
 from pathlib import Path
 
 import lightning
+from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from ..data.datamodule import SkyShieldData
@@ -77,5 +78,5 @@ def data_of(cfg: DictConfig, root: Path, allow_missing: bool = False) -> SkyShie
     """Opens the loaders of a finished dataset; seeds everything that training draws from."""
     # Here, because every task that draws at random opens the data first.
     lightning.seed_everything(cfg.seed, workers=True, verbose=False)
-    settings = OmegaConf.to_container(cfg.data, resolve=True)
+    settings = instantiate(cfg.data, _convert_="all")
     return SkyShieldData(root, seed=cfg.seed, allow_missing=allow_missing, **settings)

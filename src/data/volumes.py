@@ -1,0 +1,91 @@
+"""Cost volumes of a dataset's frames: computed, and kept beside the clips for a training."""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+from torch import Tensor
+
+from ..atomic import replacing
+from ..errors import UserError
+from ..parallax import Parallax
+from ..provenance import digest_of
+from ..terminal import tracked
+from ..used_code import code_of
+from ..worker_pool import default_workers, mapped
+from .clip import Clip, recorded_sums
+
+FOLDER = "parallax"
+
+
+def volume_of(
+    parallax: Parallax, clip: Clip, now: int, may_see: Callable[[int], bool]
+) -> UInt8[Tensor, "bins h w"]:
+    """Returns the volume of a frame with the past frames that it may see."""
+    past = past_frames(parallax, clip, now)
+    seen = [frame for frame in past if may_see(frame)]
+    path = file_of(parallax, clip)
+    # What is kept is of a whole clip.
+    if seen == [frame for frame in past if frame >= 0] and path.is_file():
+        return torch.from_numpy(np.load(path, mmap_mode="r")[now].copy())
+    return computed_volume(parallax, clip, [*seen, now])
+
+
+def keep_volumes(parallax: Parallax, clips: Sequence[Clip]) -> None:
+    """Computes the volumes of all clips that have none yet, on every core."""
+    missing = [clip for clip in clips if not file_of(parallax, clip).is_file()]
+    workers = max(1, min(default_workers(), len(missing)))
+    kept = mapped(_keep, workers, [parallax] * len(missing), missing)
+    for _ in tracked(kept, "comparing frames with past ones", len(missing)):
+        pass
+
+
+def past_frames(parallax: Parallax, clip: Clip, now: int) -> list[int]:
+    """Numbers the past frames that parallax compares with one, oldest first; some may be below 0.
+
+    Raises `UserError` for an age that falls between frames.
+    """
+    strides = [age_s * clip.meta.capture_hz for age_s in parallax.ages_s]
+    if any(abs(stride - round(stride)) > 1e-6 for stride in strides):
+        raise UserError(
+            f"data.parallax.ages_s: {[*parallax.ages_s]} are no multiples of the capture interval "
+            f"{1 / clip.meta.capture_hz:g} s; choose others, or model/parallax=off"
+        )
+    return [now - round(stride) for stride in reversed(strides)]
+
+
+def computed_volume(
+    parallax: Parallax, clip: Clip, window: Sequence[int]
+) -> UInt8[Tensor, "bins h w"]:
+    """Computes the volume of the last frame of a window with the ones before it."""
+    images = [torch.from_numpy(clip.image(frame).copy()).permute(2, 0, 1) for frame in window]
+    return parallax.volume(
+        images,
+        clip.world_from_body[[*window]],
+        clip.meta.body_from_camera,
+        clip.meta.pix_from_camera.expand(len(window), 3, 3),
+    )
+
+
+@cache
+def file_of(parallax: Parallax, clip: Clip) -> Path:
+    """Returns the file of a clip's volumes, named after the settings, the code and the clip."""
+    settings = {name: value for name, value in vars(parallax).items() if name != "depths_m"}
+    digest = digest_of([settings, code_of(["src.parallax"]), recorded_sums(clip.folder)])
+    return clip.folder.parent.parent / FOLDER / f"{clip.clip_id}-{digest}.npy"
+
+
+def _keep(parallax: Parallax, clip: Clip) -> None:
+    windows = [[*past_frames(parallax, clip, now), now] for now in range(len(clip))]
+    volumes = [computed_volume(parallax, clip, [f for f in w if f >= 0]) for w in windows]
+    path = file_of(parallax, clip)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.save(file, torch.stack(volumes).numpy(), allow_pickle=False)
+
+    # The clip's others are of other images or poses, or of settings that were given up.
+    for other in path.parent.glob(f"{clip.folder.name}-*.npy"):
+        if other != path:
+            other.unlink(missing_ok=True)

@@ -1,0 +1,225 @@
+"""Parallax: how well an image agrees with past ones, at every depth of every pixel.
+
+A plane sweep (Collins 1996) without parameters. The cost volume is computed once a frame: beside
+the data in training, in the stream in flight.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from .errors import UserError
+from .geometry import inverse, world_from_occ
+from .jit import njit
+from .limits import require_choice
+
+# The depths of the hypotheses are equally far apart in the logarithm, as the bins that pixels are
+# taught (`models.sight`).
+NEAR_M, FAR_M = 1.0, 64.0
+# The volume has one place in each square of so many pixels.
+RASTER = 4
+# Added to the variance of grey (0 to 1) in a window: what has no texture agrees with nothing.
+NOISE = 6e-5
+# Luminance of red, green and blue (ITU-R BT.601).
+LUMA = (0.299, 0.587, 0.114)
+PROJECTIONS = ("attitude", "level")
+
+
+class Parallax:
+    """A cost volume: the normalised cross-correlation of windows with past images, by depth.
+
+    ``ages_s`` says how old the past images are. Each is warped to the current one as if everything
+    lay in a plane in front of the camera, once for each of ``per_bin`` depths in each of ``bins``
+    bins. Windows of ``window`` pixels are compared, and the mean over the past images that see the
+    whole window counts; of a bin's depths the best one. What no past image sees has zeros.
+
+    ``projection`` is the network's: with ``"level"`` roll and pitch are left out of the warp.
+
+    Raises `UserError` for ages that are none, not above 0 or not in order, for a window that is not
+    odd, and for another projection.
+    """
+
+    def __init__(
+        self,
+        ages_s: Sequence[float] = (0.2, 0.4, 0.8, 1.6),
+        bins: int = 48,
+        per_bin: int = 2,
+        window: int = 7,
+        projection: str = "attitude",
+    ) -> None:
+        require_choice("model.encoder.projection", projection, PROJECTIONS)
+        if not ages_s or sorted({*ages_s}) != [*ages_s] or not 0 < ages_s[0] < math.inf:
+            raise UserError(
+                f"model.parallax.ages_s: {[*ages_s]}; give one age above 0 or more, in order"
+            )
+        if window < 3 or window % 2 == 0:
+            raise UserError(f"model.parallax.window: {window}; give an odd number, 3 or more")
+
+        self.ages_s, self.bins, self.window = (*ages_s,), bins, window
+        self.projection = projection
+        steps = torch.arange(bins * per_bin, dtype=torch.float64) + 0.5
+        self.depths_m = NEAR_M * (FAR_M / NEAR_M) ** (steps / len(steps))
+
+    def volume(
+        self,
+        images: Sequence[UInt8[Tensor, "3 H W"]],
+        world_from_body: Float[Tensor, "n 4 4"],
+        body_from_camera: Float[Tensor, "4 4"],
+        pix_from_camera: Float[Tensor, "n 3 3"],
+    ) -> UInt8[Tensor, "bins h w"]:
+        """Computes the volume of the last image with those before it, of which there may be none.
+
+        Transforms are float64. Raises `UserError` for images of different sizes.
+        """
+        if len({image.shape for image in images}) > 1:
+            sizes = ", ".join(f"{image.shape[2]}x{image.shape[1]}" for image in images)
+            raise UserError(f"image: {sizes} in one clip; give images of one size")
+
+        *past, now = [_grey(image.numpy()) for image in images]
+        if not past:
+            return torch.zeros(self.bins, *(n // RASTER for n in now.shape), dtype=torch.uint8)
+
+        past_from_now = self._past_from_now(world_from_body, body_from_camera)
+        cameras = pix_from_camera[:-1]
+        at_infinity = cameras @ past_from_now[:, :3, :3] @ torch.linalg.inv(pix_from_camera[-1])
+        epipole = (cameras @ past_from_now[:, :3, 3:])[..., 0]
+        agreement = _sweep(
+            now,
+            np.stack(past),
+            at_infinity.numpy(),
+            epipole.numpy(),
+            self.depths_m.numpy(),
+            self.window // 2,
+        )
+        return torch.from_numpy(_by_bin(agreement, self.bins))
+
+    def _past_from_now(
+        self, world_from_body: Float[Tensor, "n 4 4"], body_from_camera: Float[Tensor, "4 4"]
+    ) -> Float[Tensor, "n-1 4 4"]:
+        """Returns the past cameras from the current one, with the attitude of the projection."""
+        if self.projection == "level":
+            world_from_body = world_from_occ(world_from_body)
+        world_from_camera = world_from_body @ body_from_camera
+        return inverse(world_from_camera[:-1]) @ world_from_camera[-1]
+
+
+def _grey(image: UInt8[np.ndarray, "3 h w"]) -> Float[np.ndarray, "h w"]:
+    return np.tensordot(np.float32(LUMA) / np.float32(255), image.astype(np.float32), 1)
+
+
+def _by_bin(agreement: Float[np.ndarray, "depths h w"], bins: int) -> UInt8[np.ndarray, "bins h w"]:
+    """Returns the best agreement of each bin, from 0 (none, or opposite) to 255 (the same)."""
+    best = agreement.reshape(bins, -1, *agreement.shape[1:]).max(axis=1)
+    return np.rint(255 * best.clip(0, 1)).astype(np.uint8)
+
+
+@njit
+def _sweep(image, past, at_infinity, epipole, depths_m, reach):
+    """Returns the mean agreement [depths, h / RASTER, w / RASTER] with the past images [n, h, w].
+
+    A plane at depth d is seen in past image k at ``at_infinity[k] + [0, 0, epipole[k] / d]``, which
+    is a homography of pixels. Windows reach ``reach`` pixels to each side of their centers; at the
+    border of the current image they are cut.
+    """
+    height, width = image.shape
+    shape = (height // RASTER, width // RASTER)
+    agreement = np.zeros((len(depths_m), *shape), dtype=np.float32)
+    counts = np.zeros(shape, dtype=np.float32)
+    warped = np.empty((height, width), dtype=np.float32)
+    seen = np.empty((height, width), dtype=np.float32)
+
+    for depth in range(len(depths_m)):
+        counts[:] = 0
+        for k in range(len(past)):
+            homography = at_infinity[k].copy()
+            homography[:, 2] += epipole[k] / depths_m[depth]
+            _warp(past[k], homography, warped, seen)
+            _add_agreement(image, warped, seen, reach, agreement[depth], counts)
+        agreement[depth] /= np.maximum(counts, np.float32(1))
+    return agreement
+
+
+@njit
+def _warp(past, homography, warped, seen):
+    """Fills ``warped`` with the past image at each pixel's place in it, and ``seen`` with 1 where
+    that lies inside (else 0)."""
+    height, width = past.shape
+    for row in range(height):
+        for column in range(width):
+            u, v = column + 0.5, row + 0.5
+            depth = homography[2, 0] * u + homography[2, 1] * v + homography[2, 2]
+            scale = 1 / depth if depth > 1e-6 else 0.0
+            x = (homography[0, 0] * u + homography[0, 1] * v + homography[0, 2]) * scale - 0.5
+            y = (homography[1, 0] * u + homography[1, 1] * v + homography[1, 2]) * scale - 0.5
+
+            inside = scale > 0 and 0 <= x <= width - 1 and 0 <= y <= height - 1
+            seen[row, column] = inside
+            warped[row, column] = _bilinear(past, x, y) if inside else np.float32(0)
+
+
+@njit
+def _bilinear(image, x, y):
+    """Interpolates between the four pixels around a place inside the outermost pixels' centers."""
+    left, top = min(int(x), image.shape[1] - 2), min(int(y), image.shape[0] - 2)
+    right, down = np.float32(x - left), np.float32(y - top)
+    above = image[top, left] + right * (image[top, left + 1] - image[top, left])
+    below = image[top + 1, left] + right * (image[top + 1, left + 1] - image[top + 1, left])
+    return above + down * (below - above)
+
+
+@njit
+def _add_agreement(image, warped, seen, reach, agreement, counts):
+    """Adds the correlation of every window whose pixels are all seen, and counts these."""
+    height, width = image.shape
+    sums = np.empty((6, width), dtype=np.float32)
+    for i in range(height // RASTER):
+        center = RASTER * i + RASTER // 2
+        first, last = max(center - reach, 0), min(center + reach + 1, height)
+        _sum_rows(image, warped, seen, first, last, sums)
+
+        for j in range(width // RASTER):
+            center = RASTER * j + RASTER // 2
+            left, right = max(center - reach, 0), min(center + reach + 1, width)
+            pixels = np.float32((last - first) * (right - left))
+            a, aa, b, bb, ab, whole = _totals(sums, left, right)
+            if whole < pixels:
+                continue
+
+            covariance = ab / pixels - a * b / pixels**2
+            variances = (aa / pixels - (a / pixels) ** 2 + NOISE) * (
+                bb / pixels - (b / pixels) ** 2 + NOISE
+            )
+            agreement[i, j] += covariance / np.sqrt(variances)
+            counts[i, j] += 1
+
+
+@njit
+def _sum_rows(image, warped, seen, first, last, sums):
+    """Sums over some rows, column by column: both images, their squares and product, and seen."""
+    sums[:] = 0
+    for row in range(first, last):
+        for column in range(image.shape[1]):
+            a, b = image[row, column], warped[row, column]
+            sums[0, column] += a
+            sums[1, column] += a * a
+            sums[2, column] += b
+            sums[3, column] += b * b
+            sums[4, column] += a * b
+            sums[5, column] += seen[row, column]
+
+
+@njit
+def _totals(sums, left, right):
+    a = aa = b = bb = ab = whole = np.float32(0)
+    for column in range(left, right):
+        a += sums[0, column]
+        aa += sums[1, column]
+        b += sums[2, column]
+        bb += sums[3, column]
+        ab += sums[4, column]
+        whole += sums[5, column]
+    return a, aa, b, bb, ab, whole
