@@ -96,9 +96,9 @@ def _require_type(key: str, old: object, new: object) -> None:
         return
     if isinstance(old, int) and key.endswith(UNITS):
         old = float(old)
-    # A list of edges or of runs has any length, but a suite without edges scores nothing. All
+    # A list of edges, runs or ages has any length, but a suite without edges scores nothing. All
     # other lists of numbers are vectors.
-    any_length = group == "task" or (group == "suite" and new)
+    any_length = group == "task" or key.endswith(".ages_s") or (group == "suite" and new)
     if isinstance(old, list) and isinstance(new, list) and any_length:
         old = old[:1] * len(new)
 

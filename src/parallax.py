@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from .errors import UserError
 from .geometry import inverse, world_from_occ
 from .jit import njit
-from .limits import require_choice
+from .limits import require_choice, require_count
 
 # The depths of the hypotheses are equally far apart in the logarithm, as the bins that pixels are
 # taught (`models.sight`).
@@ -24,6 +24,9 @@ NEAR_M, FAR_M = 1.0, 64.0
 RASTER = 4
 # Added to the variance of grey (0 to 1) in a window: what has no texture agrees with nothing.
 NOISE = 6e-5
+# A past image says nothing of a place whose match moves less than this between 10 m and infinity:
+# where the camera hovers, and around the direction in which it flies.
+LEAST_PIX, AT_M = 0.5, 10.0
 # Luminance of red, green and blue (ITU-R BT.601).
 LUMA = (0.299, 0.587, 0.114)
 PROJECTIONS = ("attitude", "level")
@@ -35,7 +38,8 @@ class Parallax:
     ``ages_s`` says how old the past images are. Each is warped to the current one as if everything
     lay in a plane in front of the camera, once for each of ``per_bin`` depths in each of ``bins``
     bins. Windows of ``window`` pixels are compared, and the mean over the past images that see the
-    whole window counts; of a bin's depths the best one. What no past image sees has zeros.
+    whole window, and see it move, counts; of a bin's depths the best one. Where there is none, the
+    volume is zero: in a first frame everywhere, and in one that hovers.
 
     ``projection`` is the network's: with ``"level"`` roll and pitch are left out of the warp.
 
@@ -54,12 +58,19 @@ class Parallax:
         require_choice("model.encoder.projection", projection, PROJECTIONS)
         if not ages_s or sorted({*ages_s}) != [*ages_s] or not 0 < ages_s[0] < math.inf:
             raise UserError(
-                f"model.parallax.ages_s: {[*ages_s]}; give one age above 0 or more, in order"
+                f"data.parallax.ages_s: {[*ages_s]}; give one age above 0 or more, in order"
             )
         if window < 3 or window % 2 == 0:
-            raise UserError(f"model.parallax.window: {window}; give an odd number, 3 or more")
+            raise UserError(f"data.parallax.window: {window}; give an odd number, 3 or more")
+
+        require_count("data.parallax.bins", bins)
+        require_count("data.parallax.per_bin", per_bin)
 
         self.ages_s, self.bins, self.window = (*ages_s,), bins, window
+        self.settings = {
+            **{"ages_s": [*ages_s], "bins": bins, "per_bin": per_bin},
+            **{"window": window, "projection": projection},
+        }
         self.projection = projection
         steps = torch.arange(bins * per_bin, dtype=torch.float64) + 0.5
         self.depths_m = NEAR_M * (FAR_M / NEAR_M) ** (steps / len(steps))
@@ -92,6 +103,7 @@ class Parallax:
             np.stack(past),
             at_infinity.numpy(),
             epipole.numpy(),
+            _moving(at_infinity.numpy(), epipole.numpy(), now.shape),
             self.depths_m.numpy(),
             self.window // 2,
         )
@@ -117,8 +129,23 @@ def _by_bin(agreement: Float[np.ndarray, "depths h w"], bins: int) -> UInt8[np.n
     return np.rint(255 * best.clip(0, 1)).astype(np.uint8)
 
 
+def _moving(
+    at_infinity: Float[np.ndarray, "n 3 3"],
+    epipole: Float[np.ndarray, "n 3"],
+    size: tuple[int, int],
+) -> Bool[np.ndarray, "n h w"]:
+    """Marks the places of the volume whose match in a past image moves with their depth."""
+    v, u = (np.arange(RASTER // 2, n, RASTER) + 0.5 for n in size)
+    pixels = np.stack([*np.meshgrid(u, v), np.ones((len(v), len(u)))])
+    far = np.tensordot(at_infinity, pixels, 1)
+    near = far + epipole[..., None, None] / AT_M
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = far[:, :2] / far[:, 2:] - near[:, :2] / near[:, 2:]
+        return np.hypot(*apart.swapaxes(0, 1)) >= LEAST_PIX
+
+
 @njit
-def _sweep(image, past, at_infinity, epipole, depths_m, reach):
+def _sweep(image, past, at_infinity, epipole, moving, depths_m, reach):
     """Returns the mean agreement [depths, h / RASTER, w / RASTER] with the past images [n, h, w].
 
     A plane at depth d is seen in past image k at ``at_infinity[k] + [0, 0, epipole[k] / d]``, which
@@ -138,7 +165,7 @@ def _sweep(image, past, at_infinity, epipole, depths_m, reach):
             homography = at_infinity[k].copy()
             homography[:, 2] += epipole[k] / depths_m[depth]
             _warp(past[k], homography, warped, seen)
-            _add_agreement(image, warped, seen, reach, agreement[depth], counts)
+            _add_agreement(image, warped, seen, moving[k], reach, agreement[depth], counts)
         agreement[depth] /= np.maximum(counts, np.float32(1))
     return agreement
 
@@ -172,8 +199,8 @@ def _bilinear(image, x, y):
 
 
 @njit
-def _add_agreement(image, warped, seen, reach, agreement, counts):
-    """Adds the correlation of every window whose pixels are all seen, and counts these."""
+def _add_agreement(image, warped, seen, moving, reach, agreement, counts):
+    """Adds the correlation of every window that moves and is seen whole, and counts these."""
     height, width = image.shape
     sums = np.empty((6, width), dtype=np.float32)
     for i in range(height // RASTER):
@@ -182,6 +209,8 @@ def _add_agreement(image, warped, seen, reach, agreement, counts):
         _sum_rows(image, warped, seen, first, last, sums)
 
         for j in range(width // RASTER):
+            if not moving[i, j]:
+                continue
             center = RASTER * j + RASTER // 2
             left, right = max(center - reach, 0), min(center + reach + 1, width)
             pixels = np.float32((last - first) * (right - left))

@@ -73,8 +73,8 @@ def computed_volume(
 @cache
 def file_of(parallax: Parallax, clip: Clip) -> Path:
     """Returns the file of a clip's volumes, named after the settings, the code and the clip."""
-    settings = {name: value for name, value in vars(parallax).items() if name != "depths_m"}
-    digest = digest_of([settings, code_of(["src.parallax"]), recorded_sums(clip.folder)])
+    settings, code = parallax.settings, code_of([Parallax.__module__])
+    digest = digest_of([settings, code, recorded_sums(clip.folder)])
     return clip.folder.parent.parent / FOLDER / f"{clip.clip_id}-{digest}.npy"
 
 

@@ -31,7 +31,7 @@ class Evidence(nn.Module):
         self, grid: VoxelGrid, dim: int, bins: int, projection: Projection, hidden: int = 32
     ) -> None:
         super().__init__()
-        self.voxel_m = grid.voxel_m
+        self.voxel_m, self.bins = grid.voxel_m, bins
         self.voxels = PillarReferences(grid, grid.shape[2], projection)
         self.of_pixels = nn.Conv2d(bins + 1, dim, 1)
         self.of_pillars = nn.Linear(grid.shape[2] * WIDTH, dim)

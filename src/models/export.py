@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from ..atomic import replacing
 from ..errors import UserError, import_extra, reason_of
 from ..limits import require_choice
+from ..parallax import Parallax
 from .history import History
 from .network import SkyOcc
 
@@ -24,33 +25,37 @@ DESCRIPTION = "export.json"
 CAMERA = ("image", "pix_from_camera", "body_from_camera", "occ_from_body")
 MEASURED = ("attitude_rad", "velocity_mps", "height_m")
 CURRENT = CAMERA + MEASURED
+# A graph has this input only where the network compares frames.
+VOLUME = "parallax"
 # A batch has these for every frame of a queue, and a step for the current one.
-OF_QUEUE = ("image", "pix_from_camera", "occ_from_body")
+OF_QUEUE = ("image", "pix_from_camera", "occ_from_body", VOLUME)
 # A graph has these inputs only where there is a history. Each has a batch dimension of 1.
 PAST = ("past_pillars", "occ_from_past_occ", "past_valid")
-INPUTS = CURRENT + PAST
 OUTPUTS = ("logits", "pillars")
 
 Run = Callable[[tuple[Tensor, ...]], tuple[Tensor, Tensor]]
 
 
 class StepGraph(nn.Module):
-    """`SkyOcc.step` of one frame with its tensors as arguments, in the order of `INPUTS`."""
+    """`SkyOcc.step` of one frame with its tensors as arguments, in the order of ``names``."""
 
-    def __init__(self, network: SkyOcc) -> None:
+    def __init__(self, network: SkyOcc, names: Sequence[str]) -> None:
         super().__init__()
-        self.network = network
+        self.network, self.names = network, [*names]
 
     def forward(self, *inputs: Tensor) -> tuple[Float[Tensor, "1 9 x y z"], Float[Tensor, "1 p d"]]:
-        batch, past = dict(zip(INPUTS, inputs)), inputs[len(CURRENT) :]
-        batch |= {name: batch[name][:, None] for name in OF_QUEUE}
+        named = dict(zip(self.names, inputs))
+        past = [named.pop(name) for name in PAST if name in named]
+        batch = {name: x[:, None] if name in OF_QUEUE else x for name, x in named.items()}
         return self.network.step(batch, History(*past) if past else None)[:2]
 
 
-def step_inputs(batch: Mapping[str, Tensor], history: History | None) -> tuple[Tensor, ...]:
-    """Returns the arguments of a `StepGraph`, from those of `SkyOcc.step`."""
-    current = [batch[name][:, -1] if name in OF_QUEUE else batch[name] for name in CURRENT]
-    return tuple(tensor.contiguous() for tensor in (*current, *(history or ())))
+def step_inputs(batch: Mapping[str, Tensor], history: History | None) -> dict[str, Tensor]:
+    """Returns the arguments of a `StepGraph` by their names, from those of `SkyOcc.step`."""
+    current = {name: batch[name] for name in (*CURRENT, VOLUME) if name in batch}
+    inputs = {name: x[:, -1] if name in OF_QUEUE else x for name, x in current.items()}
+    inputs |= dict(zip(PAST, history or ()))
+    return {name: tensor.contiguous() for name, tensor in inputs.items()}
 
 
 def export_step(
@@ -72,17 +77,19 @@ def export_step(
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")
-        program = torch.export.export(StepGraph(network.eval()), inputs)
+        graph = StepGraph(network.eval(), [*inputs])
+        program = torch.export.export(graph, tuple(inputs.values()))
         for name in formats:
             with replacing(folder / FORMATS[name]) as temporary:
-                _write[name](program, temporary)
+                _write[name](program, [*inputs], temporary)
 
     described = [
         {"name": name, "dtype": str(tensor.dtype).removeprefix("torch."), "shape": [*tensor.shape]}
-        for name, tensor in zip(INPUTS, inputs)
+        for name, tensor in inputs.items()
     ]
     with replacing(folder / DESCRIPTION) as temporary:
-        facts = {"history": network.history, **facts, "inputs": described, "outputs": OUTPUTS}
+        of_network = {"history": network.history, VOLUME: _settings(network.parallax)}
+        facts = {**of_network, **facts, "inputs": described, "outputs": OUTPUTS}
         temporary.write_text(json.dumps(facts, indent=1) + "\n")
 
 
@@ -94,14 +101,18 @@ def require_formats(formats: Sequence[str]) -> None:
         raise UserError(f"task.formats: empty; give some of {', '.join(FORMATS)}")
 
 
-def _write_onnx(program: torch.export.ExportedProgram, path: Path) -> None:
+def _settings(parallax: Parallax | None) -> dict | None:
+    return None if parallax is None else parallax.settings
+
+
+def _write_onnx(program: torch.export.ExportedProgram, inputs: Sequence[str], path: Path) -> None:
     import_extra("onnxscript", "export", "task.formats")
-    names = {"input_names": INPUTS[: len(program.graph_signature.user_inputs)]}
-    graph = torch.onnx.export(program, dynamo=True, verbose=False, output_names=OUTPUTS, **names)
+    names = {"input_names": inputs, "output_names": OUTPUTS}
+    graph = torch.onnx.export(program, dynamo=True, verbose=False, **names)
     graph.save(str(path))
 
 
-def _write_torch(program: torch.export.ExportedProgram, path: Path) -> None:
+def _write_torch(program: torch.export.ExportedProgram, _inputs: Sequence[str], path: Path) -> None:
     with path.open("wb") as file:
         torch.export.save(program, file)
 
@@ -127,7 +138,7 @@ class ExportedStep:
         _, self.past_frames, *self.pillar_shape = shapes.get("past_pillars", [1, 0, 0, 0])
         self.device = torch.device("cpu")
         self.history_step_s = facts.get("history_step_s")
-        self.parallax = None
+        self.parallax = Parallax(**facts[VOLUME]) if facts.get(VOLUME) else None
         self.image_shape = shapes["image"]
 
         try:
@@ -152,7 +163,7 @@ class ExportedStep:
                 f"image: {width}x{height}, and the graph is for {self.image_shape[3]}x"
                 f"{self.image_shape[2]}; export it again for this camera"
             )
-        return self.run(step_inputs(batch, history))
+        return self.run(tuple(step_inputs(batch, history).values()))
 
 
 def _open_onnx(path: Path, threads: int) -> Run:

@@ -102,6 +102,11 @@ class SkyOcc(nn.Module):
                 f"reads {sorted(encoder.reads_strides)}; give model/sight=off, or "
                 f"model.encoder.lift.stride={sight.stride}"
             )
+        if evidence is not None and (sight is None or sight.bins != evidence.bins):
+            raise UserError(
+                "model/evidence: on reads the pixels' class and depth; give model/sight=on with "
+                "model.evidence.bins=model.sight.bins, or model/evidence=off"
+            )
         self.ground, self.sight, self.evidence = ground, sight, evidence
         self.history, self.history_grad = history, history_grad
 

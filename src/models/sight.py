@@ -69,6 +69,12 @@ class SightHead(nn.Module):
                 "above 0; give one for each class"
             )
 
+        if parallax is not None and parallax.bins != bins:
+            raise UserError(
+                f"data.parallax.bins: {parallax.bins}, and model.sight.bins has {bins}; give one "
+                "number for both"
+            )
+
         self.bins, self.weight, self.parallax = bins, weight, parallax
         self.register_buffer(
             "class_weights", torch.tensor([*class_weights], dtype=torch.float), persistent=False

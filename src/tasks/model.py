@@ -72,6 +72,12 @@ def module_of(
 def require_buildable(cfg: DictConfig) -> None:
     """Builds the configured network, its loss, its scores and what makes its optimizer once and
     drops them, so that what is wrong with them is refused before any data are generated or read."""
+    if cfg.model.sight is not None and "_target_" not in cfg.model.sight:
+        raise UserError(
+            "model/parallax: on, and model/sight=off; the depth of the pixels reads it: give both, "
+            "or model/parallax=off"
+        )
+
     if cfg.model.sight is not None and not cfg.data.pixels:
         raise UserError(
             "data.pixels: false, and model/sight=on learns from what pixels see; drop the key, "

@@ -7,9 +7,12 @@ import pytest
 import torch
 
 from src.errors import UserError
+from src.models.evidence import Evidence
 from src.models.export import DESCRIPTION, FORMATS, ExportedStep, export_step, require_formats
 from src.models.ground import above_ground
+from src.models.sight import SightHead
 from src.models.stream import SkyOccStream
+from src.parallax import Parallax
 from tests.models.synthetic import build_network
 from tests.models.test_stream import GRID, HISTORY_STEP_S, frame_of
 
@@ -34,8 +37,15 @@ def exported(tmp_path_factory, clips):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
-    [{}, {"history": "recursive", "volume": VOLUME, "lift": "lss"}],
-    ids=["plain", "another_history_volume_and_lift"],
+    [
+        {},
+        {"history": "recursive", "volume": VOLUME, "lift": "lss"},
+        {
+            "sight": SightHead(16, 12, parallax=Parallax([0.2, 0.4], bins=12)),
+            "evidence": Evidence(GRID, 16, 12, "attitude"),
+        },
+    ],
+    ids=["plain", "another_history_volume_and_lift", "parallax"],
 )
 def test_graphs_give_what_the_model_gives(exported, clips, options):
     """Frames with no history, some, all of it, and none again after a gap."""

@@ -1,0 +1,81 @@
+"""Cost volumes beside the clips: computed once, and of these very images, poses and settings."""
+
+import shutil
+
+import pytest
+import torch
+
+from src.data.clip import Clip
+from src.data.dataset import OccupancyDataset
+from src.data.volumes import FOLDER, computed_volume, file_of, keep_volumes, past_frames
+from src.errors import UserError
+from src.parallax import Parallax
+from tests.synthetic import write_clip
+
+AGES_S = [0.2, 0.4]
+
+
+@pytest.fixture
+def clip(clips, tmp_path):
+    folder = shutil.copytree(clips["suburb/clip00"].folder, tmp_path / "suburb/clip00")
+    return Clip(folder)
+
+
+def sample_of(clip, frame, parallax, **settings):
+    clips, place = {"suburb/clip00": clip}, ("suburb/clip00", frame)
+    settings = {"frames": 3, "history_step_s": 0.2, "parallax": parallax, **settings}
+    return OccupancyDataset(clips, [place], **settings)[0]
+
+
+def test_a_sample_has_a_volume_of_each_frame_that_is_read(clip):
+    parallax = Parallax(AGES_S)
+    found = sample_of(clip, 12, parallax)["parallax"]
+    expected = [computed_volume(parallax, clip, [n - 2, n - 1, n]) for n in (10, 11, 12)]
+    assert found.equal(torch.stack(expected))
+    assert found.any()
+    assert sample_of(clip, 12, parallax, images=False)["parallax"].equal(found[-1:])
+
+
+def test_a_clip_begins_without_one(clip):
+    first, second = (sample_of(clip, n, Parallax(AGES_S))["parallax"][-1] for n in (0, 1))
+    assert not first.any()
+    assert second.equal(computed_volume(Parallax(AGES_S), clip, [0, 1]))
+
+
+def test_what_is_kept_is_what_is_computed(clip, monkeypatch):
+    parallax = Parallax(AGES_S)
+    fresh = [sample_of(clip, n, parallax)["parallax"] for n in (0, 1, 12)]
+    keep_volumes(parallax, [clip])
+    monkeypatch.setattr("src.data.volumes.computed_volume", lambda *_: pytest.fail("once more"))
+    kept = [sample_of(clip, n, parallax)["parallax"] for n in (0, 1, 12)]
+    assert all(map(torch.equal, kept, fresh))
+
+
+def test_those_of_other_images_or_settings_are_made_again(clip):
+    keep_volumes(Parallax(AGES_S), [clip])
+    (kept,) = (clip.folder.parents[1] / FOLDER / "suburb").iterdir()
+    assert kept == file_of(Parallax(AGES_S), clip)
+    for settings in ({"window": 5}, {"projection": "level"}, {"per_bin": 1}):
+        assert file_of(Parallax(AGES_S, **settings), clip) != kept
+
+    shutil.rmtree(clip.folder)
+    write_clip(clip.folder, capture_hz=5, seed=7)
+    other = Clip(clip.folder)
+    keep_volumes(Parallax(AGES_S), [other])
+    assert [file_of(Parallax(AGES_S), other)] == [*kept.parent.iterdir()] != [kept]
+
+
+def test_a_strict_history_hides_the_past_from_parallax_too(clip):
+    parallax = Parallax(AGES_S)
+    keep_volumes(parallax, [clip])
+    open_, strict = (
+        sample_of(clip, 50, parallax, history=history)["parallax"][-1]
+        for history in ("open", "strict")
+    )
+    assert open_.any()
+    assert not strict.any(), "the frame at 10 s is the first one of its part"
+
+
+def test_an_age_between_frames_is_refused(clip):
+    with pytest.raises(UserError, match=r"^data\.parallax\.ages_s: \[0\.3\].*0\.2 s.*parallax=off"):
+        past_frames(Parallax([0.3]), clip, 5)
