@@ -75,6 +75,19 @@ class Parallax:
         steps = torch.arange(bins * per_bin, dtype=torch.float64) + 0.5
         self.depths_m = NEAR_M * (FAR_M / NEAR_M) ** (steps / len(steps))
 
+    def strides(self, capture_hz: float) -> list[int]:
+        """Returns how many frames before the current one the past images are, oldest first.
+
+        Raises `UserError` for an age that falls between frames.
+        """
+        strides = [age_s * capture_hz for age_s in reversed(self.ages_s)]
+        if any(abs(stride - round(stride)) > 1e-6 for stride in strides):
+            raise UserError(
+                f"data.parallax.ages_s: {[*self.ages_s]} are no multiples of the capture interval "
+                f"{1 / capture_hz:g} s; choose others, or model/parallax=off"
+            )
+        return [round(stride) for stride in strides]
+
     def volume(
         self,
         images: Sequence[UInt8[Tensor, "3 H W"]],

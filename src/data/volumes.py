@@ -10,7 +10,6 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from ..atomic import replacing
-from ..errors import UserError
 from ..parallax import Parallax
 from ..provenance import digest_of
 from ..terminal import tracked
@@ -25,7 +24,7 @@ def volume_of(
     parallax: Parallax, clip: Clip, now: int, may_see: Callable[[int], bool]
 ) -> UInt8[Tensor, "bins h w"]:
     """Returns the volume of a frame with the past frames that it may see."""
-    past = past_frames(parallax, clip, now)
+    past = [now - stride for stride in parallax.strides(clip.meta.capture_hz)]
     seen = [frame for frame in past if may_see(frame)]
     path = file_of(parallax, clip)
     # What is kept is of a whole clip.
@@ -41,20 +40,6 @@ def keep_volumes(parallax: Parallax, clips: Sequence[Clip]) -> None:
     kept = mapped(_keep, workers, [parallax] * len(missing), missing)
     for _ in tracked(kept, "comparing frames with past ones", len(missing)):
         pass
-
-
-def past_frames(parallax: Parallax, clip: Clip, now: int) -> list[int]:
-    """Numbers the past frames that parallax compares with one, oldest first; some may be below 0.
-
-    Raises `UserError` for an age that falls between frames.
-    """
-    strides = [age_s * clip.meta.capture_hz for age_s in parallax.ages_s]
-    if any(abs(stride - round(stride)) > 1e-6 for stride in strides):
-        raise UserError(
-            f"data.parallax.ages_s: {[*parallax.ages_s]} are no multiples of the capture interval "
-            f"{1 / clip.meta.capture_hz:g} s; choose others, or model/parallax=off"
-        )
-    return [now - round(stride) for stride in reversed(strides)]
 
 
 def computed_volume(
@@ -79,8 +64,9 @@ def file_of(parallax: Parallax, clip: Clip) -> Path:
 
 
 def _keep(parallax: Parallax, clip: Clip) -> None:
-    windows = [[*past_frames(parallax, clip, now), now] for now in range(len(clip))]
-    volumes = [computed_volume(parallax, clip, [f for f in w if f >= 0]) for w in windows]
+    past = parallax.strides(clip.meta.capture_hz)
+    windows = [[now - n for n in (*past, 0) if n <= now] for now in range(len(clip))]
+    volumes = [computed_volume(parallax, clip, window) for window in windows]
     path = file_of(parallax, clip)
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.save(file, torch.stack(volumes).numpy(), allow_pickle=False)

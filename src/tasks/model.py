@@ -86,9 +86,11 @@ def require_buildable(cfg: DictConfig) -> None:
 
     # The weights of the network to train are drawn later, from an untouched generator.
     with torch.random.fork_rng(devices=[]):
-        instantiate(cfg.model)
+        network = instantiate(cfg.model)
         instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES)
         instantiate(cfg.optimizer)
 
+    if getattr(network, "parallax", None) is not None:
+        network.parallax.strides(cfg.sim.capture_hz)
     grid = VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True))
     ScoreSuite(grid, [], score_settings(cfg)[1])

@@ -7,7 +7,7 @@ import torch
 
 from src.data.clip import Clip
 from src.data.dataset import OccupancyDataset
-from src.data.volumes import FOLDER, computed_volume, file_of, keep_volumes, past_frames
+from src.data.volumes import FOLDER, computed_volume, file_of, keep_volumes
 from src.errors import UserError
 from src.parallax import Parallax
 from tests.synthetic import write_clip
@@ -78,4 +78,4 @@ def test_a_strict_history_hides_the_past_from_parallax_too(clip):
 
 def test_an_age_between_frames_is_refused(clip):
     with pytest.raises(UserError, match=r"^data\.parallax\.ages_s: \[0\.3\].*0\.2 s.*parallax=off"):
-        past_frames(Parallax([0.3]), clip, 5)
+        sample_of(clip, 5, Parallax([0.3]))

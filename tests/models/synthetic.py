@@ -11,18 +11,21 @@ from src.models.backbone import ResNet
 from src.models.bilinear_lift import BilinearLift
 from src.models.decoder import PillarDecoder
 from src.models.encoder import PillarEncoder
+from src.models.evidence import Evidence
 from src.models.ground import GroundVolume
 from src.models.lift_splat import LiftSplat
 from src.models.losses import OccupancyLoss, cross_entropy, lovasz
 from src.models.network import SkyOcc
 from src.models.references import References, padded_index
-from src.models.sight import Sight, place_of
+from src.models.sight import Sight, SightHead, place_of
 from src.ontology import NUM_CLASSES, UNKNOWN
 
 GRID = VoxelGrid(shape=(10, 10, 6))
 # A volume of the same pillars, on the ground.
 VOLUME = VoxelGrid((0, -25, -5), (50, 25, 15), (10, 10, 4))
 IMAGE_SIZE = (96, 64)
+# Of the cost volumes of a batch.
+BINS = 12
 LIFTS = ("deformable", "bilinear", "lss")
 
 
@@ -43,8 +46,10 @@ def build_network(
     lift="deformable",
     backbone=None,
     volume=None,
+    parallax=None,
     **network,
 ):
+    """With a ``parallax``, what pixels see is read from it, and is evidence for the voxels."""
     torch.manual_seed(0)
     backbone = backbone or ResNet(depth=18, width=8)
     ground = None if volume is None else GroundVolume(volume, grid)
@@ -52,6 +57,9 @@ def build_network(
     sizes = {"dim": dim, "num_layers": num_layers, "num_heights": 4, "num_heads": 2}
     encoder = PillarEncoder(volume, build_lift(lift, volume), **{**sizes, **(encoder or {})})
     decoder = PillarDecoder(volume, dim, num_blocks=1)
+    if parallax is not None:
+        network["sight"] = SightHead(dim, parallax.bins, parallax=parallax)
+        network["evidence"] = Evidence(volume, dim, parallax.bins, encoder.references.projection)
     return SkyOcc(backbone, encoder, decoder, ground=ground, **network)
 
 
@@ -119,6 +127,9 @@ def build_batch(batch_size=2, frames=4, grid=GRID, image_size=IMAGE_SIZE, seed=0
         "visible": visible,
         "pixel_class": torch.randint(0, 9, pixels, generator=generator, dtype=torch.uint8),
         "pixel_depth_m": 80 * torch.rand(pixels, generator=generator),
+        "parallax": torch.randint(
+            0, 256, (*shape, BINS, *pixels[1:]), generator=generator, dtype=torch.uint8
+        ),
     }
 
 

@@ -7,8 +7,8 @@ import torch
 
 from src.geometry import VoxelGrid, front_mount
 from src.models.evidence import REACH_VOXELS, Evidence
-from src.models.sight import SightHead
 from src.ontology import CAR, NUM_CLASSES
+from src.parallax import Parallax
 from tests.models.synthetic import IMAGE_SIZE, build_batch, build_network, seen_by, sure_sight
 
 # So fine that a voxel is several bins wide.
@@ -57,11 +57,8 @@ def test_nothing_is_added_to_logits_before_it_is_learnt(evidence):
 
 
 def test_the_voxels_loss_teaches_the_depth():
-    torch.manual_seed(0)
-    grid = VoxelGrid(shape=(10, 10, 6))
-    reading = Evidence(grid, 16, BINS, "attitude")
-    network = build_network(grid=grid, sight=SightHead(16, BINS), evidence=reading)
+    network = build_network(parallax=Parallax(bins=12))
     step = network.step(build_batch(), None)
     step.logits.square().mean().backward()
     assert network.sight.layers[-1].weight.grad[NUM_CLASSES:].abs().sum() > 0
-    assert all(p.grad is not None for p in reading.parameters())
+    assert all(p.grad is not None for p in network.evidence.parameters())

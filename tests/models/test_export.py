@@ -7,10 +7,8 @@ import pytest
 import torch
 
 from src.errors import UserError
-from src.models.evidence import Evidence
 from src.models.export import DESCRIPTION, FORMATS, ExportedStep, export_step, require_formats
 from src.models.ground import above_ground
-from src.models.sight import SightHead
 from src.models.stream import SkyOccStream
 from src.parallax import Parallax
 from tests.models.synthetic import build_network
@@ -40,10 +38,7 @@ def exported(tmp_path_factory, clips):
     [
         {},
         {"history": "recursive", "volume": VOLUME, "lift": "lss"},
-        {
-            "sight": SightHead(16, 12, parallax=Parallax([0.2, 0.4], bins=12)),
-            "evidence": Evidence(GRID, 16, 12, "attitude"),
-        },
+        {"volume": VOLUME, "parallax": Parallax([0.2, 0.4], bins=12)},
     ],
     ids=["plain", "another_history_volume_and_lift", "parallax"],
 )

@@ -8,8 +8,17 @@ from src.metrics import OccupancyScores
 from src.models.history import PillarMemory
 from src.models.module import OccupancyModule
 from src.models.stream import SkyOccStream
+from src.parallax import Parallax
 from src.tasks.export import made_up_flight
-from tests.models.synthetic import GRID, LIFTS, VOLUME, build_batch, build_loss, build_network
+from tests.models.synthetic import (
+    BINS,
+    GRID,
+    LIFTS,
+    VOLUME,
+    build_batch,
+    build_loss,
+    build_network,
+)
 from tests.simulated_cuda import CUDA, SimulatedCuda, simulated_cuda
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*self.log:UserWarning", "ignore:.*CUDA is not")
@@ -68,6 +77,7 @@ def step_on(device, **settings):
         *({"lift": lift} for lift in LIFTS),
         *({"lift": lift, "history": "recursive", "volume": VOLUME} for lift in LIFTS),
         *({"lift": "deformable", **way} for way in ({"checkpointing": True}, {"order": "streams"})),
+        {"lift": "deformable", "volume": VOLUME, "parallax": Parallax([0.2], bins=BINS)},
     ],
 )
 def test_a_training_step_is_that_of_the_cpu(settings):
@@ -80,12 +90,13 @@ def test_a_training_step_is_that_of_the_cpu(settings):
         assert 0 < waits.total() <= MOST_WAITS[settings["lift"]]
 
 
-def test_a_stream_flies_on_the_device():
+@pytest.mark.parametrize("parallax", [None, Parallax([0.2], bins=BINS)])
+def test_a_stream_flies_on_the_device(parallax):
     frames = made_up_flight(SIM, 5, 0.2)
-    stream = SkyOccStream(build_network(), 0.2)
+    stream = SkyOccStream(build_network(parallax=parallax), 0.2)
     expected = [stream(frame) for frame in frames]
     with simulated_cuda():
-        stream = SkyOccStream(build_network().to(CUDA), 0.2)
+        stream = SkyOccStream(build_network(parallax=parallax).to(CUDA), 0.2)
         logits = [stream(frame) for frame in frames]
     assert all(a.inner.equal(b) for a, b in zip(logits, expected))
 

@@ -6,9 +6,7 @@ import torch
 from src.data.dataset import OccupancyDataset, velocity_world_mps
 from src.errors import UserError
 from src.geometry import VoxelGrid
-from src.models.evidence import Evidence
 from src.models.frame import StreamFrame
-from src.models.sight import SightHead
 from src.models.stream import SHAPES, SkyOccStream
 from src.parallax import Parallax
 from tests.models.synthetic import build_network
@@ -77,9 +75,7 @@ def test_the_recursive_stream_equals_the_batch_path_as_far_as_its_queue(clips):
 def test_a_stream_compares_the_frames_that_the_batch_path_compares(clips, projection):
     parallax = Parallax([0.2, 0.4, 0.8], bins=12, projection=projection)
     encoder = {"num_frames": 2, "projection": projection}
-    evidence = Evidence(GRID, 16, 12, projection)
-    sight = SightHead(16, 12, parallax=parallax)
-    network = build_network(grid=GRID, encoder=encoder, sight=sight, evidence=evidence)
+    network = build_network(grid=GRID, encoder=encoder, parallax=parallax)
     stream = SkyOccStream(network, HISTORY_STEP_S)
     for frame in range(7):
         current = frame_of(clips, "town/a", frame)
@@ -94,8 +90,8 @@ def test_a_stream_compares_the_frames_that_the_batch_path_compares(clips, projec
 
 
 def test_a_stream_of_images_of_two_sizes_is_refused(clips):
-    sight = SightHead(16, 12, parallax=Parallax([0.2], bins=12))
-    stream = SkyOccStream(build_network(grid=GRID, sight=sight), HISTORY_STEP_S)
+    network = build_network(grid=GRID, parallax=Parallax([0.2], bins=12))
+    stream = SkyOccStream(network, HISTORY_STEP_S)
     stream(frame_of(clips, "town/a", 0))
     frame = frame_of(clips, "town/a", 1)
     with pytest.raises(UserError, match=r"^image: 96x64, 96x32 .* one size"):

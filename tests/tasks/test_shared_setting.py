@@ -1,12 +1,16 @@
 """What the rungs share: a training whose pixels are a second task."""
 
+import re
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from hydra.errors import InstantiationException
 
 from src.data.clip import AUX
+from src.data.volumes import FOLDER
 from src.errors import UserError
+from src.failures import one_line
 from src.tasks.dataset import root_of
 from src.tasks.fit import fit
 from tests.synthetic import compose_config, mini_overrides, write_dataset
@@ -45,3 +49,28 @@ def test_data_without_depth_are_refused_with_both_ways_out(config):
 def test_a_second_task_without_its_labels_is_refused_before_it_trains(config):
     with pytest.raises(UserError, match=r"^data\.pixels: .*model/sight"):
         fit(config("data.pixels=false"))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("model/parallax=on model/sight=off", "model/parallax: on, and model/sight=off"),
+        ("model/evidence=on model/sight=off", "model/evidence: on reads .*model/sight=on"),
+        ("model/parallax=on data.parallax.bins=24", "data.parallax.bins: 24, .* has 48"),
+        ("model/parallax=on data.parallax.ages_s=[0.3]", r"data.parallax.ages_s: \[0.3\]"),
+        ("model/parallax=on data.parallax.ages_s=[]", r"data.parallax.ages_s: \[\]"),
+    ],
+)
+def test_what_nobody_could_read_is_refused_before_it_trains(config, words, message):
+    with pytest.raises((UserError, InstantiationException)) as refused:
+        fit(config(*words.split()))
+    assert re.match(message, one_line(refused.value))
+
+
+@pytest.mark.slow
+def test_parallax_is_kept_beside_the_data_and_taught(config):
+    parallax = ("model/parallax=on", "data.parallax.ages_s=[0.4,0.8]", "model/evidence=on")
+    cfg = config(*parallax, "trainer.max_epochs=1")
+    assert fit(cfg) == "finished"
+    kept = [*(root_of(cfg) / FOLDER).rglob("*.npy")]
+    assert len(kept) == cfg.sim.clips_per_town * len(cfg.sim.towns)
