@@ -29,7 +29,7 @@ HistoryKind = Literal["queue", "recursive"]
 
 class EncodedFrame(NamedTuple):
     """One frame by itself: its feature maps, its references, and its pillars from these alone; and
-    what its pixels see, where the network says it."""
+    what its pixels see, where the network says it, as evidence too if it is the current one."""
 
     features: Features
     references: References
@@ -60,12 +60,13 @@ class SkyOcc(nn.Module):
     offsets could learn the tilt. With ``metadata_first``, for a network without history, they are
     added to the queries, as in BEVFormer. With ``ground`` the encoder's and the decoder's grid
     stands on the ground plane, else it is the occ frame's. ``sight`` says what the pixels see,
-    which is a task of its own in training. With ``history_grad`` gradients also flow into the past
-    frames. With ``checkpointing`` training keeps less in memory and computes blocks and layers
-    twice.
+    which is a task of its own in training, and ``evidence`` reads that for the features and the
+    voxels. With ``history_grad`` gradients also flow into the past frames. With ``checkpointing``
+    training keeps less in memory and computes blocks and layers twice.
 
     Raises `UserError` for another ``history``, for other ``metadata``, for ``metadata_first`` with
-    a history, and for a lifting that reads no level as fine as the ``sight``.
+    a history, for a lifting that reads no level as fine as the ``sight``, and for ``evidence``
+    without a ``sight`` of as many bins.
     """
 
     def __init__(

@@ -47,9 +47,12 @@ class SightHead(nn.Module):
     the pillars stand on that: both as the rung's own projection has them. One output says how
     likely it is the ground that the pixel sees, which adds to the logits around that depth.
 
+    With a ``parallax`` the frame's cost volume is added twice: to the features by a convolution
+    over its bins as channels, and to the depth's logits by three thin ones in 3-D.
+
     ``dim`` is the width of the features, ``weight`` the factor of the head's two losses, and
     ``class_weights`` [9] what a pixel of each class weighs in the first one. Raises `UserError` for
-    another number of them, or one that is not above 0.
+    another number of them, or one that is not above 0, and for a ``parallax`` of other bins.
     """
 
     stride = STRIDES[0]
