@@ -20,7 +20,8 @@ from .limits import require_choice, require_count
 # The depths of the hypotheses are equally far apart in the logarithm, as the bins that pixels are
 # taught (`models.sight`).
 NEAR_M, FAR_M = 1.0, 64.0
-# The volume has one place in each square of so many pixels.
+# A volume, and the labels of pixels, have one place in each square of so many pixels: as coarse as
+# the finest features of an image encoder.
 RASTER = 4
 # Added to the variance of grey (0 to 1) in a window: what has no texture agrees with nothing.
 NOISE = 6e-5

@@ -11,7 +11,7 @@ from torch.utils.data import Dataset
 from ..errors import UserError
 from ..limits import require_choice
 from ..ontology import FREE, SKY
-from ..parallax import Parallax
+from ..parallax import RASTER, Parallax
 from .batch import Batch, ego_motion, mirrored
 from .batches import Key
 from .clip import Clip
@@ -19,8 +19,6 @@ from .split import part_of_time
 from .volumes import volume_of
 
 HISTORY = ("open", "strict")
-# As coarse as the finest features of an image encoder.
-PIXEL_STRIDE = 4
 
 
 class OccupancyDataset(Dataset):
@@ -109,9 +107,9 @@ class OccupancyDataset(Dataset):
 
 def pixel_labels(clip: Clip, frame: int) -> dict[str, Tensor]:
     """Returns the class and the z-depth in metres that a frame's pixels see: at the centers of
-    squares of `PIXEL_STRIDE` pixels, where the sky's class is that of free space and its depth
+    squares of `RASTER` pixels, where the sky's class is that of free space and its depth
     infinite."""
-    center = slice(PIXEL_STRIDE // 2, None, PIXEL_STRIDE)
+    center = slice(RASTER // 2, None, RASTER)
     class_id = clip.aux("class", frame)[center, center]
     depth_m = clip.aux("depth", frame)[center, center]
     return {

@@ -57,10 +57,11 @@ def computed_volume(
 
 @cache
 def file_of(parallax: Parallax, clip: Clip) -> Path:
-    """Returns the file of a clip's volumes, named after the settings, the code and the clip."""
-    settings, code = parallax.settings, code_of([Parallax.__module__])
-    digest = digest_of([settings, code, recorded_sums(clip.folder)])
-    return clip.folder.parent.parent / FOLDER / f"{clip.clip_id}-{digest}.npy"
+    """Returns the file of a clip's volumes: its name has the settings, then the code and the bytes
+    that they are of."""
+    of = digest_of([code_of([Parallax.__module__]), recorded_sums(clip.folder)])
+    name = f"{clip.clip_id}-{digest_of(parallax.settings)}-{of}.npy"
+    return clip.folder.parent.parent / FOLDER / name
 
 
 def _keep(parallax: Parallax, clip: Clip) -> None:
@@ -71,7 +72,9 @@ def _keep(parallax: Parallax, clip: Clip) -> None:
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.save(file, torch.stack(volumes).numpy(), allow_pickle=False)
 
-    # The clip's others are of other images or poses, or of settings that were given up.
-    for other in path.parent.glob(f"{clip.folder.name}-*.npy"):
+    # Others with these settings are of other images, poses or code; another rung has settings of
+    # its own, and may be in training.
+    of_settings, _, _ = path.name.rpartition("-")
+    for other in path.parent.glob(f"{of_settings}-*.npy"):
         if other != path:
             other.unlink(missing_ok=True)

@@ -88,7 +88,8 @@ def export_step(
         for name, tensor in inputs.items()
     ]
     with replacing(folder / DESCRIPTION) as temporary:
-        of_network = {"history": network.history, VOLUME: _settings(network.parallax)}
+        settings = network.parallax and network.parallax.settings
+        of_network = {"history": network.history, VOLUME: settings}
         facts = {**of_network, **facts, "inputs": described, "outputs": OUTPUTS}
         temporary.write_text(json.dumps(facts, indent=1) + "\n")
 
@@ -99,10 +100,6 @@ def require_formats(formats: Sequence[str]) -> None:
         require_choice("task.formats", name, FORMATS)
     if not formats:
         raise UserError(f"task.formats: empty; give some of {', '.join(FORMATS)}")
-
-
-def _settings(parallax: Parallax | None) -> dict | None:
-    return None if parallax is None else parallax.settings
 
 
 def _write_onnx(program: torch.export.ExportedProgram, inputs: Sequence[str], path: Path) -> None:

@@ -38,10 +38,8 @@ COLUMNS = (
     *("protocol", "seconds", "parameters", "precision", "code_version", "git_commit", "dataset"),
 )
 # The long table of a run; the condition of a split that was presented as it was recorded.
-LONG_COLUMNS = (
-    *("experiment", "seed", "condition", "part", "score"),
-    *("value", "low", "high", "clips", "frames", "protocol"),
-)
+LONG_KEYS = ("experiment", "seed", "condition", "part", "score")
+LONG_VALUES = ("value", "low", "high", "clips", "frames", "protocol")
 AS_RECORDED = "as recorded"
 TEXTS = tuple(name for name in COLUMNS if name not in NUMBERS)
 
@@ -76,7 +74,7 @@ def run_table(runs: Mapping[int, Sequence[Counts]], parts: Parts) -> pd.DataFram
             if clips := counts.rows(chosen):
                 key = (counts.name, str(seed), AS_RECORDED, part)
                 rows += [(*key, *score) for score in _scores(counts, clips)]
-    return pd.DataFrame(rows, columns=list(LONG_COLUMNS))
+    return pd.DataFrame(rows, columns=[*LONG_KEYS, *LONG_VALUES])
 
 
 def _scores(counts: Counts, rows: list[int]) -> Iterator[tuple]:

@@ -14,16 +14,13 @@ from ..ontology import CLASSES
 from ..provenance import digest_of
 from .bootstrap import Samples, interval_of, resamplings, seed_resamplings, seed_sample
 from .counts import Counts
-from .files import AS_RECORDED
+from .files import AS_RECORDED, LONG_KEYS, LONG_VALUES
 from .render import Cell, Row
 
 # The last two are empty for a score. Of a difference they say from what: from another experiment,
 # or from the same one under another condition.
-KEYS = (
-    *("experiment", "seed", "condition", "part", "score"),
-    *("reference", "reference_condition"),
-)
-COLUMNS = (*KEYS, "value", "low", "high", "clips", "frames", "protocol")
+KEYS = (*LONG_KEYS, "reference", "reference_condition")
+COLUMNS = (*KEYS, *LONG_VALUES)
 # In the column ``seed``: the mean over all seeds of an experiment.
 MEAN = "mean"
 # Scores that are made of others, as a mean of some classes.
