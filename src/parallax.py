@@ -171,98 +171,120 @@ def _sweep(image, past, at_infinity, epipole, moving, depths_m, reach):
     agreement = np.zeros((len(depths_m), *shape), dtype=np.float32)
     counts = np.zeros(shape, dtype=np.float32)
     warped = np.empty((height, width), dtype=np.float32)
-    seen = np.empty((height, width), dtype=np.float32)
+    mean, deviation = _moments(image, reach)
 
     for depth in range(len(depths_m)):
         counts[:] = 0
         for k in range(len(past)):
             homography = at_infinity[k].copy()
             homography[:, 2] += epipole[k] / depths_m[depth]
-            _warp(past[k], homography, warped, seen)
-            _add_agreement(image, warped, seen, moving[k], reach, agreement[depth], counts)
+            _warp(past[k], homography, warped)
+            found = agreement[depth]
+            _add_agreement(image, mean, deviation, warped, moving[k], reach, found, counts)
         agreement[depth] /= np.maximum(counts, np.float32(1))
     return agreement
 
 
 @njit
-def _warp(past, homography, warped, seen):
-    """Fills ``warped`` with the past image at each pixel's place in it, and ``seen`` with 1 where
-    that lies inside (else 0)."""
+def _warp(past, homography, warped):
+    """Fills ``warped`` with the past image at each pixel's place in it, which is NaN outside."""
     height, width = past.shape
+    x, y = np.empty(width, np.float32), np.empty(width, np.float32)
     for row in range(height):
+        _places(homography, row, x, y)
         for column in range(width):
-            u, v = column + 0.5, row + 0.5
-            depth = homography[2, 0] * u + homography[2, 1] * v + homography[2, 2]
-            scale = 1 / depth if depth > 1e-6 else 0.0
-            x = (homography[0, 0] * u + homography[0, 1] * v + homography[0, 2]) * scale - 0.5
-            y = (homography[1, 0] * u + homography[1, 1] * v + homography[1, 2]) * scale - 0.5
+            inside = 0 <= x[column] <= width - 1 and 0 <= y[column] <= height - 1
+            read = _bilinear(past, x[column], y[column]) if inside else np.float32(np.nan)
+            warped[row, column] = read
 
-            inside = scale > 0 and 0 <= x <= width - 1 and 0 <= y <= height - 1
-            seen[row, column] = inside
-            warped[row, column] = _bilinear(past, x, y) if inside else np.float32(0)
+
+@njit
+def _places(homography, row, x, y):
+    """Fills ``x`` and ``y`` with the places of a row's pixels, NaN behind the camera."""
+    half, one = np.float32(0.5), np.float32(1)
+    h = homography.astype(np.float32)
+    v = np.float32(row) + half
+    for column in range(len(x)):
+        u = np.float32(column) + half
+        depth = h[2, 0] * u + (h[2, 1] * v + h[2, 2])
+        scale = one / depth if depth > np.float32(1e-6) else np.float32(np.nan)
+        x[column] = (h[0, 0] * u + (h[0, 1] * v + h[0, 2])) * scale - half
+        y[column] = (h[1, 0] * u + (h[1, 1] * v + h[1, 2])) * scale - half
 
 
 @njit
 def _bilinear(image, x, y):
     """Interpolates between the four pixels around a place inside the outermost pixels' centers."""
     left, top = min(int(x), image.shape[1] - 2), min(int(y), image.shape[0] - 2)
-    right, down = np.float32(x - left), np.float32(y - top)
+    right, down = x - np.float32(left), y - np.float32(top)
     above = image[top, left] + right * (image[top, left + 1] - image[top, left])
     below = image[top + 1, left] + right * (image[top + 1, left + 1] - image[top + 1, left])
     return above + down * (below - above)
 
 
 @njit
-def _add_agreement(image, warped, seen, moving, reach, agreement, counts):
+def _add_agreement(image, mean, deviation, warped, moving, reach, agreement, counts):
     """Adds the correlation of every window that moves and is seen whole, and counts these."""
     height, width = image.shape
-    sums = np.empty((6, width), dtype=np.float32)
+    sums = np.empty((3, width), dtype=np.float32)
     for i in range(height // RASTER):
-        center = RASTER * i + RASTER // 2
-        first, last = max(center - reach, 0), min(center + reach + 1, height)
-        _sum_rows(image, warped, seen, first, last, sums)
+        top, bottom = _window(i, reach, height)
+        _sum_rows(image, warped, top, bottom, sums)
 
         for j in range(width // RASTER):
-            if not moving[i, j]:
-                continue
-            center = RASTER * j + RASTER // 2
-            left, right = max(center - reach, 0), min(center + reach + 1, width)
-            pixels = np.float32((last - first) * (right - left))
-            a, aa, b, bb, ab, whole = _totals(sums, left, right)
-            if whole < pixels:
+            left, right = _window(j, reach, width)
+            pixels = np.float32((bottom - top) * (right - left))
+            b, bb, ab = _totals(sums, left, right)
+            # A window that is not seen whole has no sum.
+            if not moving[i, j] or np.isnan(b):
                 continue
 
-            covariance = ab / pixels - a * b / pixels**2
-            variances = (aa / pixels - (a / pixels) ** 2 + NOISE) * (
-                bb / pixels - (b / pixels) ** 2 + NOISE
-            )
-            agreement[i, j] += covariance / np.sqrt(variances)
+            variance = bb / pixels - (b / pixels) ** 2 + NOISE
+            covariance = ab / pixels - mean[i, j] * b / pixels
+            agreement[i, j] += covariance / (deviation[i, j] * np.sqrt(variance))
             counts[i, j] += 1
 
 
 @njit
-def _sum_rows(image, warped, seen, first, last, sums):
-    """Sums over some rows, column by column: both images, their squares and product, and seen."""
+def _sum_rows(image, warped, top, bottom, sums):
+    """Sums over some rows, column by column: the warped image, its square, and its product with
+    the current one."""
     sums[:] = 0
-    for row in range(first, last):
+    for row in range(top, bottom):
         for column in range(image.shape[1]):
-            a, b = image[row, column], warped[row, column]
-            sums[0, column] += a
-            sums[1, column] += a * a
-            sums[2, column] += b
-            sums[3, column] += b * b
-            sums[4, column] += a * b
-            sums[5, column] += seen[row, column]
+            b = warped[row, column]
+            sums[0, column] += b
+            sums[1, column] += b * b
+            sums[2, column] += b * image[row, column]
 
 
 @njit
 def _totals(sums, left, right):
-    a = aa = b = bb = ab = whole = np.float32(0)
+    b = bb = ab = np.float32(0)
     for column in range(left, right):
-        a += sums[0, column]
-        aa += sums[1, column]
-        b += sums[2, column]
-        bb += sums[3, column]
-        ab += sums[4, column]
-        whole += sums[5, column]
-    return a, aa, b, bb, ab, whole
+        b += sums[0, column]
+        bb += sums[1, column]
+        ab += sums[2, column]
+    return b, bb, ab
+
+
+@njit
+def _moments(image, reach):
+    """Returns mean and standard deviation of every window of the current image."""
+    height, width = image.shape
+    shape = (height // RASTER, width // RASTER)
+    mean, deviation = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
+    for i in range(shape[0]):
+        for j in range(shape[1]):
+            (top, bottom), (left, right) = _window(i, reach, height), _window(j, reach, width)
+            window = image[top:bottom, left:right]
+            mean[i, j] = window.mean()
+            deviation[i, j] = np.sqrt(window.var() + NOISE)
+    return mean, deviation
+
+
+@njit
+def _window(i, reach, size):
+    """Returns the first row of a window, or its first column, and the one after the last."""
+    center = RASTER * i + RASTER // 2
+    return max(center - reach, 0), min(center + reach + 1, size)

@@ -2,7 +2,7 @@
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from ..geometry import VoxelGrid
@@ -50,15 +50,16 @@ class Evidence(nn.Module):
         depth = sight.depth.float().softmax(dim=1)
         # How likely the surface is nearer than the edge of each bin, the first edge included.
         nearer = F.pad(depth[:, :-1].cumsum(dim=1), (0, 0, 0, 0, 1, 0))
-        classes = sight.classes[:, :FREE].float().softmax(dim=1)
-        maps = torch.cat([nearer, classes], dim=1)
-        sampled = sample_bilinear(maps, references.pix / stride)
-
-        edges = nearer.shape[1]
-        nearer, classes = sampled.split([edges, FREE], dim=-1)
+        # A place behind the camera may be anywhere; what is read there does not count.
+        pix = (references.pix / stride).nan_to_num(0.0)
         reach_m = REACH_VOXELS * self.voxel_m
-        before = _interpolated(nearer, place_of(references.depth_m - reach_m, edges - 1))
-        until = _interpolated(nearer, place_of(references.depth_m + reach_m, edges - 1))
+        before, until = (
+            sample_trilinear(nearer, pix, place_of(references.depth_m + side_m, self.bins))
+            for side_m in (-reach_m, reach_m)
+        )
+        classes = sight.classes[:, :FREE].float().softmax(dim=1)
+        classes = sample_bilinear(classes, pix)
+
         here = (until - before)[..., None]
         behind = (1 - until)[..., None]
 
@@ -77,22 +78,41 @@ class Evidence(nn.Module):
 
 
 def sample_bilinear(
-    maps: Float[Tensor, "b c h w"], place: Float[Tensor, "b p k 2"]
+    maps: Float[Tensor, "b c h w"], pix: Float[Tensor, "b p k 2"]
 ) -> Float[Tensor, "b p k c"]:
     """Reads maps at places in their own pixels, whose first one covers [0, 1) x [0, 1)."""
     height, width = maps.shape[-2:]
-    share = 2 * place / place.new_tensor((width, height)) - 1
-    # A place behind the camera may be anywhere; what is read there does not count.
-    share = share.nan_to_num(0.0).clamp(-2, 2)
+    share = (2 * pix / pix.new_tensor((width, height)) - 1).clamp(-2, 2)
     read = F.grid_sample(maps, share, padding_mode="border", align_corners=False)
     return read.permute(0, 2, 3, 1)
 
 
-def _interpolated(
-    nearer: Float[Tensor, "b p k edges"], place: Float[Tensor, "b p k"]
+def sample_trilinear(
+    maps: Float[Tensor, "b c h w"], pix: Float[Tensor, "b p k 2"], channel: Float[Tensor, "b p k"]
 ) -> Float[Tensor, "b p k"]:
-    """Returns a cumulated distribution at a place between two edges."""
-    first = place.floor().clamp(max=nearer.shape[-1] - 2)
-    pair = first.long()[..., None] + torch.arange(2, device=place.device)
-    lower, upper = nearer.gather(-1, pair).unbind(-1)
-    return lower + (place - first) * (upper - lower)
+    """Reads maps as `sample_bilinear` does, each place at one number between two channels.
+
+    To read all channels first, or `grid_sample` in 3-D, takes eight and two times as long.
+    """
+    channels, height, width = maps.shape[1:]
+    column, right = _between(pix[..., 0] - 0.5, width)
+    row, down = _between(pix[..., 1] - 0.5, height)
+    first, deeper = _between(channel, channels)
+    frame = torch.arange(len(maps), device=maps.device)[:, None, None]
+    corner = ((frame * height + row) * width + column) * channels + first
+
+    flat = maps.permute(0, 2, 3, 1).flatten()
+    total = torch.zeros_like(channel)
+    for rows, of_row in enumerate((1 - down, down)):
+        for columns, of_column in enumerate((1 - right, right)):
+            at = corner + (rows * width + columns) * channels
+            lower, upper = flat[at], flat[at + 1]
+            total = total + of_row * of_column * (lower + deeper * (upper - lower))
+    return total
+
+
+def _between(place: Float[Tensor, "*n"], size: int) -> tuple[Int[Tensor, "*n"], Tensor]:
+    """Returns the first of the two neighbours of a place among ``size``, and the rest."""
+    place = place.clamp(0, size - 1)
+    first = place.floor().clamp(max=size - 2)
+    return first.long(), place - first

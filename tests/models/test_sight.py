@@ -2,11 +2,12 @@ import math
 
 import pytest
 import torch
+import torch.nn.functional as F
 
 from src.errors import UserError
 from src.geometry import front_mount, transform
 from src.models.references import PillarReferences
-from src.models.sight import Sight, SightHead, depth_error, place_of, rays
+from src.models.sight import Matching, Sight, SightHead, depth_error, place_of, rays
 from tests.models.synthetic import GRID, IMAGE_SIZE, seen_by, sure_sight
 
 WIDTH, HEIGHT = (side // 4 for side in IMAGE_SIZE)
@@ -77,6 +78,24 @@ def test_the_error_is_that_of_the_logarithm_where_something_is_near():
     assert counts.sum() == 2 * (HEIGHT - 1) * WIDTH
     expected = (sight.depth_m()[0, 0, 0] / 10).log()
     torch.testing.assert_close(error[counts > 0].mean(), expected)
+
+
+def test_the_median_lies_within_a_bin_as_its_shares_say():
+    depth = torch.full((1, 49, 1, 1), -50.0)
+    depth[0, 20:22] = torch.tensor([0.3, 0.7]).log()[:, None, None]
+    median_m = Sight(torch.zeros(1, 9, 1, 1), depth).depth_m()
+    assert place_of(median_m, 48).item() == pytest.approx(21 + 0.2 / 0.7, abs=1e-4)
+
+
+def test_the_matching_is_three_convolutions_in_3d():
+    torch.manual_seed(0)
+    matching, volume = Matching(4), torch.rand(2, 6, 5, 7)
+    x = volume[:, None]
+    for number, layer in enumerate(matching.layers):
+        # Slices of the kernel are channels of the plain convolution, bin by bin.
+        kernel = layer.weight.unflatten(1, (3, -1)).transpose(1, 2)
+        x = F.conv3d(torch.relu(x) if number else x, kernel, layer.bias, padding=1)
+    assert matching(volume).allclose(x[:, 0], atol=1e-6)
 
 
 def test_a_head_that_knows_nothing_begins_with_the_ground():
