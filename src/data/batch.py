@@ -29,8 +29,8 @@ class Batch(PixelLabels):
 
     # The current one alone, [B, 1, 3, H, W], where the past was computed in earlier steps.
     image: UInt8[Tensor, "B L 3 H W"]
-    # With model/parallax=on, of the same frames.
-    parallax: UInt8[Tensor, "B L bins h w"]
+    # With model/parallax=on, of the current frame.
+    parallax: UInt8[Tensor, "B bins h w"]
     pix_from_camera: Float[Tensor, "B L 3 3"]
     body_from_camera: Float[Tensor, "B 4 4"]
     # Rotation by roll and pitch only.

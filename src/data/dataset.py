@@ -74,8 +74,7 @@ class OccupancyDataset(Dataset):
         images = {frame: torch.from_numpy(clip.image(frame).copy()) for frame in set(read)}
         labels = pixel_labels(clip, now) if self.pixels else {}
         if self.parallax is not None:
-            volumes = {frame: self._volume(clip_id, frame) for frame in set(read)}
-            labels["parallax"] = torch.stack([volumes[frame] for frame in read])
+            labels["parallax"] = self._volume(clip_id, now)
         motion = ego_motion(clip.world_from_body[window], velocity_world_mps(clip, now))
 
         return {

@@ -1,4 +1,4 @@
-"""What the pixels see as evidence for the voxels: before the lifting and after it."""
+"""What the pixels see as evidence for the voxels, after the lifting."""
 
 import torch
 import torch.nn.functional as F
@@ -20,8 +20,8 @@ VoxelEvidence = Float[Tensor, "b p k width"]
 
 
 class Evidence(nn.Module):
-    """Reads a `Sight` three times: as a feature of the pixels, as an addition to the pillars, and
-    as one to the logits of each voxel of ``grid``, which begins at zero.
+    """Reads a `Sight` twice: for an addition to the pillars, and for one to the logits of each
+    voxel of ``grid``, which begins at zero.
 
     ``projection`` is that of the network's references. ``hidden`` is the width between a voxel's
     evidence and its logits.
@@ -33,17 +33,12 @@ class Evidence(nn.Module):
         super().__init__()
         self.voxel_m, self.bins = grid.voxel_m, bins
         self.voxels = PillarReferences(grid, grid.shape[2], projection)
-        self.of_pixels = nn.Conv2d(bins + 1, dim, 1)
         self.of_pillars = nn.Linear(grid.shape[2] * WIDTH, dim)
         self.of_voxels = nn.Sequential(
             nn.Linear(WIDTH, hidden), nn.ReLU(), nn.Linear(hidden, NUM_CLASSES)
         )
         nn.init.zeros_(self.of_voxels[-1].weight)
         nn.init.zeros_(self.of_voxels[-1].bias)
-
-    def feature(self, sight: Sight) -> Float[Tensor, "b dim h w"]:
-        """Returns what the distribution of the depth adds to the finest features."""
-        return self.of_pixels(sight.depth.softmax(dim=1))
 
     def of(self, sight: Sight, references: References, stride: int) -> VoxelEvidence:
         """Returns the evidence for every voxel, with its ``references`` of ``self.voxels``."""

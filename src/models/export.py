@@ -28,7 +28,7 @@ CURRENT = CAMERA + MEASURED
 # A graph has this input only where the network compares frames.
 VOLUME = "parallax"
 # A batch has these for every frame of a queue, and a step for the current one.
-OF_QUEUE = ("image", "pix_from_camera", "occ_from_body", VOLUME)
+OF_QUEUE = ("image", "pix_from_camera", "occ_from_body")
 # A graph has these inputs only where there is a history. Each has a batch dimension of 1.
 PAST = ("past_pillars", "occ_from_past_occ", "past_valid")
 OUTPUTS = ("logits", "pillars")

@@ -28,8 +28,8 @@ HistoryKind = Literal["queue", "recursive"]
 
 
 class EncodedFrame(NamedTuple):
-    """One frame by itself: its feature maps, its references, and its pillars from these alone; and
-    what its pixels see, where the network says it, as evidence too if it is the current one."""
+    """One frame by itself: its feature maps, its references, and its pillars from these alone; and,
+    of the current one, what its pixels see and that as evidence, where the network says it."""
 
     features: Features
     references: References
@@ -60,9 +60,9 @@ class SkyOcc(nn.Module):
     offsets could learn the tilt. With ``metadata_first``, for a network without history, they are
     added to the queries, as in BEVFormer. With ``ground`` the encoder's and the decoder's grid
     stands on the ground plane, else it is the occ frame's. ``sight`` says what the pixels see,
-    which is a task of its own in training, and ``evidence`` reads that for the features and the
-    voxels. With ``history_grad`` gradients also flow into the past frames. With ``checkpointing``
-    training keeps less in memory and computes blocks and layers twice.
+    which is a task of its own in training, and ``evidence`` reads that for the voxels. With
+    ``history_grad`` gradients also flow into the past frames. With ``checkpointing`` training keeps
+    less in memory and computes blocks and layers twice.
 
     Raises `UserError` for another ``history``, for other ``metadata``, for ``metadata_first`` with
     a history, for a lifting that reads no level as fine as the ``sight``, and for ``evidence``
@@ -195,13 +195,12 @@ class SkyOcc(nn.Module):
         )
         references = self.encoder.references(*camera)
         features, sight, evidence = self.neck(self.backbone(image)), None, None
-        if self.sight is not None:
-            volume = None if self.parallax is None else batch["parallax"][rows, at]
+        # What a past frame sees would not be read.
+        if at == -1 and self.sight is not None:
+            volume = None if self.parallax is None else batch["parallax"][rows]
             sight = self.sight(features[0], references, self.ground is not None, volume)
-        if self.evidence is not None:
-            features = [features[0] + self.evidence.feature(sight), *features[1:]]
-            if at == -1:
-                evidence = self.evidence.of(sight, self.evidence.voxels(*camera), self.sight.stride)
+        if at == -1 and self.evidence is not None:
+            evidence = self.evidence.of(sight, self.evidence.voxels(*camera), self.sight.stride)
         told = self._told(batch) if self.metadata_first else None
         pillars = self.encoder.frame(features, references, told)
         return EncodedFrame(features, references, pillars, sight, evidence)

@@ -100,7 +100,7 @@ class SkyOccStream:
         chosen = [self._at(frame.time_s - age * self.step_s, kept) for age in self.ages]
         batch = self._batch(frame, chosen)
         if self.parallax is not None:
-            batch["parallax"] = self._volume(frame, kept)[None, None].to(self.network.device)
+            batch["parallax"] = self._volume(frame, kept)[None].to(self.network.device)
         if not chosen:
             return batch, None
 

@@ -128,7 +128,7 @@ def build_batch(batch_size=2, frames=4, grid=GRID, image_size=IMAGE_SIZE, seed=0
         "pixel_class": torch.randint(0, 9, pixels, generator=generator, dtype=torch.uint8),
         "pixel_depth_m": 80 * torch.rand(pixels, generator=generator),
         "parallax": torch.randint(
-            0, 256, (*shape, BINS, *pixels[1:]), generator=generator, dtype=torch.uint8
+            0, 256, (batch_size, BINS, *pixels[1:]), generator=generator, dtype=torch.uint8
         ),
     }
 
