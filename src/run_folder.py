@@ -30,14 +30,18 @@ CODE = ".code"
 BEST, LAST = "checkpoints/best.ckpt", "checkpoints/last.ckpt"
 # Predictions that never look at an image, scored beside every run.
 ANCHORS = ("all_free", "voxel_prior", "height_prior")
+# The recipe of what no network predicts, and of what was made before recipes had names.
+NO_RECIPE, UNKNOWN_RECIPE = "none", "unknown"
 # Beside the classes that its configuration names, this module shapes a trained model.
 TRAINING = "src.tasks.model"
+# How a run is called, which its checkpoints say as well.
+LABEL = ("name", "recipe_name", "group")
 # What the keys of a configuration, and the keys below them, say of a run. Every key that is not
 # listed shapes its weights or its scores.
 KEYS = {
     # Where, how fast and what to do: no part of what shapes a run.
     "place": (
-        *("paths", "ckpt_path", "task", "overwrite", "name", "threads"),
+        *("paths", "ckpt_path", "task", "overwrite", *LABEL, "threads"),
         *("predictions", "dataset", "layout", "logger"),
         *("callbacks.progress", "callbacks.preview"),
         *("data.workers", *(f"sim.{key}" for key in NOT_SHAPING)),
@@ -62,6 +66,8 @@ KEYS = {
 
 class RunFolder:
     """``runs/<scale>/<experiment>/seed<k>/``: config, metrics, results, checkpoints and figures.
+
+    Another recipe than the default has ``runs/<scale>-<recipe>/`` instead.
 
     ``version`` is the identity of the run: a digest of the ``code`` that its configuration uses, of
     the name of its ``dataset``, which is a digest of all that shapes the data, and of the
@@ -220,6 +226,11 @@ def read_config(path: Path, consequence: str) -> dict:
     except (OSError, ValueError, yaml.YAMLError) as error:
         reason = " ".join(str(getattr(error, "strerror", None) or error).split())
     raise UserError(f"{path}: cannot be read ({reason}), {consequence}")
+
+
+def described(config: dict) -> dict:
+    """Returns what a checkpoint holds of a configuration: what shapes it, and how it is called."""
+    return {**shaping(config), **{key: config[key] for key in LABEL}}
 
 
 def shaping(config: dict) -> dict:

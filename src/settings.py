@@ -19,7 +19,7 @@ from .errors import UserError
 from .geometry import VoxelGrid
 from .keys import require_keys
 from .limits import require_at_least, require_choice, require_count
-from .run_folder import KEYS
+from .run_folder import KEYS, UNKNOWN_RECIPE
 
 GROUPS = Path(__file__).parent.parent / "conf"
 TRAINING = "src.tasks.fit.fit"
@@ -54,10 +54,17 @@ def require_sound(cfg: DictConfig, hydra: DictConfig) -> None:
     nothing reads or change the type of a value. ``hydra`` is Hydra's own part of the composition.
     Must be called inside Hydra's application.
     """
+    # Whatever is trained and scored is called by it.
+    if (said := cfg.get("recipe_name")) != hydra.runtime.choices["recipe"]:
+        raise UserError(
+            f"recipe_name: {said!r}; the recipe's own file names it: give recipe=strong, "
+            "recipe=paper or one of your own"
+        )
     typed = OverridesParser.create().parse_overrides(list(hydra.overrides.task))
     groups = [word for word in typed if (GROUPS / word.key_or_group).is_dir()]
-    # Those that may set any key: the scale's, and the added ones.
-    files = [*(word.get_key_element().lstrip("+") for word in groups if word.is_add()), "scale"]
+    # Those that may set any key: the recipe's, the scale's, and the added ones.
+    files = [word.get_key_element().lstrip("+") for word in groups if word.is_add()]
+    files += ["recipe", "scale"]
     files = {group: hydra.runtime.choices[group] for group in files}
     before = _composed_without(files, hydra)
 
@@ -213,6 +220,7 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
     OmegaConf.set_struct(adopted, False)
     for key in taken:
         adopted[key] = own[key]
+    adopted.recipe_name = own.get("recipe_name", UNKNOWN_RECIPE)
     # The trainer is this machine's, but scores depend on the precision.
     adopted.trainer.precision = own["trainer"]["precision"]
     # A metric that is newer than the checkpoint, and its settings, are of the command's suite.

@@ -46,11 +46,13 @@ def names_in(group):
     return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
 
 
+@pytest.mark.parametrize(("recipe", "group"), [("strong", "tiny"), ("paper", "tiny-paper")])
 @pytest.mark.parametrize("experiment", names_in("experiment"))
-def test_an_experiment_has_the_name_of_its_file_and_of_its_runs_folder(experiment):
-    """Two without a name would train in one folder."""
-    cfg = compose_config("scale=tiny", f"+experiment={experiment}", "seed=3")
-    assert (cfg.name, cfg.paths.run) == (experiment, f"runs/tiny/{experiment}/seed3")
+def test_an_experiment_has_the_name_of_its_file_and_of_its_runs_folder(experiment, recipe, group):
+    """Two without a name would train in one folder; and so would two recipes."""
+    cfg = compose_config("scale=tiny", f"+experiment={experiment}", f"recipe={recipe}", "seed=3")
+    assert (cfg.name, cfg.recipe_name) == (experiment, recipe)
+    assert cfg.paths.run == f"runs/{group}/{experiment}/seed3"
 
 
 @pytest.mark.parametrize("scale", ["ladder", "paper"])
@@ -123,17 +125,51 @@ def test_a_scale_holds_together(scale, tmp_path):
         instantiate(cfg.model)
 
 
-@pytest.mark.parametrize("setting", [[], ["+setting=paper"]])
-def test_the_rungs_share_what_the_setting_of_the_paper_takes_back(setting):
-    """One frame, the volume on the ground, and what pixels see as a second task."""
-    cfg = sound_config("+experiment=skyocc", "scale=paper", *setting)
-    shared = not setting
-    assert (cfg.data.frames, cfg.data.pixels) == ((1, True) if shared else (4, False))
+@pytest.mark.parametrize("recipe", [[], ["recipe=paper"]])
+def test_the_rungs_share_what_the_recipe_of_the_paper_has_not(recipe):
+    """The volume on the ground, what pixels see as a second task, and Muon."""
+    cfg = sound_config("+experiment=skyocc", "scale=paper", *recipe)
+    strong = not recipe
+    assert (cfg.recipe_name, cfg.data.pixels) == ("strong" if strong else "paper", strong)
+    assert cfg.optimizer.rule._target_.endswith("Muon" if strong else "AdamW")
     assert cfg.sim.save_aux, "the data are the same"
     with torch.device("meta"):
         network = instantiate(cfg.model)
-    assert (network.ground is not None, network.sight is not None) == (shared, shared)
+    assert (network.ground is not None, network.sight is not None) == (strong, strong)
     assert type(network.encoder.last_layer.lift) is LIFTS["deformable"]
+    if not strong:
+        assert (cfg.data.frames, cfg.data.parallax, network.evidence) == (4, None, None)
+
+
+@pytest.mark.parametrize("recipe", names_in("recipe"))
+def test_tasks_and_files_that_are_added_go_with_every_recipe(recipe):
+    added = ["+experiment=skyocc", "+debug=fast", "+split=towns"]
+    for words in (["scale=ladder", *added], *([f"task={name}"] for name in ("report", "look"))):
+        assert sound_config(f"recipe={recipe}", *words).recipe_name == recipe
+
+
+def test_what_a_command_chooses_or_an_experiment_sets_wins_over_the_recipe(experiment):
+    groups = (f"model/{name}" for name in ("volume=occ", "sight=off", "parallax=on", "evidence=on"))
+    cfg = compose_config(*groups, "optimizer=adamw", "data.frames=3")
+    assert (cfg.model.ground, cfg.data.pixels, cfg.data.frames) == (None, False, 3)
+    assert None not in (cfg.data.parallax, cfg.model.evidence)
+    assert cfg.optimizer.rule._target_.endswith("AdamW")
+    mine = WHOLE.replace("_self_]", "_self_, override /model/volume: occ]")
+    cfg = experiment(f"{mine}data: {{ frames: 3 }}\n")
+    assert (cfg.model.ground, cfg.data.frames) == (None, 3)
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("recipe=papre", "recipe: there is no 'papre'; did you .*there are paper, strong$"),
+        ("recipe_name=mine", "recipe_name: 'mine'; .*give recipe=strong, recipe=paper or one"),
+    ],
+)
+def test_a_recipe_that_there_is_not_is_one_line_with_those_that_there_are(word, said):
+    with pytest.raises(Exception) as info:  # noqa: PT011
+        sound_config(word)
+    assert re.match(said, one_line(info.value))
 
 
 def test_the_metric_has_the_papers_parameters():
@@ -318,7 +354,7 @@ def test_a_debug_run_sets_what_there_is(experiment):
 def test_a_mistake_in_an_experiment_is_named_with_the_files_that_may_have_it(
     experiment, text, message
 ):
-    with pytest.raises(UserError, match=f"^experiment=mine, scale=tiny: {message}"):
+    with pytest.raises(UserError, match=f"^experiment=mine, recipe=strong, scale=tiny: {message}"):
         experiment(WHOLE + text, "scale=tiny")
 
 

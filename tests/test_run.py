@@ -225,12 +225,12 @@ def test_the_same_command_again_shows_the_finished_run(finished, capsys, monkeyp
 def test_it_says_what_it_trains_and_nothing_of_what_libraries_say(printed):
     assert printed.stderr == ""
     heading, generating, *stages, first, second = printed.stdout.splitlines()[:7]
-    assert heading.startswith("skyocc, scale tiny, seed 0, in ")
+    assert heading.startswith("skyocc, recipe strong, scale tiny, seed 0, in ")
     assert generating == "  1. generate 2 flights of 12 s: done before"
     begins = ["  2. train 2 epochs of 25 frames:", "  3. score 32 frames", "  4. draw predictions"]
     assert all(line.startswith(begin) for line, begin in zip(stages, begins, strict=True))
     assert re.fullmatch(
-        r"skyocc, scale tiny, seed 0: 0\.\d+ M .* on cpu in 32-true, 2 epochs", first
+        r"skyocc, recipe strong, scale tiny, seed 0: 0\.\d+ M .* on cpu in 32-true, 2 epochs", first
     )
     assert second.endswith(": 25 / 3 / 32 frames to train / validate / test")
     assert "voxel_prior" in printed.stdout
@@ -371,8 +371,8 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path):
     again = read_results(tmp_path / "mine/scores/results.csv")
     first = read_results(folder / "results.csv")
     first = first[first["experiment"] == "skyocc"].reset_index(drop=True)
-    columns = ["experiment", "scale", "seed", "split", *SCORES, "protocol", "parameters"]
-    columns += ["code_version", "dataset", "precision"]
+    columns = ["experiment", "scale", "seed", "split", "recipe", *SCORES, "protocol"]
+    columns += ["parameters", "code_version", "dataset", "precision"]
     tables = [rows[columns].sort_values("split", ignore_index=True) for rows in (again, first)]
     pd.testing.assert_frame_equal(*tables)
     whole, kept = (

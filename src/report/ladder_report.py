@@ -101,17 +101,19 @@ def _facts(group: RunGroup) -> Table:
     runs = group.runs
     seeds = grouped((run.experiment, str(run.seed)) for run in runs)
     parameters = grouped((f"{run.row['parameters']:,}", run.experiment) for run in runs)
+    recipes = grouped((run.counts.recipe, run.experiment) for run in runs)
     grid = runs[0].counts.protocol.voxel_grid
     unlike = max(run.counts.unlike_labels(runs[0].counts) for run in runs)
 
     facts = {
         "Runs, seeds": [listed(seeds)],
+        # One size or recipe needs no names: it is that of every experiment.
+        "Recipe": [listed(recipes)] if len(recipes) > 1 else list(recipes),
         "Dataset": [runs[0].counts.protocol.dataset],
         "Grid": [f"{' x '.join(map(str, grid.shape))} voxels of {grid.voxel_m:g} m"],
         "Code (src/)": [runs[0].code_digest or UNKNOWN_CODE],
         "Commit": [run.row["git_commit"] or "none" for run in runs],
         "Precision": [run.row[PRECISION] for run in runs],
-        # One size needs no names: it is that of every experiment.
         "Parameters": [listed(parameters)] if len(parameters) > 1 else list(parameters),
         "Labels of other processors": [f"{1e6 * unlike:.1f} of a million voxels"],
     }

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ..ontology import CLASSES
 from ..results.files import SHORT_NAMES
-from ..results.render import Table
+from ..results.render import Table, with_recipes
 from ..results.table import pivoted
 from .ladder import PAPER
 from .run_group import BEYOND, LONG_TAIL, Part
@@ -160,7 +160,7 @@ def _table(
     """Returns a table whose key and title name its part of the split."""
     keys = [{"part": part.name, "score": c.score, "reference": c.reference} for c in columns]
 
-    return Table(
+    table = Table(
         key if part.name == "test" else f"{key}_{part.name}",
         f"{title}, {part.name} of {part.resamples.first.protocol.dataset}",
         caption,
@@ -171,6 +171,7 @@ def _table(
         short={column.name: column.short for column in columns if column.short},
         lines=lines,
     )
+    return with_recipes(table, [part.resamples.recipes[row["experiment"]] for _, row in rows])
 
 
 def _changes(names: Mapping[str, str], reference: str = "", best: str = "high") -> list[Column]:

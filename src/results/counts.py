@@ -17,6 +17,7 @@ from ..errors import UserError
 from ..metrics.count_metric import NamedCounts, Scores
 from ..metrics.protocol import Protocol, require_same_protocol
 from ..metrics.suite import ScoreSuite
+from ..run_folder import UNKNOWN_RECIPE
 from .bootstrap import Samples, score_samples
 
 FORMAT = 1
@@ -41,7 +42,7 @@ class Counts:
     """Integer tables [clips, ...] of every metric, the clips in their order, and the protocol.
 
     ``frames`` holds the number of scored frames of each clip. ``name`` says whose predictions were
-    counted.
+    counted, and ``recipe`` how their network was trained.
     """
 
     name: str
@@ -49,14 +50,21 @@ class Counts:
     clips: list[str]
     frames: list[int]
     tables: dict[str, NamedCounts]
+    recipe: str = UNKNOWN_RECIPE
 
     @classmethod
     def of(
-        cls, name: str, protocol: Protocol, suite: ScoreSuite, samples: Sequence[tuple[str, object]]
+        cls,
+        name: str,
+        protocol: Protocol,
+        suite: ScoreSuite,
+        samples: Sequence[tuple[str, object]],
+        recipe: str = UNKNOWN_RECIPE,
     ) -> "Counts":
         """Returns the counts of a suite over all samples, which begin with their clips."""
         frames = Counter(clip for clip, _ in samples)
-        return cls(name, protocol, suite.clips, [frames[c] for c in suite.clips], suite.counts())
+        of_clips = [frames[clip] for clip in suite.clips]
+        return cls(name, protocol, suite.clips, of_clips, suite.counts(), recipe)
 
     def suite(self) -> ScoreSuite:
         """Returns the metrics that compute scores from the tables."""
@@ -128,6 +136,7 @@ class Counts:
                 format=np.array(FORMAT),
                 name=np.array(self.name),
                 protocol=np.array(self.protocol.to_json()),
+                recipe=np.array(self.recipe),
                 clips=np.array(self.clips),
                 frames=np.array(self.frames, dtype=np.int64),
                 **arrays,
@@ -144,13 +153,14 @@ class Counts:
                 raise ValueError("it is of another version")
 
             name, protocol = (str(arrays.pop(key)) for key in ("name", "protocol"))
+            recipe = str(arrays.pop("recipe", UNKNOWN_RECIPE))
             clips, frames = (arrays.pop(key).tolist() for key in ("clips", "frames"))
             described = Protocol.from_json(protocol)
             for key, array in arrays.items():
                 metric, table = key.split("/", 1)
                 if metric in described.suite.get("metrics", [metric]):
                     tables.setdefault(metric, {})[table] = torch.from_numpy(array)
-            return cls(name, described, clips, frames, tables)
+            return cls(name, described, clips, frames, tables, recipe)
         except FileNotFoundError as error:
             raise UserError(f"{path}: no such file; {AGAIN}") from error
         # numpy raises the last two over the header of an array.

@@ -16,10 +16,10 @@ from ..errors import UserError
 from ..ontology import CLASSES
 from ..provenance import digest_of
 from ..run_folder import SCORES as LONG
-from ..run_folder import TALLIES
+from ..run_folder import TALLIES, UNKNOWN_RECIPE
 from .bootstrap import interval_of, resamplings
 from .counts import Counts, Parts
-from .render import Cell, Table, print_table
+from .render import Cell, Table, print_table, with_recipes
 
 MEANS = ("miou", "miou_occupied", "kar_miou")
 # Scores are shares in [0, 1], NaN where a class never occurs.
@@ -33,13 +33,13 @@ NUMBERS = {"seed": int, "parameters": int, **dict.fromkeys((*SCORES, "seconds"),
 # ``protocol`` is compact JSON: what was counted, and how. ``precision`` is what the network really
 # computed with. The anchors are the experiments ``all_free`` and ``voxel_prior``.
 COLUMNS = (
-    *("experiment", "scale", "seed", "split"),
+    *("experiment", "scale", "seed", "split", "recipe"),
     *SCORES,
     *("protocol", "seconds", "parameters", "precision", "code_version", "git_commit", "dataset"),
 )
 # The long table of a run; the condition of a split that was presented as it was recorded.
 LONG_KEYS = ("experiment", "seed", "condition", "part", "score")
-LONG_VALUES = ("value", "low", "high", "clips", "frames", "protocol")
+LONG_VALUES = ("value", "low", "high", "clips", "frames", "protocol", "recipe")
 AS_RECORDED = "as recorded"
 TEXTS = tuple(name for name in COLUMNS if name not in NUMBERS)
 
@@ -61,8 +61,8 @@ def result_rows(counts: Counts, parts: Parts, facts: Mapping[str, object]) -> li
             scores = counts.scores("occupancy", clips)
             # Through float32, as the metric itself gives them, to the last bit.
             values = {name: float(scores[name].float()) for name in SCORES}
-            own = {"experiment": counts.name, "split": part, "protocol": counts.protocol.to_json()}
-            rows.append({**facts, **own, **values})
+            own = {"experiment": counts.name, "recipe": counts.recipe, "split": part}
+            rows.append({**facts, **own, "protocol": counts.protocol.to_json(), **values})
     return rows
 
 
@@ -83,7 +83,7 @@ def _scores(counts: Counts, rows: list[int]) -> Iterator[tuple]:
     generator = torch.Generator().manual_seed(settings["seed"])
     weights = resamplings(len(rows), settings["resamples"], generator)
     frames = sum(counts.frames[row] for row in rows)
-    facts = (len(rows), frames, digest_of(counts.protocol.to_json()))
+    facts = (len(rows), frames, digest_of(counts.protocol.to_json()), counts.recipe)
 
     for samples in counts.samples(rows, weights).values():
         for score, sample in samples.items():
@@ -125,7 +125,8 @@ def write_results(path: str | Path, rows: Sequence[Mapping[str, object]]) -> Non
 
 
 def read_results(path: str | Path) -> pd.DataFrame:
-    """Reads a ``results.csv``, typed: texts as strings, scores as floats with NaN.
+    """Reads a ``results.csv``, typed: texts as strings, scores as floats with NaN. Files from
+    before there were recipes have an unknown one.
 
     Raises `UserError` for a file that is missing, cut off, or not a table of results.
     """
@@ -136,6 +137,8 @@ def read_results(path: str | Path) -> pd.DataFrame:
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows that are too long
             table = pd.read_csv(io.StringIO(text), dtype=str, index_col=False)
         table = table.astype({name: kind for name, kind in NUMBERS.items() if name in table})
+        if "recipe" not in table:
+            table["recipe"] = UNKNOWN_RECIPE
         _require_whole(table, text)
     except FileNotFoundError as error:
         raise UserError(f"{path}: no such file; finish the run or run task=test first") from error
@@ -176,17 +179,15 @@ def print_results(rows: pd.DataFrame, console: Console | None = None) -> None:
             of_classes = [Cell(100 * row[f"kar_iou/{each}"]) for each in CLASSES]
             lines.append((f"{name}: KAR-IoU", [*of_classes, *(None for _ in MEANS)]))
 
-        print_table(
-            Table(
-                str(split),
-                f"Scores (%), {split}: IoU of every class, mIoU, mIoU occupied and KAR-mIoU",
-                "",
-                list(columns.values()),
-                lines,
-                "experiment, seed",
-                best=dict.fromkeys(columns.values(), "high"),
-                lines=(len(of_split),),
-                ranked=len(of_split),
-            ),
-            console,
+        table = Table(
+            str(split),
+            f"Scores (%), {split}: IoU of every class, mIoU, mIoU occupied and KAR-mIoU",
+            "",
+            list(columns.values()),
+            lines,
+            "experiment, seed",
+            best=dict.fromkeys(columns.values(), "high"),
+            lines=(len(of_split),),
+            ranked=len(of_split),
         )
+        print_table(with_recipes(table, 2 * list(of_split["recipe"])), console)

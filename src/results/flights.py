@@ -1,6 +1,6 @@
 """Scores of flights: how often they end well, and what a perception costs beyond the camera's."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -11,6 +11,7 @@ from pandas.api.types import is_numeric_dtype
 from torch import Generator, Tensor
 
 from ..errors import UserError
+from ..run_folder import UNKNOWN_RECIPE
 from .bootstrap import interval_of, resamplings, seed_resamplings
 
 # A score is a sum over flights by another one; each is better lower but for the first two.
@@ -105,7 +106,7 @@ def _of_stratum(
 
     rows = []
     for name, of_seeds in flights.items():
-        key = {"perception": name, "stratum": stratum}
+        key = {"perception": name, "recipe": _recipe_of(of_seeds.values()), "stratum": stratum}
         key |= {"seeds": len(of_seeds), "flights": len(some)}
         samples = [samples_of(each, weights) for each in of_seeds.values()]
         values = {score: [each[score] for each in samples] for score in SCORES}
@@ -118,6 +119,12 @@ def _of_stratum(
             if score not in SCORES:
                 rows[-1]["p"] = p_value(sample)
     return rows
+
+
+def _recipe_of(tables: Iterable[pd.DataFrame]) -> str:
+    """Returns the recipe of the flights; an unknown one where their table is older than recipes."""
+    said = (each["recipe"].iloc[-1] if "recipe" in each else "" for each in tables)
+    return ", ".join(dict.fromkeys(recipe or UNKNOWN_RECIPE for recipe in said))
 
 
 def _paired(

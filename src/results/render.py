@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from typing import NamedTuple
 
 import pandas as pd
@@ -11,6 +12,8 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
+
+from ..run_folder import NO_RECIPE
 
 # A score that does not exist.
 NONE = "–"
@@ -65,7 +68,7 @@ class Table:
     stands above the names. ``key`` names the table. ``best`` says of a column whether its "high" or
     "low" end is the better one, and ``short`` heads it where room is scarce. A line is drawn before
     the rows ``lines``. Only the first ``ranked`` rows can be the best; those below them were scored
-    on something else.
+    on something else. ``recipes`` are those of its rows, where these are of models.
     """
 
     key: str
@@ -78,6 +81,7 @@ class Table:
     short: Mapping[str, str] = field(default_factory=dict)
     lines: tuple[int, ...] = ()
     ranked: int | None = None
+    recipes: Sequence[str] = ()
 
     def entries(self, column: str) -> list[Cell | str | None]:
         place = self.columns.index(column)
@@ -112,6 +116,16 @@ class Table:
             yield name, shown
 
 
+def with_recipes(table: Table, recipes: Sequence[str]) -> Table:
+    """Names the recipe of every row: in the title where all models share one, else in a column."""
+    of_models = {recipe for recipe in recipes if recipe != NO_RECIPE}
+    if len(of_models) < 2:
+        shared = "".join(f"; recipe {recipe}" for recipe in of_models)
+        return replace(table, title=table.title + shared, recipes=recipes)
+    rows = [(name, [*row, recipe]) for (name, row), recipe in zip(table.rows, recipes)]
+    return replace(table, columns=[*table.columns, "Recipe"], rows=rows, recipes=recipes)
+
+
 def _number(value: float, signed: bool, decimals: int) -> str:
     if math.isnan(value):
         return NONE
@@ -126,12 +140,13 @@ def _number(value: float, signed: bool, decimals: int) -> str:
 def csv_of(tables: Iterable[Table]) -> str:
     """Returns one line for each cell of all tables, with its number as it is, or its text."""
     lines = [
-        (table.key, name, column, *(entry[:3] if isinstance(entry, Cell) else (entry, None, None)))
+        (table.key, name, column, *numbers, recipe)
         for table in tables
-        for name, entries in table.rows
+        for (name, entries), recipe in zip_longest(table.rows, table.recipes)
         for column, entry in zip(table.columns, entries)
+        for numbers in [entry[:3] if isinstance(entry, Cell) else (entry, None, None)]
     ]
-    columns = ["table", "row", "column", "value", "low", "high"]
+    columns = ["table", "row", "column", "value", "low", "high", "recipe"]
     return pd.DataFrame(lines, columns=columns).to_csv(index=False, lineterminator="\n")
 
 

@@ -83,6 +83,10 @@ class Resamples:
             name: digest_of(next(iter(by_seed.values())).protocol.to_json())
             for name, by_seed in counts.items()
         }
+        self.recipes = {
+            name: ", ".join(dict.fromkeys(each.recipe for each in by_seed.values()))
+            for name, by_seed in counts.items()
+        }
 
     @cached_property
     def labelled_clips(self) -> dict[str, int]:
@@ -180,7 +184,8 @@ class Resamples:
         self, experiment: str, seed: str, score: str, sample: Tensor, *references: str
     ) -> tuple:
         key = (experiment, seed, self.condition, self.part, score, *(references or ("", "")))
-        facts = (self.clips, self.frames, self.protocols[experiment])
+        named = self.protocols[experiment], self.recipes[experiment]
+        facts = (self.clips, self.frames, *named)
         return (*key, *interval_of(sample, self.level), *facts)
 
     def _mean(

@@ -14,7 +14,7 @@ from ..metrics.suite import import_metrics
 from ..results.bootstrap import interval_of, same_sign
 from ..results.counts import Counts, require_comparable
 from ..results.files import write_table
-from ..results.render import Cell, Table, print_table
+from ..results.render import Cell, Table, print_table, with_recipes
 from ..results.scored import read_scored
 from ..results.table import Resamples
 from ..terminal import say
@@ -75,18 +75,21 @@ def _differences(scored: Mapping[str, Counts]) -> pd.DataFrame:
         for score in (score for score in of_run if score in samples[first]):
             change = (of_run[score] - samples[first][score])[kept]
             intervals = (interval_of(each, drawn.level) for each in (of_run[score][kept], change))
-            lines.append((name, score, *chain(*intervals), same_sign(change)))
-    columns = ["run", "score", "value", "low", "high"]
+            key = (name, drawn.recipes[name], score)
+            lines.append((*key, *chain(*intervals), same_sign(change)))
+    columns = ["run", "recipe", "score", "value", "low", "high"]
     columns += [f"minus {first}", "difference_low", "difference_high", "same_sign"]
     return pd.DataFrame(lines, columns=columns)
 
 
 def _printed(table: pd.DataFrame, clips: int) -> Table:
     """Returns the main scores in percent, with their intervals."""
-    first, rows, lines = table["run"].iloc[0], [], []
+    first, rows, lines, recipes = table["run"].iloc[0], [], [], []
     for score in PRINTED:
         lines.append(len(rows))
-        for run, _, *numbers, same in table[table["score"] == score].itertuples(index=False):
+        for row in table[table["score"] == score].itertuples(index=False):
+            run, recipe, _, *numbers, same = row
+            recipes.append(recipe)
             percent = [100 * number for number in numbers]
             sure = "–" if math.isnan(same) else f"{same:.2f}"
             beside = [Cell(*percent[3:], signed=True), sure] if run != first else [None, None]
@@ -94,4 +97,5 @@ def _printed(table: pd.DataFrame, clips: int) -> Table:
 
     title = f"Scores (%) with intervals (clips: {clips}), and differences from {first}"
     columns = ["value", "difference", "same sign"]
-    return Table("differences", title, "", columns, rows, "score, run", lines=tuple(lines[1:]))
+    shown = Table("differences", title, "", columns, rows, "score, run", lines=tuple(lines[1:]))
+    return with_recipes(shown, recipes)

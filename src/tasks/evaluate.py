@@ -17,7 +17,7 @@ from ..models.prior import seen_from
 from ..ontology import FREE
 from ..results import files
 from ..results.counts import Counts, parts_of
-from ..run_folder import ANCHORS, RunFolder
+from ..run_folder import ANCHORS, NO_RECIPE, RunFolder
 from ..terminal import metered, say, tracked
 from .scoring import protocol_of, suite_of
 from .session import Session
@@ -41,7 +41,7 @@ def evaluate(session: Session, module: OccupancyModule, folder: RunFolder) -> No
     samples = _scored(session)
     protocol = protocol_of(cfg, data, len(samples))
     # Adds up the counts of all processes.
-    scored = [Counts.of(cfg.name, protocol, module.test_suite, samples)]
+    scored = [Counts.of(cfg.name, protocol, module.test_suite, samples, cfg.recipe_name)]
     _part_company()
     if not is_first_process():
         return
@@ -54,7 +54,7 @@ def evaluate(session: Session, module: OccupancyModule, folder: RunFolder) -> No
         for clip, frame in tracked(samples, f"scoring {name}"):
             preds = labels(data.layer(clip, frame))
             suite.update(preds[None], truth_at(data.clips[clip], frame))
-        scored.append(Counts.of(name, protocol, suite, samples))
+        scored.append(Counts.of(name, protocol, suite, samples, NO_RECIPE))
         seconds = round(time.perf_counter() - start_s, 1)
         # An anchor has no network.
         of_anchor = {"seconds": seconds, "parameters": 0, "precision": "none"}

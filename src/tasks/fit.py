@@ -10,7 +10,7 @@ from ..models.module import OccupancyModule
 from ..models.weights import require_unseen
 from ..ontology import CLASSES
 from ..results.files import print_results, read_results
-from ..run_folder import require_same_config, shaping
+from ..run_folder import described, require_same_config
 from ..terminal import say
 from ..used_code import different_file
 from .evaluate import evaluate
@@ -94,8 +94,11 @@ def _announce_stages(session: Session, named: Path | None) -> None:
         return
     path = named or folder.to_resume(afresh=cfg.overwrite)
     epochs_done = 0 if path is None else Checkpoint.read(path).epochs
-    heading = f"{cfg.name}, scale {cfg.scale_name}, seed {cfg.seed}, in {folder.path}"
-    announce(heading, stages_of_training(cfg, epochs_done))
+    announce(f"{_called(cfg)}, in {folder.path}", stages_of_training(cfg, epochs_done))
+
+
+def _called(cfg: DictConfig) -> str:
+    return f"{cfg.name}, recipe {cfg.recipe_name}, scale {cfg.scale_name}, seed {cfg.seed}"
 
 
 def _module(session: Session, checkpoint: Checkpoint | None) -> OccupancyModule:
@@ -114,7 +117,7 @@ def _checkpoint_to_resume(session: Session) -> Path:
     folder, cfg = session.folder, session.cfg
     path = folder.checkpoint(cfg.ckpt_path)
     origin = Checkpoint.read(path).origin
-    require_same_config(path, origin.config, {**shaping(folder.config), "name": cfg.name})
+    require_same_config(path, origin.config, described(folder.config))
 
     # To go on here would split one training over two folders.
     if path.resolve().parent != folder.last_checkpoint.resolve().parent:
@@ -137,7 +140,7 @@ def _announce(session: Session, module: OccupancyModule, done: str) -> None:
     frames = " / ".join(str(len(samples)) for samples in data.split.values())
     schedule = f"goes on after {done}" if done else f"{cfg.trainer.max_epochs} epochs"
     say(
-        f"{cfg.name}, scale {cfg.scale_name}, seed {cfg.seed}: {parameters / 1e6:.2f} M parameters "
-        f"on {trainer.strategy.root_device} in {trainer.precision}, {schedule}"
+        f"{_called(cfg)}: {parameters / 1e6:.2f} M parameters on {trainer.strategy.root_device} "
+        f"in {trainer.precision}, {schedule}"
     )
     say(f"{data.root}: {frames} frames to train / validate / test")

@@ -12,6 +12,7 @@ from ..loop.campaign import Campaign, Job
 from ..loop.outcome import Row
 from ..report.flight_film import Film
 from ..results.frame_scores import FrameScores
+from ..run_folder import NO_RECIPE
 from ..worker_pool import worker_pool
 
 # Where the scores of frames lie in a folder of flights.
@@ -82,8 +83,10 @@ def _choose(town: str, seed: int) -> list[Row]:
 
 def _fly(number: int, job: Job, folder: Path) -> tuple[int, Row]:
     config, campaign = _configs[number], _campaign(number)
+    # Who looks at no image has not been trained.
+    recipe = {"recipe": config["recipe_name"] if campaign.pilot.wants_image else NO_RECIPE}
     if not config["task"]["scored"]:
-        return number, campaign.fly(job)
+        return number, campaign.fly(job) | recipe
 
     # Who does not fly looks on: it has a belief of its own.
     looks_on = campaign.perception if config["task"]["looks_on"] else None
@@ -92,7 +95,7 @@ def _fly(number: int, job: Job, folder: Path) -> tuple[int, Row]:
     path = folder / FRAMES / f"{job.mission.flight}.npz"
     path.parent.mkdir(parents=True, exist_ok=True)
     scores.counts(str(row["flight"])).write(path)
-    return number, row
+    return number, row | recipe
 
 
 def _film(path: Path, job: Job) -> None:

@@ -16,7 +16,7 @@ from ..errors import UserError
 from ..report.threshold_figure import draw_thresholds
 from ..results.files import write_table
 from ..results.flights import ALL, FLIGHTS, flight_scores
-from ..results.render import Cell, Table, print_table
+from ..results.render import Cell, Table, print_table, with_recipes
 from ..run_folder import CONFIG
 from ..terminal import say
 
@@ -171,4 +171,5 @@ def _printed(table: pd.DataFrame, stratum: str) -> Table:
     title = f"Flights (%), {over}: {table['flights'].iloc[0]} missions, intervals over maps"
     if table["seeds"].max() > 1:
         title += " and seeds"
-    return Table("flights", title, "", shown, rows, "perception", BEST)
+    recipes = table.drop_duplicates("perception")["recipe"].tolist()
+    return with_recipes(Table("flights", title, "", shown, rows, "perception", BEST), recipes)

@@ -14,7 +14,7 @@ from ..models.module import OccupancyModule
 from ..models.network import SkyOcc
 from ..models.prior import VoxelPrior
 from ..ontology import NUM_CLASSES
-from ..run_folder import RunFolder, shaping
+from ..run_folder import RunFolder, described
 from .scoring import score_settings, suite_of
 
 
@@ -37,7 +37,7 @@ def origin_of(cfg: DictConfig, data: SkyShieldData, folder: RunFolder) -> Origin
     by_height.fit(data.labels("val"), lambda: scores(data.grid))
 
     return Origin(
-        config={**shaping(folder.config), "name": cfg.name},
+        config=described(folder.config),
         code=folder.code,
         dataset=data.root.name,
         class_counts=by_voxel.counts.sum(dim=(1, 2, 3), dtype=torch.int64).tolist(),

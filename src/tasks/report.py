@@ -43,9 +43,9 @@ def report(
 ) -> None:
     """Writes the tables, figures and pages of `_write` to ``out``, and prints the main tables.
 
-    Without ``runs`` it takes all of the scale, and without ``rungs`` the ladder is the paper's;
-    runs of ``seeds`` that are not there are named as missing. Each of the ``sections`` adds its
-    tables and pictures, and reads those of the further settings that it names. Of so many
+    Without ``runs`` it takes all of the scale and the recipe, and without ``rungs`` the ladder is
+    the paper's; runs of ``seeds`` that are not there are named as missing. Each of the ``sections``
+    adds its tables and pictures, and reads those of the further settings that it names. Of so many
     ``scenes`` it shows what the lowest and the highest rung predict, where the dataset and their
     checkpoints are there. Raises `UserError` where no run is finished, a run cannot be read, or
     runs may not be put beside each other.
@@ -55,7 +55,7 @@ def report(
     _require_place(folder)
     if strange := [seed for seed in seeds if type(seed) is not int]:
         raise UserError(f"task.seeds: {strange[0]!r} is no seed; give whole numbers")
-    places = [Path(str(place)) for place in runs] or [Path(cfg.paths.runs) / cfg.scale_name]
+    places = [Path(str(place)) for place in runs] or [Path(cfg.paths.runs) / cfg.group]
     added = with_settings(sections or {}, of_sections)
 
     finished, unfinished = _read(places, folder)

@@ -46,7 +46,7 @@ def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> N
     protocol = Protocol.of(
         pairing.dataset, part, len(samples), pairing.grid, pairing.mask, metric, suite
     )
-    counts = Counts.of(name, protocol, scored, samples)
+    counts = Counts.of(name, protocol, scored, samples, facts["recipe"])
     parts = parts_of(pairing.unseen) if part == "test" else {part: lambda _: True}
     _write(Path(out) if out else folder / "scores", counts, parts, facts)
 
@@ -77,7 +77,7 @@ def _facts(cfg: DictConfig, pairing: Pairing, folder: Path) -> dict:
     this_code = RunFolder(Path(cfg.paths.run), config, pairing.dataset).version
     return {
         **numbers,
-        **{key: str(said.get(key, "")) or "unknown" for key in ("scale", "precision")},
+        **{key: str(said.get(key, "")) or "unknown" for key in ("scale", "recipe", "precision")},
         "code_version": str(said.get("code_version") or this_code),
         "git_commit": str(said.get("git_commit") or git_commit()),
         "dataset": pairing.dataset,

@@ -66,6 +66,7 @@ class Session:
         return {
             "seed": self.cfg.seed,
             "scale": self.cfg.scale_name,
+            "recipe": self.cfg.recipe_name,
             "dataset": self.data.root.name,
             "code_version": self.folder.version,
             "git_commit": git_commit(),

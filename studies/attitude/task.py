@@ -43,7 +43,8 @@ def attitude(
     metric, clips = instantiate(cfg.metric), clips_of(data.split["test"])
     counters = {each: ClipCounts(each.name, metric(data.grid), clips) for each in conditions}
     _count(counters, data, predictor(checkpoint.network(), trainer), seed)
-    counts = list(narrowed(counters, protocol_of(cfg, data, len(data.split["test"]))))
+    protocol = protocol_of(cfg, data, len(data.split["test"]))
+    counts = [replace(each, recipe=cfg.recipe_name) for each in narrowed(counters, protocol)]
     table = condition_table(conditions, seed).merge(scores_of(counts, "condition"), on="condition")
 
     # Scoring needs no drawing code; it is loaded for the figure alone.

@@ -17,7 +17,7 @@ from src.data.batch import Batch
 from src.errors import UserError
 from src.metrics.protocol import require_same_protocol
 from src.results.scored import read_scored
-from src.run_folder import METRICS
+from src.run_folder import METRICS, NO_RECIPE
 from src.tasks.evaluate import Anchor, anchors_of
 from src.tasks.model import origin_of
 from src.tasks.scoring import clips_of, protocol_of
@@ -91,7 +91,8 @@ def bounds(
         for name, predict in predictions.items():
             counters[name].add(batch, predict(batch))
 
-    counts = [counter.counts(protocol) for counter in counters.values()]
+    seen = (counter.counts(protocol) for counter in counters.values())
+    counts = [replace(each, recipe=NO_RECIPE) for each in seen]
     beside = [
         replace(each, name=name, tables={"occupancy": each.tables["occupancy"]})
         for name, each in trained.items()

@@ -49,7 +49,8 @@ def free_bias(cfg: DictConfig, bias: Sequence[float]) -> None:
     suite, samples = suite_of(cfg, data), data.split["test"]
     for batch in tracked(data.in_order("test"), "scoring"):
         suite.update(_shifted(logits_of(batch), best), truth_of(batch))
-    counts = Counts.of(cfg.name, protocol_of(cfg, data, len(samples)), suite, samples)
+    protocol = protocol_of(cfg, data, len(samples))
+    counts = Counts.of(cfg.name, protocol, suite, samples, cfg.recipe_name)
 
     folder = run.path / FREE_BIAS
     with replacing_folder(folder) as new:

@@ -194,7 +194,7 @@ def test_a_single_rung_has_no_step_and_a_part_its_own_name(scored):
     assert list(of_test) == ["main", "ablation", "long_tail", "progression", "beyond"]
     assert list(of_unseen) == [f"{key}_test_unseen_clips" for key in ("main", "ablation", "beyond")]
     title = of_unseen["main_test_unseen_clips"].title
-    assert title == "Main results, test_unseen_clips of tiny-0123"
+    assert title == "Main results, test_unseen_clips of tiny-0123; recipe unknown"
 
 
 # ------------------------------------------------------------------------------------- intervals

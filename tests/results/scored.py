@@ -1,5 +1,6 @@
 """Run folders of a ladder as training leaves them, with random predictions for its networks."""
 
+from dataclasses import replace
 from functools import cache, partial
 
 import torch
@@ -12,7 +13,7 @@ from src.metrics.suite import ScoreSuite
 from src.results.counts import Counts, parts_of
 from src.results.files import result_rows, write_results
 from src.results.runs import read_run
-from src.run_folder import ANCHORS
+from src.run_folder import ANCHORS, NO_RECIPE
 from tests.metrics.inputs import with_metrics
 
 GRID = VoxelGrid((0.0, -10.0, -6.0), (24.0, 10.0, 6.0), (6, 5, 3))
@@ -130,7 +131,16 @@ def config_of(experiment, seed, **changes):
 
 
 def write_run(
-    runs, experiment="skyocc", seed=0, *, labels=0, of=None, code="c0de", facts=None, **changes
+    runs,
+    experiment="skyocc",
+    seed=0,
+    *,
+    labels=0,
+    of=None,
+    code="c0de",
+    facts=None,
+    recipe="strong",
+    **changes,
 ):
     """``<runs>/<experiment>/seed<k>`` of a finished run."""
     folder = runs / experiment / f"seed{seed}"
@@ -146,6 +156,7 @@ def write_run(
     rows = []
     for name in (experiment, *ANCHORS):
         counted = _counted(name, seed, labels, (of or protocol()).to_json())
+        counted = replace(counted, recipe=recipe if name == experiment else NO_RECIPE)
         counted.write(folder / "tallies" / f"{name}.npz")
         rows += result_rows(counted, parts_of(UNSEEN), facts)
     write_results(folder / "results.csv", rows)

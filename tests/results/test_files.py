@@ -4,8 +4,10 @@ import io
 import math
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from rich.console import Console
 
@@ -28,6 +30,7 @@ def row(experiment="skyocc", split="test", seed=0, **scores):
         "scale": "small",
         "seed": seed,
         "split": split,
+        "recipe": "strong",
         **{name: float(rng.random()) for name in SCORES},
         "protocol": '{"mask":"supervised","horizon_s":5.0}',
         "seconds": 0.1 + 0.2,
@@ -109,6 +112,26 @@ def test_a_corrupt_file_is_named_in_one_line(tmp_path, corrupt):
     assert "\n" not in str(caught.value)
     with pytest.raises(UserError, match=r"none\.csv: no such file; finish the run"):
         read_results(tmp_path / "none.csv")
+
+
+def test_rows_from_before_there_were_recipes_have_an_unknown_one(tmp_path):
+    path = tmp_path / "results.csv"
+    write_results(path, [row(), row("all_free", recipe="none")])
+    assert list(read_results(path)["recipe"]) == ["strong", "none"]
+    pd.read_csv(path).drop(columns="recipe").to_csv(path, index=False)
+    assert list(read_results(path)["recipe"]) == ["unknown"] * 2
+    published = Path("docs/results/small/results.csv")
+    assert set(read_results(published)["recipe"]) == {"unknown"}
+
+
+def test_a_printed_table_names_the_recipe_or_each_of_them(tmp_path):
+    anchor = row("all_free", recipe="none")
+    assert "mIoU occupied and KAR-mIoU; recipe strong" in printed([row(), anchor], tmp_path)
+    both = printed([row(), row(seed=1, recipe="paper"), anchor], tmp_path)
+    assert "; recipe" not in both
+    assert [line_of(both, name).split()[-1] for name in ("skyocc 0", "skyocc 1", "all_free")] == [
+        *("strong", "paper", "none")
+    ]
 
 
 def test_every_class_and_the_means_stand_side_by_side_as_percentages(tmp_path):

@@ -12,9 +12,10 @@ from tests.results.test_flight_scores import table
 from tests.synthetic import sound_config
 
 
-def write(folder, outcomes, perception, threshold=0.5):
+def write(folder, outcomes, perception, threshold=0.5, **columns):
     folder.mkdir(parents=True)
-    table(outcomes, perception).to_csv(folder / "flights.csv", index=False)
+    flown = table(outcomes, perception).assign(**columns)
+    flown.to_csv(folder / "flights.csv", index=False)
     (folder / "config.yaml").write_text(f"planner: {{threshold: {threshold}}}\n")
     return str(folder)
 
@@ -34,8 +35,20 @@ def test_a_perception_is_compared_with_the_reference(tmp_path, seen, capsys):
     model = write(tmp_path / "model", ["arrived", "collided", "arrived"], "model")
     scores = run(tmp_path, [seen, model]).set_index(["perception", "stratum", "score"])
     assert scores.loc[("model", "all", "excess_collisions"), "value"] == pytest.approx(1 / 3)
+    assert set(scores["recipe"]) == {"unknown"}, "of tables from before there were recipes"
     assert not (tmp_path / "out" / "thresholds.png").exists()
     assert "+33.3" in capsys.readouterr().out
+
+
+def test_the_recipe_of_what_flew_is_a_column(tmp_path, capsys):
+    seen = write(tmp_path / "seen", ["arrived"] * 3, "seen", recipe="none")
+    flown = ["arrived", "collided", "arrived"]
+    models = [write(tmp_path / name, flown, name, recipe=name) for name in ("strong", "paper")]
+    scores = run(tmp_path, [seen, *models]).groupby("perception")["recipe"].agg(set)
+    assert scores.to_dict() == {"seen": {"none"}, "strong": {"strong"}, "paper": {"paper"}}
+    assert "Recipe" in capsys.readouterr().out
+    run(tmp_path, [seen, models[0]])
+    assert "maps; recipe strong" in capsys.readouterr().out
 
 
 def test_one_that_flew_with_several_thresholds_is_a_curve(tmp_path, seen):

@@ -53,6 +53,7 @@ def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
     assert two["stratum"].value_counts().to_dict() == {"conflict": 2, "clear": 2}
     assert set(two[two["stratum"] == "conflict"]["outcome"]) == {"collided"}
     assert set(two[two["stratum"] == "clear"]["outcome"]) == {"arrived"}
+    assert set(two["recipe"]) == {"none"}, "nothing was trained"
 
     one = run(cfg, workers=1, out=f"{tmp_path}/one")
     half = two.head(2)

@@ -3,6 +3,7 @@
 import re
 import shutil
 
+import numpy as np
 import pandas as pd
 import pytest
 from hydra.utils import instantiate
@@ -114,6 +115,35 @@ def test_the_page_has_the_tables_and_the_curves_of_the_runs_that_have_a_log(runs
     for words in ("Main results, test", "KAR-mIoU on validation", "%{y:.1f} % ("):
         assert words in page
     assert "<th>model.encoder.projection</th><td>level</td>" in page
+
+
+def test_the_recipe_is_named_once_where_runs_share_it_and_else_in_every_row(runs):
+    """Also beside runs from before there were recipes, whose counts name none."""
+    out = reported(runs)
+    assert "**Main results, test of tiny-0123; recipe strong.**" in page_of(out)
+    assert "| Recipe | strong |" in page_of(out)
+    assert "; recipe strong." in (out / "tables.tex").read_text()
+    cells = tables(out).query("table == 'main'").set_index("row")["recipe"]
+    assert (set(cells["SkyOcc"]), set(cells["All free"])) == ({"strong"}, {"none"})
+    scores = pd.read_csv(out / "scores.csv").groupby("experiment")["recipe"].agg(set)
+    assert (scores["skyocc"], scores["voxel_prior"]) == ({"strong"}, {"none"})
+
+    write_run(runs, "bare", 0, recipe="paper")
+    older = shutil.copytree(runs / "bare/seed0", runs / "older/seed0")
+    text = (older / "config.yaml").read_text().replace("name: bare", "name: older")
+    (older / "config.yaml").write_text(text)
+    rows = pd.read_csv(older / "results.csv", dtype=str, keep_default_na=False)
+    rows.drop(columns="recipe").replace("bare", "older").to_csv(older / "results.csv", index=False)
+    with np.load(older / "tallies/bare.npz") as arrays:
+        kept = {key: array for key, array in arrays.items() if key != "recipe"}
+    np.savez(older / "tallies/older.npz", **kept)
+
+    out = reported(runs)
+    cells = tables(out).query("table == 'main' and column == 'Recipe'").set_index("row")["value"]
+    assert cells[["SkyOcc", "bare", "older", "All free"]].tolist() == [
+        *("strong", "paper", "unknown", "none")
+    ]
+    assert "| Recipe | strong (baseline, attitude, weights, skyocc); paper (bare);" in page_of(out)
 
 
 def counted_section(reported, unit="runs"):

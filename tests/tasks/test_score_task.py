@@ -241,6 +241,21 @@ def test_two_runs_are_compared_by_the_same_draws(dataset, runs, compared, tmp_pa
     change = interval_of(drawn.change("half", "blind", "kar_miou"), drawn.level)
     columns = ["minus blind", "difference_low", "difference_high"]
     assert row[columns].tolist() == pytest.approx(list(change))
+    assert row["recipe"] == "unknown", "its predictions do not name one"
+
+
+def test_runs_of_two_recipes_are_compared_with_the_recipe_beside_them(
+    dataset, compared, tmp_path, capsys
+):
+    places = [
+        write_predictions(dataset, tmp_path / name, facts={"name": name, "recipe": name})
+        for name in ("strong", "paper")
+    ]
+    both = [scored(dataset, place) for place in places]
+    assert read_results(both[1] / "results.csv")["recipe"].unique().tolist() == ["paper"]
+    table = compared(both)
+    assert (table["recipe"] == table["run"]).all()
+    assert "Recipe" in capsys.readouterr().out
 
 
 def with_other_frames(counts):

@@ -67,8 +67,21 @@ def test_weights_of_an_older_suite_are_scored_with_all_of_todays_metrics():
     they do not know the settings either."""
     (weights,) = Path("weights").glob("*.ckpt")
     command = ["task=test", f"ckpt_path={weights}"]
-    _, suite = score_settings(adopted(compose_config(*command), command))
+    cfg = adopted(compose_config(*command), command)
+    assert cfg.recipe_name == "unknown", "the one of that day had no name"
+    _, suite = score_settings(cfg)
     assert set(suite["metrics"]) == set(compose_config("task=test").suite.metrics)
+
+
+def test_its_recipe_is_named_and_its_run_is_found_where_the_command_says_nothing(
+    configured, checkpoint, tmp_path
+):
+    content = torch.load(checkpoint, weights_only=True)
+    content["skyshield"]["config"].update(recipe_name="paper", group="tiny-paper")
+    torch.save(content, tmp_path / "paper.ckpt")
+    own = configured("task=test", f"ckpt_path={tmp_path}/paper.ckpt")
+    assert Session(own).checkpoint("test").origin.config["recipe_name"] == own.recipe_name
+    assert own.paths.run.endswith("/runs/tiny-paper/skyocc/seed0")
 
 
 @pytest.mark.parametrize(
