@@ -46,6 +46,7 @@ GROUND_RGB, SKY_RGB = (120, 120, 130), (150, 200, 250)
 MINI = (
     *("scale=tiny", "sim.towns=[downtown,suburb]", "sim.clips_per_town=1", "sim.capture_hz=2.5"),
     *("data.test_clips=[suburb/clip00]", "data.history_step_s=0.4", "data.workers=0", "threads=1"),
+    "data.parallax.ages_s=[0.4,0.8]",
     *("trainer.log_every_n_steps=1", "trainer.precision=32-true", "suite.resamples=20"),
     "callbacks.preview.frames=1",
 )
@@ -100,7 +101,10 @@ def sound_config(*overrides, folder=None):
 
 def mini_overrides(folder, *more):
     """The words that make every command small and keep it in a folder."""
-    return [*MINI, f"paths.data={folder}/data", f"paths.runs={folder}/runs", *more]
+    mini = [*MINI]
+    if {"recipe=paper", "model/parallax=off"} & {*more}:
+        mini.remove("data.parallax.ages_s=[0.4,0.8]")
+    return [*mini, f"paths.data={folder}/data", f"paths.runs={folder}/runs", *more]
 
 
 def generated_config(folder, workers=1):

@@ -91,7 +91,7 @@ def test_every_lift_and_backbone_instantiates(lift, backbone):
         pytest.importorskip("transformers")
     chosen = [f"model/lift={lift}", f"model/backbone={backbone}", *BACKBONES[backbone]]
     # It reads no features as fine as those that say what pixels see.
-    chosen += ["model/sight=off"] * (lift == "lss")
+    chosen += [f"model/{task}=off" for task in ("sight", "parallax", "evidence") if lift == "lss"]
     cfg = sound_config("scale=tiny", *chosen)
     network = instantiate(cfg.model)
     layers = [*network.encoder.frame_layers, network.encoder.last_layer]
@@ -244,7 +244,7 @@ REFUSED = {
     "data.workers=-1": "data.workers: -1 ",
     "data.history=none": "data.history: 'none'.*open, strict",
     "data.order=stream": "data.order: 'stream'.*shuffled, streams",
-    "data.order=streams": "data.order: .*data.frames=1",
+    "data.order=streams data.frames=1": "data.order: .*data.frames=1",
     "data.history_step_s=0.3": "data.history_step_s: 0.3 s",
     "data.mirror=3": "data.mirror: 3 .*true or false",
     "sim.image.width=32 sim.image.height=32 data.batch_size=1": "data.batch_size: .*32x32",

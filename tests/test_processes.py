@@ -29,8 +29,7 @@ def test_two_processes_have_the_gradients_of_one_that_accumulates(folder, order)
         overrides += ["data.frames=2", "model.encoder.num_layers=2"]
     else:
         # A history would be computed with the statistics that the first of the two batches left.
-        overrides += ["data.frames=1", "model/parallax=on", "data.parallax.ages_s=[0.4,0.8]"]
-        overrides.append("model/evidence=on")
+        overrides.append("data.frames=1")
         alone = folder / "alone.pt"
         accumulated = (*ONE, "trainer.accumulate_grad_batches=2")
         python("-m", "tests.gradients_of_one_step", str(alone), *overrides, *accumulated)

@@ -128,7 +128,7 @@ class SkyShieldData(LightningDataModule):
         if self.pixels and not all((clip.folder / AUX).is_file() for clip in self.clips.values()):
             raise UserError(
                 f"model/sight: on, and {self.root} has clips without {AUX}; generate it with "
-                "sim.save_aux=true, or give model/sight=off"
+                "sim.save_aux=true, or give model/sight=off model/parallax=off model/evidence=off"
             )
 
     def labels(self, part: str) -> Iterator[LabelledFrame]:
