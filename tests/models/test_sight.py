@@ -92,9 +92,10 @@ def test_the_matching_is_three_convolutions_in_3d():
     matching, volume = Matching(4), torch.rand(2, 6, 5, 7)
     x = volume[:, None]
     for number, layer in enumerate(matching.layers):
-        # Slices of the kernel are channels of the plain convolution, bin by bin.
-        kernel = layer.weight.unflatten(1, (3, -1)).transpose(1, 2)
-        x = F.conv3d(torch.relu(x) if number else x, kernel, layer.bias, padding=1)
+        torch.nn.init.zeros_(layer.bias)
+        # The outputs for the bins behind come first: these read the first slice of a 3-D kernel.
+        kernel = layer.weight.unflatten(0, (3, -1)).permute(1, 2, 0, 3, 4)
+        x = F.conv3d(torch.relu(x) if number else x, kernel, padding=1)
     assert matching(volume).allclose(x[:, 0], atol=1e-6)
 
 
