@@ -370,6 +370,8 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path):
     score_predictions(compose_config(*overrides, "task=score"), "test", False, None)
     again = read_results(tmp_path / "mine/scores/results.csv")
     first = read_results(folder / "results.csv")
+    recipes = first.groupby("experiment")["recipe"].agg(set).to_dict()
+    assert recipes == {"skyocc": {"strong"}, **{name: {"none"} for name in ANCHORS}}
     first = first[first["experiment"] == "skyocc"].reset_index(drop=True)
     columns = ["experiment", "scale", "seed", "split", "recipe", *SCORES, "protocol"]
     columns += ["parameters", "code_version", "dataset", "precision"]

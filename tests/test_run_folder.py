@@ -131,6 +131,7 @@ def test_what_shapes_a_result_changes_the_version_and_nothing_else(tmp_path):
         **{"threads": 2, "ckpt_path": "last", "data": {"workers": 4, "batch_size": 8}},
         **{"sim": {"workers": 2, "dry_run": True, "seed": 0}, "trainer": {"log_every_n_steps": 7}},
         **{"logger": {"flush_logs_every_n_steps": 5}},
+        **{"recipe_name": "mine", "group": "tiny-mine"},  # only its own keys shape anything
     }
     assert folder_of(tmp_path, **elsewhere).version == version
     shaping = {"seed": 1, "model": {"dim": 32}, "data": {"batch_size": 4}, "dataset": "mini-1"}
