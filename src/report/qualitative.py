@@ -53,7 +53,7 @@ def qualitative_sheet(
         raise UserError(f"{path}: its rows show predictions of different models; draw two sheets")
 
     rows = [_row(scene, tops) for scene in scenes]
-    page = titled_sheet(rows, None, HEADER_PIX, FOOTER_PIX, title_size=18)
+    page = titled_sheet(rows, None, HEADER_PIX, FOOTER_PIX, title_size=15)
     page.text(GAP_PIX, HEADER_PIX / 2, heading, size=21, weight="bold")
     page.legend(page.height_pix - 66)
     caption = f"{BEHIND}{ABOVE if tops else ';'}{HIDDEN}"

@@ -29,11 +29,11 @@ def scene_of(
 ) -> VoxelScene:
     """Returns a sample of an `OccupancyDataset` with predictions there, as those of `labels_of`.
 
-    ``remark`` follows the frame's name in the title.
+    ``remark`` follows the frame's name in the title, in the place of its tilt.
     """
     roll_deg, pitch_deg = torch.rad2deg(sample["attitude_rad"]).tolist()
-    title = f"{sample['clip']} frame {sample['frame']} · roll {roll_deg:+.0f}° "
-    title += f"pitch {pitch_deg:+.0f}°{remark and ' · ' + remark}"
+    tilt = f"roll {roll_deg:+.0f}° pitch {pitch_deg:+.0f}°"
+    title = f"{sample['clip']} frame {sample['frame']} · {remark or tilt}"
     height, width = sample["image"].shape[-2:]
     chain = camera_from_occ(sample["occ_from_body"][-1], sample["body_from_camera"])
 

@@ -19,8 +19,8 @@ from tests.synthetic import compose_config, mini_overrides, write_dataset
 @pytest.fixture
 def config(tmp_path):
     def composed(*overrides):
-        here = mini_overrides(tmp_path, "+experiment=skyocc")
-        return compose_config(*here, "trainer.max_epochs=2", *overrides)
+        own = ("+experiment=skyocc", "trainer.max_epochs=2", *overrides)
+        return compose_config(*mini_overrides(tmp_path, *own))
 
     write_dataset(composed())
     return composed
