@@ -68,7 +68,7 @@ def test_weights_of_an_older_suite_are_scored_with_all_of_todays_metrics():
     (weights,) = Path("weights").glob("*.ckpt")
     command = ["task=test", f"ckpt_path={weights}"]
     cfg = adopted(compose_config(*command), command)
-    assert cfg.recipe_name == "unknown", "the one of that day had no name"
+    assert cfg.recipe_name == "strong"
     _, suite = score_settings(cfg)
     assert set(suite["metrics"]) == set(compose_config("task=test").suite.metrics)
 
@@ -77,6 +77,10 @@ def test_its_recipe_is_named_and_its_run_is_found_where_the_command_says_nothing
     configured, checkpoint, tmp_path
 ):
     content = torch.load(checkpoint, weights_only=True)
+    del content["skyshield"]["config"]["recipe_name"]
+    torch.save(content, tmp_path / "older.ckpt")
+    assert configured("task=test", f"ckpt_path={tmp_path}/older.ckpt").recipe_name == "unknown"
+
     content["skyshield"]["config"].update(recipe_name="paper", group="tiny-paper")
     torch.save(content, tmp_path / "paper.ckpt")
     own = configured("task=test", f"ckpt_path={tmp_path}/paper.ckpt")
