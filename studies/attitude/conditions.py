@@ -16,6 +16,7 @@ from src.errors import UserError
 from src.results.counts import Counts, require_comparable
 from src.results.runs import ScoredRun
 from src.run_folder import TALLIES
+from studies.attitude.measured_poses import Fault
 
 # The folder of task=attitude in a run's folder, and its table.
 ATTITUDE, TABLE = "attitude", "attitude.csv"
@@ -23,6 +24,9 @@ ATTITUDE, TABLE = "attitude", "attitude.csv"
 # The condition of frames that are presented with their true attitude, and with that of a UAV that
 # flies level.
 TRUE, LEVEL = "true", "level"
+
+# Columns that older tables lack: nothing was off.
+LATER = ("distance_off", "time_off_s")
 
 # Share of the voxels that another machine, or another batch, may tip. Two seeds of a rung, even
 # where their mIoU is the same, differ in ten times as many and more.
@@ -36,7 +40,7 @@ Conditions = dict["Condition", dict[str, dict[int, Counts]]]
 @dataclass(frozen=True)
 class Condition:
     """Frames with a tilt from ``tilt_low_deg`` on and below ``tilt_high_deg``, and how they are
-    presented: with an attitude that has noise or a delay, or with that of ``level`` flight.
+    presented: with poses that have a `Fault`, whose fields these are.
 
     The tilt is |roll| + |pitch| of the true attitude. Its fields are columns of ``attitude.csv``.
     """
@@ -46,17 +50,22 @@ class Condition:
     noise_deg: float = 0.0
     delay_s: float = 0.0
     level: bool = False
+    distance_off: float = 0.0
+    time_off_s: float = 0.0
 
     @property
-    def fault(self) -> tuple[float, float, bool]:
-        """The arguments of the attitude that the model is given."""
-        return self.noise_deg, self.delay_s, self.level
+    def fault(self) -> Fault:
+        """What is wrong with the poses that the model is given."""
+        return Fault(**{each.name: getattr(self, each.name) for each in fields(Fault)})
 
     @property
     def presented(self) -> str:
-        """The column ``condition`` of the long table: true, noise_3deg, delay_0.2s or level."""
+        """The column ``condition`` of the long table: true, noise_3deg, delay_0.2s, distance_2pct,
+        time_0.01s or level."""
         parts = [f"noise_{self.noise_deg:g}deg"] if self.noise_deg else []
         parts += [f"delay_{self.delay_s:g}s"] if self.delay_s else []
+        parts += [f"distance_{100 * self.distance_off:g}pct"] if self.distance_off else []
+        parts += [f"time_{self.time_off_s:g}s"] if self.time_off_s else []
         return "_".join(parts + [LEVEL] * self.level) or TRUE
 
     @property
@@ -86,8 +95,10 @@ def conditions_of(
     noise_deg: Sequence[float],
     delay_s: Sequence[float],
     level: bool,
+    distance_off: Sequence[float] = (),
+    time_off_s: Sequence[float] = (),
 ) -> Iterator[Condition]:
-    """Yields all frames; each bin of tilt; all frames under each noise, and under each delay.
+    """Yields all frames; each bin of tilt; all frames under each fault, one at a time.
 
     With ``level``, all frames and each bin follow once more, as of a UAV that flies level. Raises
     `UserError` for edges that do not ascend from above zero, for values that are not above zero,
@@ -96,8 +107,9 @@ def conditions_of(
     edges = [0.0, *tilt_edges_deg]
     if any(not high > low for low, high in pairwise(edges)):
         raise UserError(f"task.tilt_edges_deg: {list(tilt_edges_deg)}; give ascending ones above 0")
-    listed = {"tilt_edges_deg": tilt_edges_deg, "noise_deg": noise_deg, "delay_s": delay_s}
-    for name, values in listed.items():
+    faults = {"noise_deg": noise_deg, "delay_s": delay_s}
+    faults |= {"distance_off": distance_off, "time_off_s": time_off_s}
+    for name, values in {"tilt_edges_deg": tilt_edges_deg, **faults}.items():
         if any(not 0 < value < math.inf for value in values):
             raise UserError(f"task.{name}: {list(values)}; give values above 0")
         if len({f"{value:g}" for value in values}) < len(values):
@@ -107,8 +119,8 @@ def conditions_of(
     if len(edges) > 1:
         bins += [Condition(*bounds) for bounds in zip(edges, [*edges[1:], math.inf])]
     yield from bins
-    yield from (Condition(noise_deg=value) for value in noise_deg)
-    yield from (Condition(delay_s=value) for value in delay_s)
+    for name, values in faults.items():
+        yield from (Condition(**{name: value}) for value in values)
     if level:
         yield from (replace(condition, level=True) for condition in bins)
 
@@ -122,9 +134,9 @@ def condition_table(conditions: Sequence[Condition], noise_seed: int) -> pd.Data
 def read_conditions(runs: Sequence[ScoredRun]) -> Conditions:
     """Reads what task=attitude has counted of the runs that it has scored.
 
-    The true attitude comes first, then its bins of tilt, noise, delay, and level flight; each of
-    them ascends. Raises `UserError` for counts that cannot be read, or that are not of the same
-    frames under the same conditions.
+    The true poses come first, then their bins of tilt, noise, delay, distances, times, and level
+    flight; each of them ascends. Raises `UserError` for counts that cannot be read, or that are not
+    of the same frames under the same conditions.
     """
     tables = [(run, _facts(run)) for run in runs if (run.path / ATTITUDE / TABLE).is_file()]
     _require_alike(tables)
@@ -147,8 +159,8 @@ def read_conditions(runs: Sequence[ScoredRun]) -> Conditions:
 
 
 def _order(condition: Condition) -> tuple:
-    is_level, bounds = condition.level, (condition.tilt_low_deg, -condition.tilt_high_deg)
-    return is_level, condition.delay_s, condition.noise_deg, *bounds
+    faults = condition.time_off_s, condition.distance_off, condition.delay_s, condition.noise_deg
+    return condition.level, *faults, condition.tilt_low_deg, -condition.tilt_high_deg
 
 
 def _facts(run: ScoredRun) -> pd.DataFrame:
@@ -156,6 +168,7 @@ def _facts(run: ScoredRun) -> pd.DataFrame:
     path = run.path / ATTITUDE / TABLE
     try:
         table = pd.read_csv(path, dtype={"condition": str})
+        table = table.assign(**{name: 0.0 for name in LATER if name not in table})
         facts = [*(each.name for each in fields(Condition)), "noise_seed"]
         return table.drop_duplicates("condition").set_index("condition")[facts]
     except (OSError, ValueError, KeyError) as error:

@@ -1,4 +1,4 @@
-"""The figure of scores by tilt and under a wrong attitude."""
+"""The figure of scores by tilt and under wrong poses."""
 
 from collections.abc import Mapping
 from itertools import cycle, product
@@ -19,11 +19,14 @@ WIDTH_INCHES, ROW_INCHES, DPI = 11.0, 3.4, 130
 
 TILT = "tilt |roll| + |pitch| (°), number of frames"
 TOLD = "dashed: told level flight"
-FAULTS = {"noise_deg": "noise of roll and pitch (°)", "delay_s": "delay of the attitude (s)"}
+FAULTS = {
+    **{"noise_deg": "noise of roll and pitch (°)", "delay_s": "delay of roll and pitch (s)"},
+    **{"distance_off": "distances too long by (share)", "time_off_s": "times off by (s)"},
+}
 CAPTION = (
     "KAR-mIoU by tilt, what it gains over {reference}, and, where that was scored, what the true "
-    "attitude gains over being told that the UAV flies level; below, under a wrongly measured "
-    "attitude. Bars are intervals, as in the tables."
+    "attitude gains over being told that the UAV flies level; below, under wrongly measured "
+    "poses. Bars are intervals, as in the tables."
 )
 
 # The marker and the color of each run.
@@ -58,7 +61,7 @@ def draw_report_attitude(attitude: AttitudeScores, path: Path) -> str:
 def draw_attitude(
     scores: Rows, path: str | Path, changes: Mapping[str, Rows] | None = None
 ) -> None:
-    """Writes a PNG of KAR-mIoU by tilt, by noise and by delay, with a line for each run, and a
+    """Writes a PNG of KAR-mIoU by tilt and by each fault, with a line for each run, and a
     dashed one for its scores by tilt when told a level attitude.
 
     ``changes`` are differences by tilt, by what they are over; those without a row are left out.
@@ -136,7 +139,7 @@ def _draw_fault(axes: Axes, scores: Rows, styles: Styles, key: str) -> None:
         is_true = ~_is_bin(rows) & ~rows["level"] & (rows[list(FAULTS)] == 0).all(axis=1)
         faulty = pd.concat([rows[is_true], rows[rows[key] > 0].sort_values(key)])
         _line(axes, faulty[key], faulty, name, styles[name])
-        axes.set_xticks(faulty[key])
+        axes.set_xticks(faulty[key], [f"{value:g}" for value in faulty[key]])
     _finish(axes, FAULTS[key])
 
 

@@ -1,4 +1,4 @@
-"""The section of a report on attitude: scores by tilt and under a wrong attitude, and why."""
+"""The section of a report on attitude: scores by tilt and under wrong poses, and why."""
 
 from collections.abc import Sequence
 from functools import lru_cache

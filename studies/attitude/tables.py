@@ -1,4 +1,4 @@
-"""Tables of what attitude does to KAR-mIoU: by tilt, and where it is not measured as it is."""
+"""Tables of what attitude does to KAR-mIoU: by tilt, and where poses are measured wrongly."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -24,9 +24,10 @@ BY_LEVEL = (
     "All numbers are percentages, in brackets their intervals."
 )
 BY_FAULT = (
-    "KAR-mIoU of the whole test split where the model is told a wrong attitude: noise of a "
-    "standard deviation on roll and pitch, drawn once for all runs, or the attitude of some time "
-    "ago. All numbers are percentages, in brackets their intervals."
+    "KAR-mIoU of the whole test split where the model is told wrong poses: noise of a standard "
+    "deviation on roll and pitch, roll and pitch of some time ago, too long distances between "
+    "frames, or times with an error of a standard deviation. What is random is drawn once for all "
+    "runs. All numbers are percentages, in brackets their intervals."
 )
 
 
@@ -89,7 +90,7 @@ def attitude_tables(attitude: AttitudeScores) -> list[Table]:
     chosen = [
         ("tilt", "By tilt", BY_TILT, bins),
         ("level", "Told level flight", BY_LEVEL, level),
-        ("faults", "Wrong attitude", BY_FAULT, faults if len(faults) > 1 else []),
+        ("faults", "Wrong poses", BY_FAULT, faults if len(faults) > 1 else []),
     ]
     return [_table(attitude, *each) for each in chosen if each[-1]]
 
@@ -134,4 +135,8 @@ def tilt_in_words(condition: Condition, frames: int) -> str:
 def _fault(condition: Condition) -> str:
     if condition.noise_deg:
         return f"{condition.noise_deg:g}° noise"
+    if condition.distance_off:
+        return f"distances {100 * condition.distance_off:g} % too long"
+    if condition.time_off_s:
+        return f"times off by {1000 * condition.time_off_s:g} ms"
     return f"{condition.delay_s:g} s late" if condition.delay_s else TRUE

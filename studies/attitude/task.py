@@ -1,4 +1,4 @@
-"""task=attitude: a checkpoint's scores by the UAV's tilt, and under a wrongly measured attitude."""
+"""task=attitude: a checkpoint's scores by the UAV's tilt, and under wrongly measured poses."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -15,12 +15,12 @@ from src.tasks.session import Session
 from src.tasks.trainer import Predictor, predictor
 from src.terminal import say, tracked
 from studies.attitude.conditions import ATTITUDE, Condition, condition_table, conditions_of
-from studies.attitude.measured_attitude import MeasuredAttitude
+from studies.attitude.measured_poses import MeasuredPoses
 from studies.counting import SCORE, ClipCounts, print_scores, scores_of, write_counted
 
 # The scores that are printed, and their names.
 PRINTED = {"miou_occupied": "mIoU occupied", SCORE: "KAR-mIoU", "iou/thin_structure": "thin"}
-TITLE = "Scores (%) by tilt |roll| + |pitch|, and under a wrongly measured attitude"
+TITLE = "Scores (%) by tilt |roll| + |pitch|, and under wrongly measured poses"
 
 
 def attitude(
@@ -30,12 +30,15 @@ def attitude(
     delay_s: Sequence[float],
     seed: int,
     level: bool,
+    distance_off: Sequence[float] = (),
+    time_off_s: Sequence[float] = (),
 ) -> None:
     """Writes ``<run>/attitude/``: ``attitude.csv``, the counts of each condition, and a figure.
 
     Raises `UserError` as `Session` and `conditions_of` do.
     """
-    conditions = list(conditions_of(tilt_edges_deg, noise_deg, delay_s, level))
+    faults = noise_deg, delay_s, level, distance_off, time_off_s
+    conditions = list(conditions_of(tilt_edges_deg, *faults))
     session = Session(cfg)
     trainer, run = session.trainer, session.folder
     checkpoint, data = session.checkpoint("attitude"), session.data
@@ -68,17 +71,12 @@ def narrowed(counters: Mapping[Condition, ClipCounts], whole: Protocol) -> Itera
 def _count(
     counters: Mapping[Condition, ClipCounts], data: SkyShieldData, logits: Predictor, seed: int
 ) -> None:
-    """Counts the test split under every condition; each wrong attitude is predicted with once."""
-    clips = {clip: data.clips[clip] for clip in clips_of(data.split["test"])}
-    step = data.dataset("test").step
+    """Counts the test split under every condition; each fault is predicted with once."""
     faults = dict.fromkeys(condition.fault for condition in counters)
-    attitudes = {
-        (noise_deg, delay_s, level): MeasuredAttitude(clips, step, noise_deg, delay_s, seed, level)
-        for noise_deg, delay_s, level in faults
-    }
+    poses = {fault: MeasuredPoses(data.dataset("test"), fault, seed) for fault in faults}
 
     for batch in tracked(data.in_order("test"), "scoring"):
-        for fault, measured in attitudes.items():
+        for fault, measured in poses.items():
             labels = logits(measured(batch)).argmax(dim=1).to(torch.uint8).cpu()
             for condition, counter in counters.items():
                 if condition.fault == fault:

@@ -23,7 +23,7 @@ from src.tasks.model import origin_of
 from src.tasks.scoring import clips_of, protocol_of
 from src.tasks.session import Session
 from src.terminal import say, tracked
-from studies.attitude.measured_attitude import MeasuredAttitude
+from studies.attitude.measured_poses import Fault, MeasuredPoses
 from studies.bounds.true_sight import By, TrueSight
 from studies.counting import SCORE, ClipCounts, print_scores, scores_of, write_counted
 
@@ -71,7 +71,7 @@ def bounds(
     frames, stand beside them, in the figure at the error of the depth that they have on validation.
 
     Raises `UserError` for data without depth images, for runs of another dataset or without an
-    error of the depth, and as `TrueSight` and `MeasuredAttitude` do.
+    error of the depth, and as `TrueSight` and `Fault` do.
     """
     session = Session(cfg)
     data, samples = session.data, session.data.split["test"]
@@ -138,11 +138,11 @@ def _predictions(session: Session, sights: Sequence[Sight], seed: int) -> dict[s
     """Returns the prediction of every floor and every ceiling, by its name."""
     cfg, data = session.cfg, session.data
     clips = {clip: data.clips[clip] for clip in clips_of(data.split["test"])}
-    step = data.dataset("test").step
+    dataset = data.dataset("test")
 
     def seen(sight: Sight) -> Predict:
-        true = TrueSight(clips, step, sight.images, sight.depth_error, sight.by, seed)
-        told = MeasuredAttitude(clips, step, sight.attitude_deg, 0.0, seed, sight.level)
+        true = TrueSight(clips, dataset.step, sight.images, sight.depth_error, sight.by, seed)
+        told = MeasuredPoses(dataset, Fault(sight.attitude_deg, level=sight.level), seed)
         return lambda batch: true(told(batch))
 
     def blind(anchor: Anchor) -> Predict:

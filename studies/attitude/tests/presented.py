@@ -9,7 +9,7 @@ from src.results.counts import Counts
 from studies.attitude.conditions import condition_table, conditions_of
 from tests.results.scored import FRAMES, counts, predicted
 
-CONDITIONS = list(conditions_of([5.0], noise_deg=[3.0], delay_s=[0.2], level=True))
+CONDITIONS = list(conditions_of([5.0], [3.0], [0.2], True, [0.02], [0.01]))
 RIGHT = {
     **{"true": 0.5, "tilt_0_5deg": 0.5, "tilt_5_infdeg": 0.3, "noise_3deg": 0.4},
     **{"level": 0.4, "level_tilt_0_5deg": 0.5, "level_tilt_5_infdeg": 0.2},

@@ -8,7 +8,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from studies.attitude.conditions import condition_table, conditions_of
 from studies.attitude.figure import COLORS, TOLD, attitude_figure
 
-CONDITIONS = list(conditions_of([2.5, 5, 10, 15, 20], [1, 3, 5], [0.1, 0.2], level=True))
+FAULTS = [0.5, 1, 3, 5], [0.1, 0.2], True, [0.02, 0.05], [0.01, 0.02]
+CONDITIONS = list(conditions_of([2.5, 5, 10, 15, 20], *FAULTS))
 FRAMES = 12345
 """More than any split has, so that a label is as wide as it can be."""
 
@@ -43,7 +44,7 @@ def test_every_run_has_a_line_and_every_gain_the_color_of_its_run(figure):
         for axes in figure.axes
     )
     assert list(scores) == ["Baseline", "+ Attitude-aware projection", "SkyOcc"]
-    assert faults == [scores, scores]
+    assert faults == [scores] * 4
     assert gains == {name: color for name, color in scores.items() if name != "Baseline"}
     assert worths == gains
 
@@ -68,7 +69,7 @@ def test_told_a_level_attitude_each_run_has_a_dashed_line_that_is_named_once(fig
 
 
 def test_of_one_run_there_are_its_scores_alone_and_no_panel_is_empty():
-    assert len(attitude_figure({"mine": table(0.3)}, {}).axes) == 3
+    assert len(attitude_figure({"mine": table(0.3)}, {}).axes) == 5
     for noise_deg, names in (([], ["tilt "]), ([1, 3], ["tilt ", "noise"])):
         rows = table(0.1, list(conditions_of([5], noise_deg, [], False)))
         axes = attitude_figure({"Baseline": rows}, {}).axes

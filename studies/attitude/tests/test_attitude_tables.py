@@ -55,7 +55,9 @@ def test_tables_have_scores_and_below_them_the_changes(attitude):
     ]
     assert tilt.columns == ["0–5° (2 frames)", "from 5° (5 frames)"]
     assert level.columns == ["all (7 frames)", *tilt.columns]
-    assert faults.columns == ["true", "3° noise", "0.2 s late"]
+    assert faults.columns == [
+        *("true", "3° noise", "0.2 s late", "distances 2 % too long", "times off by 10 ms")
+    ]
     for table in (tilt, faults):
         assert names(table) == ["Baseline", ABOVE, f"{ABOVE}, over the baseline"]
     told = ["Baseline, over told level", f"{ABOVE}, over told level"]

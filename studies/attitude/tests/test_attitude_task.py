@@ -12,7 +12,8 @@ from studies.attitude.task import attitude
 from tests.synthetic import compose_config
 
 SETTINGS = {
-    "tilt_edges_deg": [6.0], "noise_deg": [20.0], "delay_s": [0.4], "seed": 0, "level": True
+    "tilt_edges_deg": [6.0], "noise_deg": [20.0], "delay_s": [0.4], "distance_off": [0.5],
+    "time_off_s": [0.1], "seed": 0, "level": True
 }  # fmt: skip
 
 
@@ -26,6 +27,7 @@ def test_it_scores_every_condition_and_the_true_one_as_the_run_did(trained, caps
     kar = table[table["score"] == "kar_miou"].set_index("condition")
     assert list(kar.index) == [
         *("true", "tilt_0_6deg", "tilt_6_infdeg", "noise_20deg", "delay_0.4s"),
+        *("distance_50pct", "time_0.1s"),
         *("level", "level_tilt_0_6deg", "level_tilt_6_infdeg"),
     ]
 

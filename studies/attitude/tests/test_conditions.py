@@ -13,7 +13,8 @@ from src.metrics import OccupancyScores
 from src.metrics.protocol import SUPERVISED, Protocol
 from src.results.counts import Counts
 from src.results.runs import read_run
-from studies.attitude.conditions import Condition, conditions_of, read_conditions
+from studies.attitude.conditions import LATER, Condition, conditions_of, read_conditions
+from studies.attitude.measured_poses import Fault
 from studies.attitude.task import narrowed
 from studies.attitude.tests.presented import write_attitude
 from studies.counting import ClipCounts
@@ -49,12 +50,15 @@ def test_bins_of_tilt_share_all_frames_among_them():
 
 
 def test_faults_follow_and_then_all_frames_and_each_bin_of_level_flight():
-    conditions = list(conditions_of([5], [1.0, 3.0], [0.1], True))
+    conditions = list(conditions_of([5], [1.0, 3.0], [0.1], True, [0.02], [0.01]))
     assert [each.name for each in conditions] == [
         *("true", "tilt_0_5deg", "tilt_5_infdeg", "noise_1deg", "noise_3deg", "delay_0.1s"),
+        *("distance_2pct", "time_0.01s"),
         *("level", "level_tilt_0_5deg", "level_tilt_5_infdeg"),
     ]
-    assert len({each.fault for each in conditions}) == 5
+    assert len({each.fault for each in conditions}) == 7
+    assert conditions[6].fault == Fault(distance_off=0.02)
+    assert conditions[7].fault == Fault(time_off_s=0.01)
     last = conditions[-1]
     assert (last.presented, last.part) == ("level", "tilt_5_infdeg")
     assert (conditions[1].presented, conditions[3].part) == ("true", "test")
@@ -70,6 +74,8 @@ def test_faults_follow_and_then_all_frames_and_each_bin_of_level_flight():
         (([math.nan], [], []), "tilt_edges_deg"),
         (([], [0.0], []), "noise_deg"),
         (([], [], [-0.1]), "delay_s"),
+        (([], [], [], False, [-0.02]), "distance_off"),
+        (([], [], [], False, [], [0.0]), "time_off_s"),
         (([], [], [math.inf]), "delay_s"),
         (([], [3.0, 3.0], []), "noise_deg"),
         (([], [], [0.1, 0.10000001]), "delay_s"),
@@ -78,7 +84,7 @@ def test_faults_follow_and_then_all_frames_and_each_bin_of_level_flight():
 )
 def test_values_that_make_no_sense_are_refused(values, key):
     with pytest.raises(UserError, match=rf"task\.{key}: .*; give "):
-        list(conditions_of(*values, level=False))
+        list(conditions_of(*values[:3], *(values[3:] or [False])))
 
 
 def test_the_counts_of_the_bins_add_up_to_those_of_all_frames():
@@ -130,7 +136,7 @@ def test_the_counts_of_each_condition_are_read_by_experiment_and_seed(pair):
     conditions = read(*pair)
     assert Condition() in conditions
     assert Condition(5.0, level=True) in conditions
-    assert len(conditions) == 8
+    assert len(conditions) == 10
     assert {name: list(seeds) for name, seeds in conditions[Condition()].items()} == {
         **{"baseline": [0], "attitude": [0]}
     }
@@ -201,6 +207,17 @@ def test_a_condition_without_its_counts_is_one_line(pair, alone):
     (pair[1] / "attitude/tallies/delay_0.2s.npz").unlink()
     with pytest.raises(UserError, match=r"delay_0\.2s\.npz: .*run task=attitude again"):
         read(*pair[alone:])
+
+
+def test_tables_from_before_distances_and_times_could_be_off_are_read(pair):
+    later = "distance_2pct", "time_0.01s"
+    rewrite(pair[0], lambda table: table[~table["condition"].isin(later)].drop(columns=[*LATER]))
+    conditions = read(pair[0])
+    assert len(conditions) == 8
+    assert {each.fault for each in conditions} == {
+        *(Fault(), Fault(noise_deg=3.0), Fault(delay_s=0.2), Fault(level=True))
+    }
+    assert set(read(*pair)) > set(conditions), "beside one that has them"
 
 
 def test_the_true_attitude_may_be_the_only_condition(pair):
