@@ -49,7 +49,8 @@ def test_it_scores_every_condition_and_the_true_one_as_the_run_did(trained, caps
 def test_nothing_of_an_earlier_call_stays(trained):
     cfg = compose_config(*trained, "ckpt_path=best")
     for edge, level in ((6.0, True), (7.0, False)):
-        attitude(cfg, **{**SETTINGS, "tilt_edges_deg": [edge], "level": level, "delay_s": []})
+        less = {"delay_s": [], "distance_off": [], "time_off_s": [0.1] * level}
+        attitude(cfg, **{**SETTINGS, "tilt_edges_deg": [edge], "level": level, **less})
     tallies = sorted(path.stem for path in Path(cfg.paths.run).glob("attitude/tallies/*"))
     assert tallies == ["noise_20deg", "tilt_0_7deg", "tilt_7_infdeg", "true"]
 

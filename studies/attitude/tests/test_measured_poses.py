@@ -68,6 +68,12 @@ def test_every_frame_of_the_queue_is_told_what_was_true_before(clips, delay_s, f
         assert reported[key].dtype == batch[key].dtype
 
 
+def test_in_a_queue_without_a_past_is_the_current_frame(clips):
+    reported = measured(clips, noise_deg=1.0)(batch_of(clips, (FIRST, 0), (SECOND, 1)))
+    for queue in reported["occ_from_body"]:
+        assert queue.equal(queue[-1:].expand(3, 4, 4))
+
+
 def test_told_a_level_attitude_the_camera_is_said_to_look_straight_ahead(clips):
     batch = batch_of(clips)
     reported = measured(clips, level=True)(batch)
