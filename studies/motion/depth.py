@@ -66,7 +66,13 @@ def rows_of(folder: Path, split: str) -> Iterator[dict[str, object]]:
         kinds = {"": of_class, "_textured": of_class & has_texture}
         medians = {f"median_percent{k}": 100 * error[m].median().item() for k, m in kinds.items()}
         pixels = {f"pixels{kind}": int(mask.sum()) for kind, mask in kinds.items()}
-        yield {"run": str(folder), "split": split, "class": name, **pixels, **medians}
+        yield {
+            "run": "/".join(folder.parts[-3:]),
+            "split": split,
+            "class": name,
+            **pixels,
+            **medians,
+        }
 
 
 def main(*folders: Path, split: str = "test", out: Path = OUT):
