@@ -70,8 +70,9 @@ class MeasuredPoses:
     """Puts poses with a fault in the place of the true ones.
 
     What depends on them is where the camera is said to look (``occ_from_body``, of every frame of
-    the queue), the metadata (``attitude_rad``), the queue's motion (``occ_from_past_occ``), and the
-    cost volume (``parallax``) where frames are compared. Images, labels, velocity and height stay.
+    the queue), the metadata (``attitude_rad``), the queue's motion (``occ_from_past_occ``) if the
+    fault ``moves`` it, and the cost volume (``parallax``) where frames are compared. Images,
+    labels, velocity and height stay. A true report leaves the batch as it is.
 
     Args:
         dataset: that of the batches; poses are reported of the clips of its samples.
