@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from ..data.datamodule import SkyShieldData
@@ -74,7 +75,7 @@ def showcase(
 
 def _data_of(run: ScoredRun, root: Path) -> SkyShieldData:
     """Opens the data that a run was trained on. Raises `UserError` for settings of other code."""
-    settings = {**run.config["data"], "workers": 0}
+    settings = {**instantiate(run.config["data"], _convert_="all"), "workers": 0}
     try:
         signature(SkyShieldData).bind(root, seed=0, **settings)
     except TypeError as error:
