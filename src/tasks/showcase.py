@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
@@ -75,10 +76,10 @@ def showcase(
 
 def _data_of(run: ScoredRun, root: Path) -> SkyShieldData:
     """Opens the data that a run was trained on. Raises `UserError` for settings of other code."""
-    settings = {**instantiate(run.config["data"], _convert_="all"), "workers": 0}
     try:
+        settings = {**instantiate(run.config["data"], _convert_="all"), "workers": 0}
         signature(SkyShieldData).bind(root, seed=0, **settings)
-    except TypeError as error:
+    except (TypeError, InstantiationException) as error:
         raise UserError(f"{run.path / CONFIG}: data are those of other code ({error})") from None
     return SkyShieldData(root, seed=0, **settings)
 

@@ -19,9 +19,8 @@ from torch import Tensor
 
 from src.data.batch import Batch
 from src.models.checkpoint import Checkpoint
-from src.models.sight import depth_error
 from src.ontology import CLASSES, FREE
-from src.parallax import LUMA, RASTER
+from src.parallax import FAR_M, LUMA, RASTER
 from src.results.files import write_table
 from src.run_folder import BEST, CONFIG
 from src.tasks.dataset import finished_dataset
@@ -54,9 +53,10 @@ def frames_of(folder: Path, split: str) -> Iterator[tuple[Tensor, Tensor, Tensor
     for batch in tracked(data.in_order(split, pixels=True), f"looking with {folder}"):
         with torch.no_grad():
             sight = network.step(batch, network.history_of(batch)).sight
-        error, counts = depth_error(sight, batch["pixel_depth_m"])
-        near = counts > 0
-        yield batch["pixel_class"][near], error[near].exp() - 1, textured(batch)[near]
+        depth_m = batch["pixel_depth_m"]
+        near = depth_m < FAR_M
+        error = (sight.depth_m() / depth_m - 1).abs()
+        yield batch["pixel_class"][near], error[near], textured(batch)[near]
 
 
 def rows_of(folder: Path, split: str) -> Iterator[dict[str, object]]:
@@ -66,20 +66,15 @@ def rows_of(folder: Path, split: str) -> Iterator[dict[str, object]]:
         kinds = {"": of_class, "_textured": of_class & has_texture}
         medians = {f"median_percent{k}": 100 * error[m].median().item() for k, m in kinds.items()}
         pixels = {f"pixels{kind}": int(mask.sum()) for kind, mask in kinds.items()}
-        yield {
-            "run": "/".join(folder.parts[-3:]),
-            "split": split,
-            "class": name,
-            **pixels,
-            **medians,
-        }
+        named = {"run": "/".join(folder.parts[-3:]), "split": split, "class": name}
+        yield {**named, **pixels, **medians}
 
 
-def main(*folders: Path, split: str = "test", out: Path = OUT):
+def main(*folders: Path, split: str = "test", out: Path = OUT) -> None:
     table = pd.DataFrame([row for folder in folders for row in rows_of(folder, split)])
     write_table(table.round(2), out)
     means = table.groupby("class", sort=False).mean(numeric_only=True).round(1)
-    rows = means.reset_index().astype(str).to_numpy()
+    rows = means.reset_index().map(str).to_numpy()
     print_table("median relative error of the depth, %", ("class", *means), rows)
 
 
