@@ -7,7 +7,7 @@ NUMERIC := tests/models tests/metrics tests/test_geometry.py \
 	--ignore-glob='*/test_protocol.py' --ignore-glob='*/test_export.py'
 export PYTHON
 
-.PHONY: setup setup-dev look demo test test-studies test-processors test-slow lint clean
+.PHONY: setup setup-dev look demo test test-studies test-processors test-slow lint api clean
 
 # Any Python 3 can run install.py, which finds the one for .venv and says what is missing.
 define install
@@ -49,6 +49,12 @@ test-slow: setup-dev
 lint: setup-dev
 	.venv/bin/python -m ruff check .
 	.venv/bin/python -m ruff format --check .
+
+# A page of every public class and function, from their docstrings: api/index.html.
+api: setup-dev
+	.venv/bin/python -m pdoc -o api src.geometry src.ontology src.metrics src.metrics.functional \
+		src.models.stream src.models.frame src.models.checkpoint src.models.export src.models.network \
+		src.data.clip src.data.predictions
 
 clean:
 	rm -rf .venv .pytest_cache .ruff_cache *.egg-info

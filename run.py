@@ -22,6 +22,11 @@ def _interrupted(kind: type, error: BaseException, trace: object) -> None:
 
 
 sys.excepthook = _interrupted
+if {"-h", "--help"} & {*sys.argv[1:]}:  # Hydra's own is every key, after seconds of imports
+    from src.help import help_text
+
+    print(help_text())
+    sys.exit(0)
 gc.disable()  # until the task begins: nothing that is imported or composed is garbage
 
 import hydra
@@ -31,6 +36,10 @@ from omegaconf import DictConfig
 from src.failures import quiet_libraries, told_in_one_line
 from src.settings import do_task, require_sound
 
+# A launcher's processes import src as well, from whatever folder they begin in.
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    filter(None, (os.path.dirname(os.path.abspath(__file__)), os.environ.get("PYTHONPATH")))
+)
 # Hydra would print its own errors over many lines and swallow the rest.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 

@@ -1,5 +1,6 @@
 """The sweeper of ``run.py -m``; Hydra takes plugins from the package ``hydra_plugins`` alone."""
 
+import os
 from typing import Any
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
@@ -24,7 +25,7 @@ class ThoroughSweeper(BasicSweeper):
 
     def sweep(self, arguments: list[str]) -> Any:
         """Raises `UserError` before anything is made, or after everything was tried."""
-        from src.sweep import launcher_failure, require_sound_jobs, summarize
+        from src.sweep import JOBS, launcher_failure, require_sound_jobs, summarize
 
         loader = self.hydra_context.config_loader
         overrides = [*self._parse_config(), *arguments]
@@ -32,6 +33,7 @@ class ThoroughSweeper(BasicSweeper):
         batches = self.split_arguments(overrides, self.max_batch_size)
         jobs = [job for batch in batches for job in batch]
         require_sound_jobs([loader.load_sweep_config(self.config, job) for job in jobs])
+        os.environ[JOBS] = str(len(jobs))
         returns: list[JobReturn] = []
         try:
             for batch in batches:

@@ -1,9 +1,22 @@
 """The one exception that users see as a single line, and how it names what they may have meant."""
 
 import difflib
+import errno
 from collections.abc import Iterable
 from importlib import import_module
 from types import ModuleType
+
+# What to do where the system does not let a file be read, which says nothing about its bytes.
+MORE_FILES = "raise the limit of open files (ulimit -n 4096), or lower data.workers"
+READING = {
+    errno.EACCES: "ask for the permission to read it",
+    errno.EPERM: "ask for the permission to read it",
+    errno.EISDIR: "it is a folder; name a file",
+    errno.EMFILE: MORE_FILES,
+    errno.ENFILE: MORE_FILES,
+    errno.ENOMEM: "free some memory and run it again",
+}
+MAY_BE_SOUND = "the file may be sound: look after the disk or the network, and run it again"
 
 
 class UserError(ValueError):
@@ -20,6 +33,15 @@ def reason_of(error: Exception) -> str:
     That of an error which says nothing is its kind.
     """
     return " ".join((str(error) or type(error).__name__).split()).partition(". ")[0][:200]
+
+
+def way_out_of(error: BaseException, damaged: str) -> str:
+    """Returns what to do about a file that cannot be read; ``damaged`` where its bytes are wrong,
+    or where there is none. Only then may a message advise to delete anything."""
+    code = error.errno if isinstance(error, OSError) else None
+    if code in (None, errno.ENOENT):
+        return damaged
+    return READING.get(code, MAY_BE_SOUND)
 
 
 def closest(name: str, known: Iterable[str]) -> str:

@@ -32,6 +32,8 @@ DISK = {
 }
 # Packages that only the generation of data needs, and that not every platform has.
 GENERATORS = ("pybullet", "embreex")
+# In a file's name, these end what Hydra takes for a value.
+QUOTED = "=~ ()&;"
 GO_ON = "the same command goes on from what is finished"
 SMALLER = (
     "lower data.batch_size and raise trainer.accumulate_grad_batches by the same factor, which "
@@ -44,7 +46,11 @@ HOST_MEMORY = (
     "DefaultCPUAllocator: can't allocate memory",
     "Caught MemoryError in DataLoader worker",
     "is killed by signal: Killed",
+)
+SHARED_MEMORY = (
     "is killed by signal: Bus error",
+    "torch_shm_manager",
+    "unable to write to file </torch",
 )
 
 
@@ -105,6 +111,11 @@ def _of_run(cause: BaseException) -> str | None:
             f"{cause.name} is not installed, and generating data needs it: give make setup, which "
             "says where there is none; or point paths.dataset at a finished dataset"
         )
+    if _lacks_memory(cause, (), SHARED_MEMORY) or _is_of_shared_memory(cause):
+        return (
+            "shared memory (/dev/shm) is too small for the loader's processes: give more, as with "
+            "docker run --shm-size=2g, or data.workers=0"
+        )
     if isinstance(cause, OSError) and cause.errno in DISK:
         return f"{cause.filename or 'writing'}: {DISK[cause.errno]}"
 
@@ -119,7 +130,12 @@ def _of_run(cause: BaseException) -> str | None:
     return None
 
 
-def _lacks_memory(cause: BaseException, kind: type, phrases: Iterable[str]) -> bool:
+def _is_of_shared_memory(cause: BaseException) -> bool:
+    """Tells whether the disk that is full is that of the shared memory."""
+    return isinstance(cause, OSError) and str(cause.filename).startswith("/dev/shm")
+
+
+def _lacks_memory(cause: BaseException, kind: type | tuple[()], phrases: Iterable[str]) -> bool:
     has_phrase = any(phrase in str(cause) for phrase in phrases)
     return isinstance(cause, kind) or (isinstance(cause, RuntimeError) and has_phrase)
 
@@ -127,7 +143,11 @@ def _lacks_memory(cause: BaseException, kind: type, phrases: Iterable[str]) -> b
 def _of_files(cause: BaseException) -> str | None:
     """Returns the message for an override or a file of ``conf/`` that cannot be read."""
     if isinstance(cause, OverrideParseException):
-        return f"{cause.override!r}: cannot be read; write key=value, and lists without spaces"
+        key, _, value = cause.override.partition("=")
+        way_out = "write key=value, and lists without spaces"
+        if set(value) & {*QUOTED} and value[:1] not in ("[", "{"):
+            way_out = f"a value with one of {QUOTED} wants quotes, as in '{key}=\"{value}\"'"
+        return f"{cause.override!r}: cannot be read; {way_out}"
     if isinstance(cause, yaml.MarkedYAMLError) and cause.problem_mark:
         mark = cause.problem_mark
         return f"{mark.name}, line {mark.line + 1}: cannot be read as YAML ({cause.problem})"

@@ -13,7 +13,7 @@ transforms and projections take tensors or numpy arrays, and return what they we
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import wraps
+from functools import reduce, wraps
 
 import numpy as np
 import torch
@@ -26,6 +26,8 @@ Array = Tensor | np.ndarray
 
 # Nearer than this, in front of the lens, a point counts as not in the image.
 MIN_DEPTH_M = 0.1
+# Attitude filters in float32 leave rotations that are not orthonormal to the last digits.
+ROTATION_TOLERANCE = 1e-3
 
 
 def _numpy_too(function: Callable) -> Callable:
@@ -36,15 +38,27 @@ def _numpy_too(function: Callable) -> Callable:
         if not any(isinstance(value, np.ndarray) for value in (*args, *named.values())):
             return function(*args, **named)
 
-        tensors = {name: _tensor_of(value) for name, value in named.items()}
-        result = function(*map(_tensor_of, args), **tensors)
+        given = {**dict(enumerate(args)), **named}
+        tensors = {
+            key: tensor_of(value) for key, value in given.items() if isinstance(value, Array)
+        }
+        # Beside float64 numbers, float32 ones become float64 too, as in numpy.
+        floats = {key: each for key, each in tensors.items() if each.is_floating_point()}
+        common = reduce(torch.promote_types, [each.dtype for each in floats.values()], torch.half)
+        given |= tensors | {key: each.to(common) for key, each in floats.items()}
+
+        positional = [given.pop(n) for n in range(len(args))]
+        result = function(*positional, **given)
         return tuple(map(np.asarray, result)) if isinstance(result, tuple) else result.numpy()
 
     return either
 
 
-def _tensor_of(value: object) -> object:
-    return torch.tensor(value) if isinstance(value, np.ndarray) else value
+def tensor_of(array: Array) -> Tensor:
+    """Returns a tensor as it is, and of an array, of any strides and byte order, a copy."""
+    if isinstance(array, Tensor):
+        return array
+    return torch.tensor(np.asarray(array, array.dtype.newbyteorder("="), order="C"))
 
 
 # ------------------------------------------------------------------------------------ rotations
@@ -174,6 +188,34 @@ def world_from_occ(world_from_body: Float[Array, "*batch 4 4"]) -> Float[Array, 
 def occ_from_body(world_from_body: Float[Array, "*batch 4 4"]) -> Float[Array, "*batch 4 4"]:
     """Roll and pitch alone: the body's rotation seen from the frame that shares its yaw."""
     return inverse(world_from_occ(world_from_body)) @ world_from_body
+
+
+def require_rigid(name: str, transform: Float[Tensor, "*batch 4 4"]) -> None:
+    """Raises `UserError` for a matrix that is no rigid transform, as a transposed one is none."""
+    last = torch.tensor([0.0, 0.0, 0.0, 1.0]).to(transform)
+    if (transform[..., 3, :] != last).any():
+        raise UserError(
+            f"{name}: its last row is {transform[..., 3, :].flatten().tolist()[:4]} and must be 0, "
+            "0, 0, 1; it acts on column vectors, so a row-major one is given transposed"
+        )
+    rotation = transform[..., :3, :3]
+    off = (rotation @ rotation.transpose(-1, -2) - torch.eye(3).to(transform)).abs().max()
+    if off > ROTATION_TOLERANCE or (torch.linalg.det(rotation.double()) < 0).any():
+        raise UserError(
+            f"{name}: its upper left part is no rotation (orthonormal, with a determinant of 1); "
+            "take out scales and mirrored axes"
+        )
+
+
+def require_pinhole(name: str, pix_from_camera: Float[Tensor, "*batch 3 3"]) -> None:
+    """Raises `UserError` for intrinsics without positive focal lengths, or of another form."""
+    focal_pix = torch.stack([pix_from_camera[..., 0, 0], pix_from_camera[..., 1, 1]])
+    last = torch.tensor([0.0, 0.0, 1.0]).to(pix_from_camera)
+    if (focal_pix <= 0).any() or (pix_from_camera[..., 2, :] != last).any():
+        raise UserError(
+            f"{name}: must have positive focal lengths in pixels on its diagonal, and 0, 0, 1 as "
+            "its last row"
+        )
 
 
 # ------------------------------------------------------------------------- the projection chain
@@ -310,9 +352,10 @@ class VoxelGrid:
         ]
         return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1)
 
+    @_numpy_too
     def index_of(
-        self, points: Float[Tensor, "*batch 3"]
-    ) -> tuple[Int[Tensor, "*batch 3"], Bool[Tensor, "*batch"]]:
+        self, points: Float[Array, "*batch 3"]
+    ) -> tuple[Int[Array, "*batch 3"], Bool[Array, "*batch"]]:
         """Voxel index (int64) of points in the occ frame, and which of them lie in the grid.
 
         Floor first, then the bounds test, so that a point just outside is never rounded inside;

@@ -24,5 +24,6 @@ def kernels_digest(source: Path = SOURCE) -> str:
 
 
 _BASE = Path(config.CACHE_DIR or SOURCE / "__pycache__")
-config.CACHE_DIR = str(_BASE / f"kernels-{kernels_digest()}")
+# What is compiled remembers the name of the package, which is another one in other projects.
+config.CACHE_DIR = str(_BASE / f"kernels-{__package__}-{kernels_digest()}")
 njit = partial(numba.njit, cache=True)

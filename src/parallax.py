@@ -6,6 +6,9 @@ the data in training, in the stream in flight.
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from itertools import repeat
 
 import numpy as np
 import torch
@@ -112,16 +115,14 @@ class Parallax:
         cameras = pix_from_camera[:-1]
         at_infinity = cameras @ past_from_now[:, :3, :3] @ torch.linalg.inv(pix_from_camera[-1])
         epipole = (cameras @ past_from_now[:, :3, 3:])[..., 0]
-        agreement = _sweep(
-            now,
-            np.stack(past),
-            at_infinity.numpy(),
-            epipole.numpy(),
-            _moving(at_infinity.numpy(), epipole.numpy(), now.shape),
-            self.depths_m.numpy(),
-            self.window // 2,
-        )
-        return torch.from_numpy(_by_bin(agreement, self.bins))
+        moving = _moving(at_infinity.numpy(), epipole.numpy(), now.shape)
+        sweep = partial(_sweep, now, np.stack(past), at_infinity.numpy(), epipole.numpy(), moving)
+
+        # Each depth is a sweep of its own, so PyTorch's threads share them.
+        parts = np.array_split(self.depths_m.numpy(), torch.get_num_threads())
+        with ThreadPoolExecutor(len(parts)) as pool:
+            agreement = pool.map(sweep, parts, repeat(self.window // 2))
+        return torch.from_numpy(_by_bin(np.concatenate([*agreement]), self.bins))
 
     def _past_from_now(
         self, world_from_body: Float[Tensor, "n 4 4"], body_from_camera: Float[Tensor, "4 4"]
@@ -158,7 +159,7 @@ def _moving(
         return np.hypot(*apart.swapaxes(0, 1)) >= LEAST_PIX
 
 
-@njit
+@partial(njit, nogil=True)
 def _sweep(image, past, at_infinity, epipole, moving, depths_m, reach):
     """Returns the mean agreement [depths, h / RASTER, w / RASTER] with the past images [n, h, w].
 

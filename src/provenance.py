@@ -19,13 +19,21 @@ def digest_of(data: object) -> str:
 def git_commit() -> str:
     """Returns the commit of the working tree, with ``+`` where it has changes.
 
-    Outside a checkout it is empty.
+    Outside a checkout of this project it is empty, also where it was unpacked inside another
+    repository.
     """
-    command = ["git", "describe", "--always", "--exclude=*", "--abbrev=12", "--dirty=+"]
-    try:
+    # A checkout of another user, as in a container, is as good as one's own to be named.
+    git = ["git", "-c", f"safe.directory={SOURCE.parent}"]
+    describe = ["describe", "--always", "--exclude=*", "--abbrev=12", "--dirty=+"]
+
+    def said(*command: str) -> str:
         return subprocess.check_output(
-            command, cwd=SOURCE, stderr=subprocess.DEVNULL, text=True, timeout=10
+            [*git, *command], cwd=SOURCE, stderr=subprocess.DEVNULL, text=True, timeout=10
         ).strip()
+
+    try:
+        is_own = Path(said("rev-parse", "--show-toplevel")).resolve() == SOURCE.parent.resolve()
+        return said(*describe) if is_own else ""
     except (OSError, subprocess.SubprocessError):
         return ""
 

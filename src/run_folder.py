@@ -12,7 +12,7 @@ import pandas as pd
 import yaml
 
 from .atomic import replacing
-from .data.manifest import NOT_SHAPING
+from .data.manifest import NOT_SHAPING, OFF
 from .dotted import differences
 from .errors import UserError
 from .locks import locked, telling
@@ -54,7 +54,8 @@ KEYS = {
     "scoring": ("data.batch_size", "metric", "suite"),
     # Which flights there are; a trained model may look at others than its own.
     "flights": (
-        *("sim.seed", "sim.towns", "sim.clips_per_town", "sim.weathers", "sim.weather"),
+        *("sim.seed", "sim.towns", "sim.town_seeds", "sim.clips_per_town"),
+        *("sim.weathers", "sim.weather"),
         *("data.val_clips", "data.test_clips"),
     ),
     # Whose weights a checkpoint holds.
@@ -240,6 +241,7 @@ def shaping(config: dict) -> dict:
     # The values of a weather that no clip has shape nothing.
     sim = {"weather": {}, "weathers": (), **config.get("sim", {})}
     unused = [f"sim.weather.{name}" for name in sim["weather"] if name not in sim["weathers"]]
+    unused += [f"sim.{key}" for key, off in OFF.items() if sim.get(key) == off]
 
     def kept(node: object, prefix: str) -> object:
         if isinstance(node, dict):

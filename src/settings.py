@@ -19,10 +19,11 @@ from .errors import UserError
 from .geometry import VoxelGrid
 from .keys import require_keys
 from .limits import require_at_least, require_choice, require_count
-from .run_folder import KEYS, UNKNOWN_RECIPE
+from .run_folder import ANCHORS, BEST, KEYS, UNKNOWN_RECIPE
 
 GROUPS = Path(__file__).parent.parent / "conf"
 TRAINING = "src.tasks.fit.fit"
+LONGEST_NAME = 200
 # Geometry is computed in fp32, so the network has no pure half or double precision.
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
 CHOICES = {
@@ -112,6 +113,11 @@ def _require_values(cfg: DictConfig) -> None:
             f"name: {cfg.name!r} is no name of a folder; give one without slashes that does not "
             "begin with a dot"
         )
+    # Files are called by it, with other words around.
+    if len(cfg.name.encode()) > LONGEST_NAME:
+        raise UserError(f"name: of {len(cfg.name.encode())} bytes; give one of {LONGEST_NAME}")
+    if cfg.name in ANCHORS:
+        raise UserError(f"name: {cfg.name!r} is that of an anchor, scored beside every run")
     if cfg.seed < 0:
         raise UserError(f"seed: {cfg.seed} is too small; give 0 or more")
     for least, group, names in AT_LEAST:
@@ -168,6 +174,7 @@ def do_task(cfg: DictConfig, hydra: DictConfig) -> object:
     ``hydra`` is Hydra's own part of the composition. Must be called inside Hydra's application.
     """
     add_named_weathers(cfg, hydra)
+    expand_home(cfg)
     task, cfg = instantiate(cfg.task), adopted(cfg, hydra.overrides.task)
     # As run.py begins. What is imported and composed by now stays, so no search for garbage looks
     # through it; but what an earlier job of a sweep has left is garbage.
@@ -175,6 +182,16 @@ def do_task(cfg: DictConfig, hydra: DictConfig) -> object:
         gc.freeze()
         gc.enable()
     return task(cfg)
+
+
+def expand_home(cfg: DictConfig) -> None:
+    """Lets paths begin with ``~``, which a shell leaves as it is behind an equals sign."""
+    of_paths = OmegaConf.to_container(cfg.paths)
+    named = {f"paths.{key}": value for key, value in of_paths.items()}
+    named |= {key: cfg[key] for key in ("ckpt_path", "predictions", "dataset")}
+    for key, value in named.items():
+        if str(value).startswith("~"):
+            OmegaConf.update(cfg, key, str(Path(value).expanduser()))
 
 
 def add_named_weathers(cfg: DictConfig, hydra: DictConfig) -> None:
@@ -200,8 +217,9 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
     one and nothing that shapes a model, else ``cfg``.
 
     ``overrides`` are those of the command line. task=look shows other flights than those that the
-    weights were trained on: which, its own configuration says. Raises `UserError` as
-    `Checkpoint.read` does.
+    weights were trained on: which, its own configuration says. What the command leaves lies in the
+    run that the file belongs to, or in ``runs/weights/<file>``, in no run of one's own. Raises
+    `UserError` as `Checkpoint.read` does.
     """
     # An override of the model names another rung, whose configuration must then be given whole.
     parsed = OverridesParser.create().parse_overrides(list(overrides))
@@ -228,6 +246,13 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
     adopted.suite = OmegaConf.merge({}, cfg.suite, suite)
     # Arguments of metrics refer to shared settings, which the command may set: not their values.
     adopted.suite.metrics = OmegaConf.merge(suite.get("metrics", {}), cfg.suite.metrics)
+
+    if "paths.run" not in keys:
+        file = Path(cfg.ckpt_path)
+        is_of_run = file.parent.name == Path(BEST).parent.name
+        adopted.paths.run = str(
+            file.parent.parent if is_of_run else Path(cfg.paths.runs) / "weights" / file.stem
+        )
 
     # What the checkpoint does not say, or the command says itself.
     unsaid = [key for key in KEYS["place"] if key.partition(".")[0] in taken]

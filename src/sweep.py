@@ -1,6 +1,7 @@
 """A sweep: its jobs checked before the first one starts, each of them done, and a summary."""
 
 import os
+import re
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
@@ -16,6 +17,9 @@ from .settings import TRAINING, do_task, require_sound, search_path
 from .terminal import say
 
 FINISHED = "finished"
+CAUSE = re.compile(r"\w(Error|Exception|Exit)\b|\b(error|killed|cancelled|limit)\b", re.IGNORECASE)
+# In the environment: how many jobs the sweep has.
+JOBS = "SKYSHIELD_JOBS"
 # These tasks write to the folder of the run whose checkpoint they score.
 SCORING = ("src.tasks.test.test", "studies.attitude.task.attitude")
 
@@ -54,13 +58,15 @@ def require_sound_jobs(jobs: Sequence[DictConfig]) -> None:
 
 
 def do_job(cfg: DictConfig) -> Outcome:
-    """Does the task of one job, in whatever process its launcher has chosen.
+    """Does the task of one job, in whatever process its launcher has chosen; says which it is.
 
     A failure is told at once, as `told_in_one_line` would, but ends this job alone.
     """
     quiet_libraries()
     try:
         of_hydra = HydraConfig.get()
+        own = " ".join(of_hydra.overrides.task)
+        say(f"job {of_hydra.job.num + 1} of {os.environ.get(JOBS, '?')}: {own}")
         with _as_if_alone([*search_path(of_hydra), *of_hydra.overrides.task]):
             return Outcome(do_task(cfg, of_hydra) or FINISHED)
     except Exception as error:
@@ -94,7 +100,10 @@ def _as_if_alone(overrides: Sequence[str]) -> Iterator[None]:
 
 def launcher_failure(error: Exception) -> UserError:
     """Returns the error to raise where a launcher fails, as when a process of its own is killed."""
-    reason = one_line(error) or next(iter(f"{type(error).__name__}: {error}".splitlines()))
+    first, *lines = f"{type(error).__name__}: {error}".splitlines()
+    # Of a process elsewhere: the last line of its traceback, or what its scheduler says.
+    causes = [line.strip() for line in lines if CAUSE.search(line) and "job.stderr" not in line]
+    reason = one_line(error) or ": ".join([first.rstrip(": "), *causes[-1:]])
     if not isinstance(error, OSError):
         reason = f"hydra/launcher: {reason}"
     return UserError(f"{reason}; what is finished is kept: the same command goes on from it")

@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 import torch
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from lightning.pytorch.utilities.exceptions import SIGTERMException
 from omegaconf import OmegaConf
@@ -132,6 +133,25 @@ def killed():
 
 def far_too_much():
     return np.empty(10**15)
+
+
+def test_a_shared_memory_that_is_too_small_is_told_so():
+    for error in (
+        RuntimeError("unable to write to file </torch_12_34_5>: No space left on device (28)"),
+        RuntimeError("DataLoader worker (pid 3) is killed by signal: Bus error. It is possible"),
+        OSError(errno.ENOSPC, "No space left on device", "/dev/shm/pym-12"),
+    ):
+        assert one_line(error).startswith("shared memory (/dev/shm) is too small")
+
+
+@pytest.mark.parametrize(
+    "override", ["ckpt_path=runs/a/epoch=3-step=100.ckpt", "ckpt_path=~/x.ckpt"]
+)
+def test_a_value_that_hydra_cannot_read_is_told_to_be_quoted(override):
+    error = caught(OverridesParser.create().parse_overrides, [override])
+    value = override.partition("=")[2]
+    assert f"""'ckpt_path="{value}"'""" in one_line(error)
+    assert OverridesParser.create().parse_override(f'ckpt_path="{value}"').value() == value
 
 
 KNOBS = ("data.batch_size", "trainer.accumulate_grad_batches", "model.checkpointing=true")

@@ -23,7 +23,7 @@ from PIL import Image
 from torch import Tensor
 
 from ..geometry import VoxelGrid, rigid, rotation_from_quat
-from .files import differing_files, flush_to_disk, reading, sha256_of, writing
+from .files import OpenArchives, differing_files, flush_to_disk, reading, sha256_of, writing
 
 CLIP_SECONDS = 12.0
 # Little compression, so that its artifacts hide no thin structure.
@@ -179,6 +179,10 @@ class ClipWriter:
             self._archives[archive].writestr(member, content, compression, DEFLATE_LEVEL)
 
 
+# Of all clips that this process reads.
+ARCHIVES = OpenArchives()
+
+
 class Clip:
     """Reads one clip lazily. Archives are opened on first use, in the process that reads them.
 
@@ -187,7 +191,7 @@ class Clip:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
-        self._opened_by, self._archives = -1, {}
+        self._key = object()  # of this object's archives: another one may read a clip made anew
         with reading(self.folder / "clip.json") as path:
             self.meta = ClipMeta.from_json(json.loads(path.read_text()))
 
@@ -202,9 +206,6 @@ class Clip:
 
     def __len__(self) -> int:
         return len(self.frames)
-
-    def __getstate__(self) -> dict:
-        return {**self.__dict__, "_opened_by": -1, "_archives": {}}
 
     @property
     def clip_id(self) -> str:
@@ -235,15 +236,9 @@ class Clip:
             return self._archive(archive)[name]
 
     def _archive(self, name: str) -> Any:
-        """Returns an archive that this process opened: a fork would move a shared file position."""
-        if self._opened_by != os.getpid():
-            self._opened_by, self._archives = os.getpid(), {}
-        if name not in self._archives:
-            path = self.folder / name
-            # The images are plain members; all other archives are numpy's.
-            zipped = name == "rgb.zip"
-            self._archives[name] = zipfile.ZipFile(path) if zipped else np.load(path)
-        return self._archives[name]
+        # The images are plain members; all other archives are numpy's.
+        opened = zipfile.ZipFile if name == "rgb.zip" else np.load
+        return ARCHIVES.get((self._key, name), lambda: opened(self.folder / name))
 
     def _table(self, name: str, columns: list[str]) -> pd.DataFrame:
         with reading(self.folder / name) as path:

@@ -2,13 +2,18 @@
 
 import hashlib
 import os
+import resource
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from ..errors import UserError
+import numpy as np
+
+from ..errors import UserError, way_out_of
 
 # What numpy, pandas, PIL, json and zipfile raise over a file that is not what was written.
 BROKEN = (OSError, ValueError, TypeError, KeyError, RuntimeError, EOFError)
@@ -17,15 +22,68 @@ BROKEN += (zipfile.BadZipFile, zlib.error)
 
 @contextmanager
 def reading(path: Path) -> Iterator[Path]:
-    """Turns whatever a broken file of a clip raises into one line that names it."""
+    """Turns whatever an unreadable file of a clip raises into one line that names it."""
     try:
         yield path
     except BROKEN as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        again = f"delete the folder {path.parent} and run task=generate to make that clip again"
         raise UserError(
-            f"{path}: cannot be read ({reason}); delete the folder {path.parent} and run "
-            "task=generate to make that clip again"
+            f"{path}: cannot be read ({reason or type(error).__name__}); {way_out_of(error, again)}"
         ) from error
+
+
+def open_npz(path: Path) -> np.lib.npyio.NpzFile:
+    """Opens an archive that others may have written. Raises `ValueError` that says what is there
+    instead, and `OSError`."""
+    with open(path, "rb") as file:
+        head = file.read(24)
+    if head.startswith(b"version https://git-lfs"):
+        raise ValueError("it is a pointer of Git LFS; git lfs pull fetches the file")
+    if head.startswith(b"\x93NUMPY"):
+        raise ValueError("it is a single array of numpy.save; write it with numpy.savez")
+    return np.load(path, allow_pickle=False)
+
+
+def array_of(archive: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
+    """Returns an array of an archive. Raises `ValueError` that says what it has instead."""
+    if name not in archive.files:
+        raise ValueError(f"it has no {name}, but {', '.join(archive.files[:3]) or 'nothing'}")
+    return archive[name]
+
+
+def require_whole(labels: np.ndarray) -> None:
+    """Raises `ValueError` for class ids that are no whole numbers: NaN would become class 0."""
+    if labels.dtype.kind == "f" and not (labels == np.floor(labels)).all():
+        raise ValueError(f"{labels.dtype} with NaN or fractions are no class ids")
+    if labels.dtype.kind not in "iuf":
+        raise ValueError(f"{labels.dtype} are no class ids")
+
+
+def files_below(root: Path, name: str) -> list[Path]:
+    """Returns the files of that name below a folder, also through links, sorted."""
+    found = os.walk(root, followlinks=True)
+    return sorted(Path(folder) / name for folder, _, files in found if name in files)
+
+
+class OpenArchives:
+    """Archives that this process has opened, the latest used ones; not more than half of the files
+    that it may have open. A fork begins with none: it would move a file position that it shares."""
+
+    def __init__(self) -> None:
+        self._opened_by, self._archives = -1, OrderedDict()
+
+    def get(self, key: Hashable, open_archive: Callable[[], Any]) -> Any:
+        """Returns the archive of that key, which ``open_archive`` opens where it is not open."""
+        if self._opened_by != os.getpid():
+            self._opened_by, self._archives = os.getpid(), OrderedDict()
+        if key not in self._archives:
+            soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+            while self._archives and 2 * len(self._archives) >= soft != resource.RLIM_INFINITY:
+                self._archives.popitem(last=False)[1].close()
+            self._archives[key] = open_archive()
+        self._archives.move_to_end(key)
+        return self._archives[key]
 
 
 @contextmanager

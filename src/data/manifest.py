@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..atomic import replacing
 from ..dotted import differences, short
-from ..errors import UserError
+from ..errors import UserError, way_out_of
 from ..provenance import digest_of
 from ..used_code import code_of
 from .clip import SUMS, recorded_sums, sha256_of
@@ -29,6 +29,8 @@ PACKAGES = (
 GENERATOR, TOWNS = "src.sim.generate", "src.sim.towns"
 # Settings of ``sim`` that change no byte of a clip.
 NOT_SHAPING = ("workers", "dry_run", "shards", "shard")
+# A setting of ``sim`` that came later, and the value with which it is as if it were not there.
+OFF = {"town_seeds": 1}
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ class DatasetSpec:
     @classmethod
     def of(cls, scale: str, sim: Mapping) -> "DatasetSpec":
         """Describes what the code at hand would generate."""
-        shaping = {key: _plain(value) for key, value in sim.items() if key not in NOT_SHAPING}
+        kept = [key for key in sim if key not in NOT_SHAPING and OFF.get(key) != sim[key]]
+        shaping = {key: _plain(sim[key]) for key in kept}
         if "weather" in shaping:
             # The values of a weather that no clip has shape nothing.
             values = shaping["weather"].items()
@@ -110,10 +113,9 @@ def read_manifest(root: Path) -> dict:
             f"{path}: not found, so {root} is no finished dataset; run task=generate"
         ) from None
     except (OSError, ValueError, TypeError) as error:
-        raise UserError(
-            f"{path}: cannot be read ({error}); run task=generate with the same settings to write "
-            "it again"
-        ) from error
+        again = "run task=generate with the same settings to write it again"
+        way_out = way_out_of(error, again)
+        raise UserError(f"{path}: cannot be read ({error}); {way_out}") from error
 
 
 def require_same_data(root: Path, spec: DatasetSpec) -> None:

@@ -15,7 +15,7 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES, UNKNOWN
-from .files import BROKEN
+from .files import BROKEN, array_of, files_below, open_npz, require_whole
 from .predictions import Inventory
 
 LABELS = "labels.npz"
@@ -50,7 +50,7 @@ class Occ3DFolder:
 
         self.samples: list[Sample] = [
             (path.parent.parent.relative_to(self.root).as_posix(), path.parent.name)
-            for path in sorted(self.root.rglob(LABELS))
+            for path in files_below(self.root, LABELS)
         ]
         if not self.samples:
             raise UserError(f"{self.root}: holds no <scene>/<token>/{LABELS}")
@@ -65,15 +65,16 @@ class Occ3DFolder:
         if stored.shape != self.grid.shape:
             raise UserError(
                 f"{path}: semantics are {list(stored.shape)}, and the grid is "
-                f"{list(self.grid.shape)}; state layout.grid as it is"
+                f"{list(self.grid.shape)}; {_hint(stored.shape, self.grid.shape)}"
             )
 
         # 255 may mark voxels without a label there, too.
-        if stored.min() < 0 or (stored.max() >= self._known and stored.max() != UNKNOWN):
+        strange = stored[((stored < 0) | (stored >= self._known)) & (stored != UNKNOWN)]
+        if strange.size:
             raise UserError(
-                f"{path}: class {stored.max()} is not in layout.class_map, which has {self._known}"
+                f"{path}: class {strange.flat[0]:g} is not in layout.class_map, which has "
+                f"{self._known}; give it the name of one of our classes for each of theirs"
             )
-
         return torch.from_numpy(self._map[stored.astype(np.uint8)])
 
     def mask(self, scene: str, token: str, name: str) -> Tensor:
@@ -86,20 +87,33 @@ class Occ3DFolder:
         return Inventory(
             missing=["/".join(sample) for sample in sorted(wanted - present)],
             extra=["/".join(sample) for sample in sorted(present - wanted)],
-            corrupt=["/".join(one) for one in sorted(wanted & present) if not self.has(*one)],
+            corrupt=[
+                problem for one in sorted(wanted & present) if (problem := self.problem_of(*one))
+            ],
         )
 
-    def has(self, scene: str, token: str) -> bool:
-        """Tells whether a frame is on the disk and can be scored."""
+    def problem_of(self, scene: str, token: str) -> str:
+        """Says with the file's name why a frame is no prediction to score; empty if it is one."""
         try:
-            return bool((self.labels(scene, token) != UNKNOWN).all())
-        except UserError:
-            return False
+            unknown = int((self.labels(scene, token) == UNKNOWN).sum())
+        except UserError as error:
+            return str(error)
+        path = self.root / scene / token / LABELS
+        return f"{path}: {unknown} voxels are unknown, which is no prediction" if unknown else ""
 
     def _read(self, scene: str, token: str, name: str) -> np.ndarray:
         path = self.root / scene / token / LABELS
         try:
-            with np.load(path, allow_pickle=False) as archive:
-                return archive[name]
+            with open_npz(path) as archive:
+                array = array_of(archive, name)
+            if name not in MASKS:
+                require_whole(array)
+            return array
         except BROKEN as error:
             raise UserError(f"{path}: {name} cannot be read ({error})") from error
+
+
+def _hint(shape: tuple[int, ...], wanted: tuple[int, ...]) -> str:
+    if shape == wanted[::-1]:
+        return "the axes are z, y, x: transpose them to x, y, z"
+    return "state layout.grid as it is"

@@ -17,9 +17,10 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from ..atomic import replacing_folder
-from ..errors import UserError
+from ..errors import UserError, way_out_of
+from ..geometry import tensor_of
 from ..ontology import NUM_CLASSES
-from .files import BROKEN
+from .files import BROKEN, array_of, files_below, open_npz, require_whole
 
 FACTS = "predictions.json"
 LABELS, LOGITS = "occupancy.npz", "logits.npz"
@@ -98,55 +99,62 @@ class Predictions:
         return facts if isinstance(facts, dict) else {}
 
     def labels(self, clip: str, frame: int) -> UInt8[Tensor, "X Y Z"]:
-        return torch.from_numpy(self._read(clip, LABELS, f"semantics_{frame:06d}"))
+        return tensor_of(self._read(clip, LABELS, f"semantics_{frame:06d}")).to(torch.uint8)
 
     def logits(self, clip: str, frame: int) -> Float[Tensor, "c X Y Z"] | None:
         """Returns the class scores of a frame as float32, where they were written."""
         if not (self.folder / clip / LOGITS).is_file():
             return None
-        return torch.from_numpy(self._read(clip, LOGITS, f"logits_{frame:06d}").astype(np.float32))
+        return tensor_of(self._read(clip, LOGITS, f"logits_{frame:06d}")).float()
 
     def inventory(self, samples: Sequence[Sample], shape: tuple[int, int, int]) -> Inventory:
         """Compares what is there with the frames that are asked for, and opens every array."""
         wanted = {(clip, f"semantics_{frame:06d}"): frame for clip, frame in samples}
-        present, unreadable = set(), []
-        for path in sorted(self.folder.rglob(LABELS)):
+        present, unreadable = set(), {}
+        for path in files_below(self.folder, LABELS):
             clip = path.parent.relative_to(self.folder).as_posix()
             try:
-                with np.load(path, allow_pickle=False) as archive:
+                with open_npz(path) as archive:
                     present |= {(clip, array) for array in archive.files}
-            except BROKEN:
-                unreadable.append(clip)
+            except BROKEN as error:
+                unreadable[clip] = f"{path}: cannot be read ({error})"
 
         # Of a file that cannot be opened nobody knows which frames it holds.
         missing = [each for each in sorted(wanted.keys() - present) if each[0] not in unreadable]
-        there = [(each, frame) for each, frame in wanted.items() if each in present]
-        unsound = [each for each, frame in there if not self.has(each[0], frame, shape)]
+        there = [(each[0], frame) for each, frame in wanted.items() if each in present]
+        problems = [self.problem_of(*each, shape) for each in there]
         return Inventory(
             missing=[" ".join(each) for each in missing],
             extra=[" ".join(each) for each in sorted(present - wanted.keys())],
-            corrupt=[f"{clip}/{LABELS}" for clip in unreadable] + [" ".join(e) for e in unsound],
+            corrupt=[*unreadable.values(), *filter(None, problems)],
         )
 
-    def has(self, clip: str, frame: int, shape: tuple[int, int, int]) -> bool:
-        """Tells whether a frame is on the disk and can be scored."""
+    def problem_of(self, clip: str, frame: int, shape: tuple[int, int, int]) -> str:
+        """Says with the file's name why a frame cannot be scored; empty where it can."""
+        name = f"semantics_{frame:06d}"
         try:
-            labels = self._read(clip, LABELS, f"semantics_{frame:06d}")
-        except UserError:
-            return False
+            labels = self._read(clip, LABELS, name)
+            require_whole(labels)
+        except ValueError as error:
+            return str(error)
+
+        if labels.shape != shape:
+            problem = f"is {list(labels.shape)}, and the grid is {list(shape)}"
         # A prediction says something of every voxel: unknown is no class of it.
-        whole = np.issubdtype(labels.dtype, np.integer) and labels.shape == shape
-        return bool(whole and labels.min() >= 0 and labels.max() < NUM_CLASSES)
+        elif labels.min() < 0 or labels.max() >= NUM_CLASSES:
+            problem = f"has classes {labels.min():g} to {labels.max():g}, and there are 0 to 8"
+        else:
+            return ""
+        return f"{self.folder / clip / LABELS}: {name} {problem}"
 
     def _read(self, clip: str, name: str, array: str) -> np.ndarray:
         path = self.folder / clip / name
         try:
             # Frames come clip by clip, so one open archive is enough.
             if self._open is None or self._open[0] != path:
-                self._open = (path, np.load(path, allow_pickle=False))
-            return self._open[1][array]
+                self._open = (path, open_npz(path))
+            return array_of(self._open[1], array)
         except BROKEN as error:
             self._open = None
-            raise UserError(
-                f"{path}: {array} cannot be read ({error}); predict it again"
-            ) from error
+            way_out = way_out_of(error, "predict it again")
+            raise UserError(f"{path}: {array} cannot be read ({error}); {way_out}") from error

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from ..atomic import replacing
 from ..dotted import differences, short
-from ..errors import UserError
+from ..errors import UserError, way_out_of
 from .manifest import DatasetSpec
 
 T = TypeVar("T")
@@ -50,7 +50,8 @@ def join_shards(data_folder: Path, spec: DatasetSpec, shards: int) -> None:
     except FileNotFoundError:
         return  # The others have just finished.
     except (OSError, ValueError, TypeError, AttributeError) as error:
-        raise UserError(f"{path}: cannot be read ({error}); delete it") from error
+        way_out = way_out_of(error, "delete it")
+        raise UserError(f"{path}: cannot be read ({error}); {way_out}") from error
 
     if changed:
         setting, old, new = changed

@@ -49,11 +49,13 @@ class Calibration(VoxelMetric):
     reliability: Tensor
     likelihood: Tensor
 
+    knows_free = False
+
     def __init__(
         self,
         grid: VoxelGrid,
         num_classes: int = 9,
-        ignore_index: int = 255,
+        ignore_index: int | None = 255,
         horizon_s: float = 5.0,
         min_speed_mps: float = 5.0,
         bins: int = 15,
@@ -61,7 +63,7 @@ class Calibration(VoxelMetric):
     ) -> None:
         if bins < 1:
             raise UserError(f"bins: {bins} must be 1 or more")
-        super().__init__(grid, num_classes, None, ignore_index, **kwargs)
+        super().__init__(grid, num_classes, ignore_index=ignore_index, **kwargs)
         self.add_counts(reliability=(num_classes, bins, 3), likelihood=(num_classes, 2))
         self.bubble = F.Penalty(horizon_s=horizon_s, min_speed_mps=min_speed_mps)
         self.bins = bins

@@ -1,17 +1,21 @@
 """Metrics whose whole state is a few named counts: tensors of integers."""
 
+import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import wraps
 from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float, Float64, Int64, UInt8
 from torch import Tensor
 from torchmetrics import Metric
 
 from ..errors import UserError
-from ..geometry import VoxelGrid
-from ..ontology import CLASSES, NUM_CLASSES
+from ..geometry import VoxelGrid, tensor_of
+from ..ontology import CLASSES, FREE, NUM_CLASSES
+from ..provenance import digest_of
 from . import functional as F
 from .functional.codes import MAX_CLASSES
 
@@ -29,8 +33,10 @@ class CountMetric(Metric, ABC):
     clip apart with them. A batch that raises changes nothing.
 
     A metric of one's own gives ``shapes`` to the constructor, which gets the grid first, and writes
-    these two functions. The suite reads from the names of the arguments of `frame_counts` what to
-    feed it with (`ScoreSuite.update`).
+    these two functions. The suite, and collections of torchmetrics, read from the names of the
+    arguments of `frame_counts` what to feed it with (`ScoreSuite.update`).
+
+    Metrics of other arguments never share their counts in a collection, nor merge into each other.
     """
 
     is_differentiable = False
@@ -41,10 +47,21 @@ class CountMetric(Metric, ABC):
     # together, as a sensitivity, have a table of their own.
     in_score_table = True
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "__init__" in vars(cls):
+            cls.__init__ = _recording(cls.__init__)
+        if "frame_counts" in vars(cls):
+            cls.update = _updating(cls.frame_counts)
+
     def __init__(self, shapes: Mapping[str, tuple[int, ...]], **kwargs: Any) -> None:
         """``shapes`` are those of the counts, by name."""
         super().__init__(**kwargs)
-        self.add_counts(**shapes)
+        # A collection updates only one of the metrics whose states have equal names and, after the
+        # first batch, equal values. So one state, always 0, is named after how the metric was made.
+        made = digest_of([type(self).__module__, type(self).__qualname__, vars(self).get(MADE, {})])
+        self._mark = f"made_{made}"
+        self.add_counts(**{self._mark: ()}, **shapes)
 
     def add_counts(self, **shapes: tuple[int, ...]) -> None:
         """Begins the counts of these names, with zeros."""
@@ -66,10 +83,11 @@ class CountMetric(Metric, ABC):
     @property
     def counts(self) -> NamedCounts:
         """Everything counted so far."""
-        return self.metric_state
+        return {name: each for name, each in self.metric_state.items() if name != self._mark}
 
     def update(self, *batch: Any, **options: Any) -> None:
-        """Adds the counts of a batch; the arguments are those of `frame_counts`."""
+        """Adds the counts of a batch; the arguments are those of `frame_counts`, or arrays."""
+        batch, options = self._tensors(batch, options)
         try:
             counts = self.frame_counts(*batch, **options)
         except Exception:
@@ -77,6 +95,19 @@ class CountMetric(Metric, ABC):
             raise
         for name, of_frames in counts.items():
             setattr(self, name, self.added(getattr(self, name), of_frames, *batch))
+
+    def merge_state(self, incoming_state: "dict[str, Any] | Metric") -> None:
+        """Adds what another metric, made with the same arguments, has counted.
+
+        Raises `UserError` for the state of another metric, or of other arguments.
+        """
+        given = incoming_state if isinstance(incoming_state, dict) else incoming_state.metric_state
+        if given.keys() != self.metric_state.keys():
+            raise UserError(
+                "merge_state: counts of another metric, or of one made with other arguments; merge "
+                "metrics that were made alike"
+            )
+        super().merge_state(incoming_state)
 
     def added(
         self, total: Int64[Tensor, "..."], of_frames: Int64[Tensor, "b ..."], *batch: Any
@@ -86,43 +117,115 @@ class CountMetric(Metric, ABC):
 
     def forward(self, *batch: Any, **options: Any) -> Any:
         """Adds the counts of a batch, and returns the scores of this batch alone."""
+        batch, options = self._tensors(batch, options)
         # The framework clears the state before it updates: a batch that raises then would lose it.
         self.frame_counts(*batch, **options)
         return super().forward(*batch, **options)
+
+    def _tensors(self, batch: tuple, options: Mapping[str, Any]) -> tuple[tuple, dict[str, Any]]:
+        """Returns the arguments with tensors on the metric's device in the place of arrays."""
+
+        def tensor(value: Any) -> Any:
+            return tensor_of(value).to(self.device) if isinstance(value, np.ndarray) else value
+
+        return tuple(map(tensor, batch)), {name: tensor(each) for name, each in options.items()}
 
     def compute(self) -> Any:
         """Returns the scores of everything counted so far."""
         return {name: score.float() for name, score in self.scores(self.counts).items()}
 
 
+class _Ours(int):
+    """The id of free space in our classes, where nobody has said another."""
+
+
+OURS = _Ours(FREE)
+# In the ``__dict__`` of a metric: the arguments of its constructors.
+MADE = "_made_with"
+
+
+def _recording(init: Callable[..., None]) -> Callable[..., None]:
+    """Wraps a constructor so that its arguments are known when that of `CountMetric` is reached."""
+
+    @wraps(init)
+    def recording(self: CountMetric, *arguments: Any, **options: Any) -> None:
+        signature = inspect.signature(init)
+        bound = signature.bind(self, *arguments, **options)
+        bound.apply_defaults()
+        # What a constructor only hands on, the next one has by name.
+        handed_on = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+        named = [each for each in signature.parameters.values() if each.kind not in handed_on][1:]
+        made = self.__dict__.setdefault(MADE, {})
+        made[init.__qualname__] = {each.name: _plain(bound.arguments[each.name]) for each in named}
+        init(self, *arguments, **options)
+
+    return recording
+
+
+def _updating(frame_counts: Callable[..., NamedCounts]) -> Callable[..., None]:
+    """Returns `CountMetric.update` under the signature of a metric's own `frame_counts`."""
+
+    @wraps(CountMetric.update)
+    def update(self: CountMetric, *batch: Any, **options: Any) -> None:
+        CountMetric.update(self, *batch, **options)
+
+    update.__signature__ = inspect.signature(frame_counts)
+    return update
+
+
+def _plain(argument: Any) -> Any:
+    """Returns an argument as plain data, in which equal numbers are equal."""
+    if isinstance(argument, CountMetric):
+        return vars(argument)[MADE]
+    if isinstance(argument, Mapping):
+        return {str(key): _plain(each) for key, each in argument.items()}
+    if isinstance(argument, list | tuple):
+        return [_plain(each) for each in argument]
+    if isinstance(argument, VoxelGrid):
+        return _plain(vars(argument))
+    return float(argument) if isinstance(argument, int | float) else repr(argument)
+
+
 class VoxelMetric(CountMetric):
     """A `CountMetric` whose batches are labels, or logits, on one grid.
 
     ``shell_m`` are the distinct distances of voxels from the UAV, and ``shell`` says which of them
-    each voxel has. A subclass adds its counts with `add_counts`. Raises `UserError` for class ids
-    that cannot be told apart.
+    each voxel has. A subclass adds its counts with `add_counts`. With ``ignore_index=None`` every
+    label counts. Raises `UserError` for class ids that cannot be told apart, for more classes than
+    four bits hold (`functional.codes`), and for other classes than ours without a ``free_index``.
     """
 
     shell: Tensor
+    # Whether it tells free space from what is occupied.
+    knows_free = True
 
     def __init__(
         self,
         grid: VoxelGrid,
         num_classes: int = 9,
-        free_index: int | None = 8,
-        ignore_index: int = 255,
+        free_index: int = OURS,
+        ignore_index: int | None = 255,
         **kwargs: Any,
     ) -> None:
         if not 2 <= num_classes <= MAX_CLASSES:
-            raise UserError(f"num_classes: {num_classes} must be 2 to {MAX_CLASSES}")
-        if free_index is not None and not 0 <= free_index < num_classes:
+            raise UserError(
+                f"num_classes: {num_classes} must be 2 to {MAX_CLASSES}, as a voxel's label and "
+                "prediction share one byte; join classes first"
+            )
+        if free_index is OURS and num_classes != NUM_CLASSES and self.knows_free:
+            raise UserError(
+                f"free_index: which of the {num_classes} classes is free space? Only of our "
+                f"{NUM_CLASSES} it is {FREE}"
+            )
+        if self.knows_free and not 0 <= free_index < num_classes:
             raise UserError(f"free_index: {free_index} must be 0 to {num_classes - 1}")
-        if 0 <= ignore_index < num_classes:
+        if ignore_index is not None and 0 <= ignore_index < num_classes:
             raise UserError(f"ignore_index: {ignore_index} is a class; give another number")
 
         super().__init__({}, **kwargs)
         self.grid = grid
-        self.num_classes, self.free_index, self.ignore_index = num_classes, free_index, ignore_index
+        self.num_classes, self.ignore_index = num_classes, ignore_index
+        self.free_index = free_index if self.knows_free else None
         # The ontology's names, or the ids where there are more or fewer classes.
         ids = map(str, range(num_classes))
         self.class_names = CLASSES if num_classes == NUM_CLASSES else tuple(ids)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..geometry import VoxelGrid
 from . import functional as F
-from .count_metric import NamedCounts, Scores, VoxelMetric
+from .count_metric import OURS, NamedCounts, Scores, VoxelMetric
 
 
 class ConfusionMetric(VoxelMetric):
@@ -28,8 +28,8 @@ class ConfusionMetric(VoxelMetric):
         self,
         grid: VoxelGrid,
         num_classes: int = 9,
-        free_index: int = 8,
-        ignore_index: int = 255,
+        free_index: int = OURS,
+        ignore_index: int | None = 255,
         horizon_s: float = 5.0,
         decay_per_s: float = 0.5,
         penalty_scale: float = 2.0,
@@ -107,9 +107,11 @@ class KARMeanIoU(ConfusionMetric):
 
     Args:
         grid: the voxels that the tensors cover, in metres in the occ frame.
-        num_classes: class ids run from 0 to ``num_classes - 1``; 15 at most.
-        free_index: the class of free space, whose own KAR-IoU `OccupancyScores` reports.
-        ignore_index: the target label of unknown voxels.
+        num_classes: class ids run from 0 to ``num_classes - 1``; 15 at most, as label and
+            prediction of a voxel share one byte.
+        free_index: the class of free space, whose own KAR-IoU `OccupancyScores` reports; 8, and to
+            be given where there are not nine classes.
+        ignore_index: the target label of unknown voxels; ``None``: every label counts.
         horizon_s: the time to collision beyond which an error weighs 1 (the paper's T_h).
         decay_per_s: how fast the penalty falls with that time (lambda).
         penalty_scale: the most that is added to an error's weight (gamma).

@@ -9,6 +9,7 @@ from typing import Any
 from ..dotted import differences
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..provenance import digest_of
 
 # What no setting changes.
 RULES = {
@@ -71,9 +72,17 @@ class Protocol:
         except (ValueError, TypeError, AttributeError) as error:
             raise UserError(f"protocol: cannot be read ({error})") from error
 
-    def to_json(self) -> str:
-        """Returns compact JSON with sorted keys: equal protocols have equal texts."""
-        return json.dumps(dataclasses.asdict(self), sort_keys=True, separators=(",", ":"))
+    def to_json(self, indent: int | None = None) -> str:
+        """Returns JSON with sorted keys: equal protocols have equal texts."""
+        separators = (",", ":") if indent is None else None
+        return json.dumps(
+            dataclasses.asdict(self), sort_keys=True, separators=separators, indent=indent
+        )
+
+    @property
+    def digest(self) -> str:
+        """Twelve digits that name the protocol, in tables and as the name of its file."""
+        return digest_of(self.to_json())
 
     @property
     def voxel_grid(self) -> VoxelGrid:
@@ -81,10 +90,20 @@ class Protocol:
 
     def difference(self, other: "Protocol") -> tuple[str, object, object] | None:
         """Returns the first key in which two protocols differ, and both values; ``None`` if they
-        are equal."""
-        changed = differences(*(json.loads(each.to_json()) for each in (self, other)))
+        are equal. A metric that one of them alone has changes no score of the others."""
+        changed = differences(self._beside(other), other._beside(self))
         # Last what a metric says of itself: a shared setting is named where it is set.
         return min(changed, key=lambda each: each[0].startswith("suite.metrics."), default=None)
+
+    def _beside(self, other: "Protocol") -> dict:
+        """Returns plain data, with no metric and no setting of metrics that the other has not."""
+        own = json.loads(self.to_json())
+        metrics = other.suite.get("metrics", {})
+        own["suite"] = {key: each for key, each in own["suite"].items() if key in other.suite}
+        if "metrics" in own["suite"]:
+            kept = {name: each for name, each in own["suite"]["metrics"].items() if name in metrics}
+            own["suite"]["metrics"] = kept
+        return own
 
 
 def without_former(suite: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from importlib import import_module
 from typing import Any, TypedDict
 
@@ -15,6 +16,10 @@ from . import functional as F
 from .by_clip import ByClip
 from .count_metric import CountMetric, NamedCounts
 from .protocol import Protocol
+
+# The metrics of conf/suite/default.yaml; any other one is a user's own.
+STANDARD = ("occupancy", "breakdown", "safety", "primitives", "plans", "objects", "rays")
+STANDARD += ("calibration",)
 
 
 class GroundTruth(TypedDict, total=False):
@@ -63,8 +68,9 @@ class ScoreSuite(nn.Module):
     def of(cls, protocol: Protocol, clips: Sequence[str]) -> "ScoreSuite":
         """Builds the metrics that a protocol describes.
 
-        A protocol is read from a file, and no file says what to import: raises `UserError` for a
-        class that neither this package nor the configuration (`import_metrics`) has brought in.
+        A protocol is read from a file, and no file says what to import, beyond a module of this
+        checkout: raises `UserError` for a class that lies elsewhere and that the configuration
+        (`import_metrics`) has not brought in.
         """
         if "metrics" not in protocol.suite:
             raise UserError("suite.metrics: not in these counts, which are older; score again")
@@ -137,8 +143,11 @@ def import_metrics(suite: Mapping[str, Any]) -> None:
 
 
 def _metric(name: str, entry: Mapping[str, Any], grid: VoxelGrid) -> CountMetric:
-    """Builds a metric of a class that was imported before."""
+    """Builds a metric of a class of this checkout, or of one that was imported before."""
     module, _, attribute = entry["_target_"].rpartition(".")
+    if module.startswith(f"{__name__.partition('.')[0]}."):
+        with suppress(ImportError):
+            import_module(module)
     make = getattr(sys.modules.get(module), attribute, None)
     if not (isinstance(make, type) and issubclass(make, CountMetric)):
         raise UserError(

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ..errors import UserError
+from ..errors import UserError, reason_of
 from .tensors import Image
 from .weights import load_encoder
 
@@ -139,3 +139,23 @@ class ResNet(nn.Module):
             x = stage(x)
             features.append(x)
         return features
+
+
+def require_maps(backbone: nn.Module) -> None:
+    """Raises `UserError` for an image encoder that does not give what the neck reads."""
+    side, name = 64, type(backbone).__name__
+    try:
+        maps = backbone(torch.zeros(2, 3, side, side, dtype=torch.uint8))
+        shapes = [list(each.shape) for each in maps]
+    except Exception as error:  # whatever a class of a user's own raises
+        raise UserError(
+            f"model/backbone: {name} fails on images, which are uint8 [B, 3, H, W] of 0 to 255: "
+            f"{reason_of(error)}"
+        ) from error
+
+    wanted = [[2, c, side // s, side // s] for c, s in zip(backbone.channels, STRIDES)]
+    if shapes != wanted:
+        raise UserError(
+            f"model/backbone: {name} gives maps {shapes} of images [2, 3, {side}, {side}], and its "
+            f"channels at strides {', '.join(map(str, STRIDES))} would be {wanted}"
+        )

@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 from torch import Tensor, nn
 
 from ..atomic import replacing
-from ..errors import UserError, reason_of
+from ..errors import UserError, reason_of, way_out_of
 from .network import SkyOcc
 from .weights import ORIGIN, UNREADABLE
 
@@ -98,7 +98,7 @@ class Checkpoint:
         model = {**model, "backbone": {**model["backbone"], **self.origin.backbone}}
 
         try:
-            network = instantiate(OmegaConf.create(model))
+            network = instantiate(OmegaConf.create(_of_this_package(model)))
         except InstantiationException as error:
             reason = " ".join(str(error.__cause__ or error).split())
             raise UserError(
@@ -108,6 +108,17 @@ class Checkpoint:
 
         load_weights(nn.ModuleDict({"network": network}), self.state, self.path)
         return network.eval()
+
+
+def _of_this_package(model: Any) -> Any:
+    """Returns a model's configuration with the classes of ``src`` under the name that this package
+    has here: other projects import it as ``skyshield``, and may have a ``src`` of their own."""
+    if isinstance(model, Mapping):
+        return {key: _of_this_package(value) for key, value in model.items()}
+    if isinstance(model, list):
+        return [_of_this_package(value) for value in model]
+    own = __name__.partition(".")[0]
+    return f"{own}.{model[4:]}" if isinstance(model, str) and model.startswith("src.") else model
 
 
 def read_content(path: Path) -> dict[str, Any]:
@@ -122,9 +133,9 @@ def read_content(path: Path) -> dict[str, Any]:
             f"ckpt_path: no checkpoint {path}; give best, last or an existing file"
         ) from None
     except UNREADABLE as error:
+        way_out = way_out_of(error, "give another one, or delete it to start anew")
         raise UserError(
-            f"ckpt_path: {path} is no readable checkpoint ({reason_of(error)}); give another one, "
-            "or delete it to start anew"
+            f"ckpt_path: {path} is no readable checkpoint ({reason_of(error)}); {way_out}"
         ) from error
 
 

@@ -89,7 +89,7 @@ def export_step(
     ]
     with replacing(folder / DESCRIPTION) as temporary:
         settings = network.parallax and network.parallax.settings
-        of_network = {"history": network.history, VOLUME: settings}
+        of_network = {"history": network.history, "heights_m": network.heights_m, VOLUME: settings}
         facts = {**of_network, **facts, "inputs": described, "outputs": OUTPUTS}
         temporary.write_text(json.dumps(facts, indent=1) + "\n")
 
@@ -135,6 +135,7 @@ class ExportedStep:
         _, self.past_frames, *self.pillar_shape = shapes.get("past_pillars", [1, 0, 0, 0])
         self.device = torch.device("cpu")
         self.history_step_s = facts.get("history_step_s")
+        self.heights_m = facts.get("heights_m")
         self.parallax = Parallax(**facts[VOLUME]) if facts.get(VOLUME) else None
         self.image_shape = shapes["image"]
 

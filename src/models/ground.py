@@ -1,11 +1,16 @@
 """A volume that stands on the world's ground plane, and what of it the occ frame's grid sees."""
 
+import math
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from ..errors import UserError
 from ..geometry import VoxelGrid, rigid
+
+# A barometer that was set to zero at take-off drifts.
+LOWEST_M = -1.0
 
 
 def above_ground(grid: VoxelGrid, lower_m: float, upper_m: float) -> VoxelGrid:
@@ -28,6 +33,20 @@ def occ_from_ground(height_m: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 
     zero = torch.zeros_like(height_m)
     below_m = torch.stack([zero, zero, -height_m], dim=-1)
     return rigid(torch.eye(3).to(height_m).expand(*height_m.shape, 3, 3), below_m)
+
+
+def require_height(
+    name: str, height_m: Float[Tensor, "*n"], heights_m: tuple[float, float] | None
+) -> None:
+    """Raises `UserError` for heights beyond those that a network knows; ``None``: it knows all."""
+    lowest_m, highest_m = heights_m or (-math.inf, math.inf)
+    outside = height_m[(height_m < lowest_m) | (height_m > highest_m)]
+    if outside.numel():
+        raise UserError(
+            f"{name}: z is {float(outside.flatten()[0]):g} m, and this network flies {lowest_m:g} "
+            f"to {highest_m:g} m above the ground; z counts upwards from the ground plane below, "
+            "not from sea level"
+        )
 
 
 class GroundVolume(nn.Module):
@@ -57,6 +76,12 @@ class GroundVolume(nn.Module):
         self.voxel_m = grid.voxel_m
         z_m = grid.centers()[0, 0, :, 2] - volume.centers()[0, 0, 0, 2]
         self.register_buffer("z_m", z_m, persistent=False)
+
+    @property
+    def heights_m(self) -> tuple[float, float]:
+        """The lowest and the highest flight above the ground: higher up, the volume and the grid of
+        the UAV would share no voxel."""
+        return LOWEST_M, (self.bins - 0.5) * self.voxel_m - float(self.z_m[0])
 
     def forward(
         self, logits: Float[Tensor, "b c x y k"], height_m: Float[Tensor, "b"]

@@ -17,11 +17,12 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ..errors import UserError, closest
-from ..ontology import CAR, LARGE_VEHICLE, NUM_CLASSES, THIN_STRUCTURE, UNKNOWN, VRU
+from ..ontology import CAR, CLASSES, LARGE_VEHICLE, NUM_CLASSES, THIN_STRUCTURE, UNKNOWN, VRU
 from .tensors import Labels, Logits, Scalar, VoxelLabels, VoxelScores
 
 # What a UAV must not hit and what must not be hit (App. A.5).
 SAFETY_CRITICAL = (THIN_STRUCTURE, LARGE_VEHICLE, CAR, VRU)
+CLASS_WEIGHTS = "class_weights"
 # The float32 1.0, read as an int32.
 FLOAT_ONE_BITS = 0x3F800000
 
@@ -32,11 +33,12 @@ class OccupancyLoss(nn.Module):
     ``terms`` maps a name to a `functools.partial` of the term's function. Its keyword ``weight`` is
     the factor in the sum, 1 where none is given; its other keywords are the function's settings. A
     setting that is itself a partial is called with ``class_counts`` [9], the voxels of each class
-    in the training labels. A term of weight 0 is neither computed nor returned.
+    in the training labels; one that is a list of numbers becomes a tensor. A term of weight 0 is
+    neither computed nor returned.
 
     Raises `UserError` that names the key, such as ``loss.terms.lovasz.weight``, for a weight that
-    is no finite number of 0 or more, for a setting that the function does not take, and where no
-    term is left.
+    is no finite number of 0 or more, for a setting that the function does not take, for class
+    weights that are not one a class, and where no term is left.
     """
 
     def __init__(
@@ -91,6 +93,10 @@ class Term(nn.Module):
         for setting, value in settings.items():
             if isinstance(value, partial):
                 value = _of_counts(f"{key}.{setting}", value, class_counts)
+            if isinstance(value, list | tuple):
+                value = _numbers(f"{key}.{setting}", value)
+            if setting == CLASS_WEIGHTS and value is not None:
+                _require_one_a_class(f"{key}.{setting}", value)
             if isinstance(value, Tensor):
                 # Not in checkpoints: they hold the class counts, from which it is computed again.
                 self.register_buffer(setting, value, persistent=False)
@@ -117,6 +123,21 @@ def _require_taken(key: str, function: Callable, settings: Mapping[str, Any]) ->
                 f"{key}.{name}: {function.__name__} takes no such setting"
                 f"{closest(name, taken)} there are {', '.join(['weight', *taken])}"
             )
+
+
+def _numbers(key: str, values: Sequence) -> Float[Tensor, "n"]:
+    if any(type(value) not in (int, float) for value in values):
+        raise UserError(f"{key}: {list(values)} are no numbers")
+    return torch.tensor(values, dtype=torch.float32)
+
+
+def _require_one_a_class(key: str, weights: Float[Tensor, "n"]) -> None:
+    sound = weights.isfinite().all() and (weights >= 0).all() and weights.sum() > 0
+    if len(weights) != NUM_CLASSES or not sound:
+        raise UserError(
+            f"{key}: {weights.tolist()}; give {NUM_CLASSES} numbers of 0 or more, one a class: "
+            f"{', '.join(CLASSES)}"
+        )
 
 
 def _of_counts(key: str, rule: Callable, class_counts: Sequence[float] | None) -> Any:

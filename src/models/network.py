@@ -134,6 +134,12 @@ class SkyOcc(nn.Module):
         return None if self.sight is None else self.sight.parallax
 
     @property
+    def heights_m(self) -> tuple[float, float] | None:
+        """The lowest and the highest flight above the ground that it can be asked about; ``None``
+        where it does not look at the height."""
+        return None if self.ground is None else self.ground.heights_m
+
+    @property
     def device(self) -> torch.device:
         """The device of the parameters."""
         return self.encoder.query.device

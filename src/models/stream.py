@@ -1,21 +1,28 @@
 """Streaming inference: one frame and its transform at a time, as in flight."""
 
+import math
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from ..data.batch import ego_motion
 from ..errors import UserError
+from ..geometry import Array, require_pinhole, require_rigid, tensor_of
 from .checkpoint import Checkpoint
 from .export import ExportedStep
 from .frame import StreamFrame
+from .ground import require_height
 from .history import History
 from .network import SkyOcc
 
+# So many frames without a past one are no beginning of a flight.
+FRAMES_TO_TELL = 10
 SHAPES = {
     "world_from_body": (4, 4),
     "velocity_mps": (3,),
@@ -61,6 +68,8 @@ class SkyOccStream:
         self.reach_s = max(len(self.ages) * history_step_s, *ages_s, 0)
         self.past: list[Past] = []
         self.clip = ""
+        # Times of this clip, until a past frame fits, or until it is told that none does.
+        self._without_past_s: list[float] | None = [] if self.reach_s else None
 
     @classmethod
     def of(cls, path: str | Path, tolerance_s: float = 0.02) -> "SkyOccStream":
@@ -80,12 +89,15 @@ class SkyOccStream:
     def __call__(self, frame: StreamFrame) -> Float[Tensor, "9 x y z"]:
         """Returns the logits of a frame, in its occ frame.
 
-        Raises `UserError`, and leaves the stream as it was, for a frame that is not later than the
-        last one of its clip, and for an image, a transform, a velocity or a camera of another
-        shape or type, or not finite.
+        Warns once where no past frame ever fits. Raises `UserError`, and leaves the stream as it
+        was, for a frame that is not later than the last one of its clip, for an image, a transform,
+        a velocity or a camera of another shape or type, not finite, or impossible, and for a UAV
+        below the ground or too high for the network.
         """
         frame = sound(frame)
+        require_height("world_from_body", frame.world_from_body[2, 3], self.network.heights_m)
         logits, pillars = self.network.step(*self.arguments(frame))[:2]
+        self._tell_of_no_past(frame)
 
         kept = (*self._still_valid(frame), Past(frame, pillars))
         oldest_s = frame.time_s - self.reach_s - self.tolerance_s
@@ -110,6 +122,28 @@ class SkyOccStream:
         valid = torch.tensor([[past is not None for past in chosen]], device=device)
         motion = batch["occ_from_past_occ"][:, :-1]
         return batch, History(torch.stack(pillars, dim=1), motion, valid)
+
+    def _tell_of_no_past(self, frame: StreamFrame) -> None:
+        """Warns once where frames come at times of which none is a past one of another."""
+        if self._without_past_s is None:
+            return
+        kept, of_parallax = self._still_valid(frame), self.parallax and self.parallax.ages_s
+        ages_s = [*(age * self.step_s for age in self.ages), *(of_parallax or ())]
+        if any(self._at(frame.time_s - age_s, kept) for age_s in ages_s):
+            self._without_past_s = None
+            return
+
+        times_s = [*(self._without_past_s if frame.clip == self.clip else ()), frame.time_s]
+        self._without_past_s = times_s
+        if len(times_s) >= FRAMES_TO_TELL and times_s[-1] - times_s[0] > 2 * self.reach_s:
+            self._without_past_s = None
+            gap_s = times_s[-1] - times_s[-2]
+            warnings.warn(
+                f"time_s: no frame has had a past one: the last two are {gap_s:g} s apart, and "
+                f"past frames are wanted every {self.step_s:g} s, within {self.tolerance_s:g} s; "
+                "give seconds, or another tolerance_s for such a camera",
+                stacklevel=4,
+            )
 
     def _still_valid(self, frame: StreamFrame) -> list[Past]:
         """Returns the kept frames that a new frame may use: all of them, or none."""
@@ -157,11 +191,14 @@ class SkyOccStream:
 def sound(frame: StreamFrame) -> StreamFrame:
     """Returns a frame with tensors for arrays, and numbers in float64.
 
-    Raises `UserError` for another shape or type, and for what is not finite.
+    Raises `UserError` for another shape or type, for what is not finite, for a transform that is
+    not rigid and a camera that is none.
     """
+    if not math.isfinite(frame.time_s):
+        raise UserError(f"time_s: {frame.time_s} is not finite; leave this frame out of the stream")
     numbers = {}
     for name, shape in SHAPES.items():
-        numbers[name] = value = torch.as_tensor(getattr(frame, name), dtype=torch.float64)
+        numbers[name] = value = _tensor(getattr(frame, name)).to(torch.float64)
         if value.shape != shape:
             raise UserError(f"{name}: {list(value.shape)}; give {list(shape)}")
         if not value.isfinite().all():
@@ -169,8 +206,17 @@ def sound(frame: StreamFrame) -> StreamFrame:
                 f"{name}: not finite at {frame.time_s:g} s; leave this frame out of the stream"
             )
 
-    image = torch.as_tensor(frame.image)
+    require_rigid("world_from_body", numbers["world_from_body"])
+    require_rigid("body_from_camera", numbers["body_from_camera"])
+    require_pinhole("pix_from_camera", numbers["pix_from_camera"])
+
+    image = _tensor(frame.image)
     if image.dtype != torch.uint8 or image.ndim != 3 or len(image) != 3:
         kind = f"{str(image.dtype).removeprefix('torch.')} {list(image.shape)}"
         raise UserError(f"image: {kind}; give uint8 [3, height, width]")
     return frame._replace(image=image, **numbers)
+
+
+def _tensor(values: object) -> Tensor:
+    """Returns a tensor of an array, a tensor or a list of numbers."""
+    return tensor_of(values if isinstance(values, Array) else np.asarray(values))

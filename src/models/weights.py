@@ -10,7 +10,7 @@ from urllib.error import URLError
 import torch
 from torch import Tensor, nn
 
-from ..errors import UserError, reason_of
+from ..errors import UserError, reason_of, way_out_of
 
 # torchvision's IMAGENET1K_V1 files, by depth; their names carry the hash's first 8 digits.
 PUBLISHED = {
@@ -70,9 +70,10 @@ def read_encoder(path: Path) -> tuple[dict[str, Tensor], dict]:
             state = {own: state[name] for own, name in named.items()}
         return state, origin
     except UNREADABLE as error:
+        way_out = way_out_of(error, "give another one")
         raise UserError(
             f"model.backbone.weights: {path} is no readable file of weights ({reason_of(error)}); "
-            "give another one"
+            f"{way_out}"
         ) from error
 
 

@@ -10,6 +10,7 @@ import torch
 
 from ..errors import UserError
 from ..metrics.protocol import require_same_protocol
+from ..metrics.suite import STANDARD
 from ..results.counts import OTHER_LABELS, Counts, Parts
 from ..results.files import SCORES
 from ..results.runs import ScoredRun
@@ -46,8 +47,6 @@ BEYOND = {
 
 # Metrics whose many scores have tables of their own, and no place in a report.
 APART = ("breakdown", "calibration")
-# Metrics of which a report shows the scores above; it shows every score of any other metric.
-KNOWN = ("occupancy", "safety", "rays", "primitives", "plans", "objects")
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ class Part:
     def own_scores(self) -> list[str]:
         """The scores of metrics that are not this project's."""
         of_metrics = self.resamples.scores_of.items()
-        return [name for metric, names in of_metrics if metric not in KNOWN for name in names]
+        return [name for metric, names in of_metrics if metric not in STANDARD for name in names]
 
     @property
     def rungs(self) -> list[str]:
@@ -111,9 +110,9 @@ class RunGroup:
         for run in self.runs:
             counts.setdefault(run.experiment, {})[run.seed] = run.counts
         for anchor in ANCHORS:
-            for run in self.runs:
-                if anchor in run.anchors:
-                    counts.setdefault(anchor, {0: run.anchors[anchor]})
+            of_runs = [run.anchors[anchor] for run in self.runs if anchor in run.anchors]
+            if of_runs:  # the one that was scored with most metrics
+                counts[anchor] = {0: max(of_runs, key=lambda each: len(each.tables))}
         return counts
 
     def parts(self, parts_of: Callable[[Sequence[str]], Parts]) -> list[Part]:

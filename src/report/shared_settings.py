@@ -5,13 +5,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, combinations
 from typing import TypeVar
 
-from ..dotted import differences
+from ..dotted import differences, is_listed
 from ..results.render import Table
 from ..results.runs import ScoredRun, value_at
 from ..run_folder import shaping
 from .ladder import PAPER, Ladder
 
 SEED, PRECISION = "seed", "precision"
+METRICS = "suite.metrics"
 # The ladder's three factors, and where published runs have them.
 FACTORS = {
     "model.encoder.projection": "model.encoder.projection",
@@ -41,6 +42,10 @@ def differing(runs: Sequence[ScoredRun]) -> Values:
     """
     configs = [shaping(run.config) for run in runs]
     keys = {key for pair in combinations(configs, 2) for key, _, _ in differences(*pair)}
+    # A metric that only some of them have changes no score that the others have, too.
+    metrics = [set(value_at(config, METRICS) or {}) for config in configs]
+    extra = set().union(*metrics) - set.intersection(*metrics)
+    keys = {key for key in keys if not is_listed(key, [f"{METRICS}.{name}" for name in extra])}
     order = {key: n for n, key in enumerate(FACTOR_KEYS)}
     ordered = sorted(keys, key=lambda key: (order.get(key, len(order)), key == SEED, key))
     return {key: _values(runs, key) for key in ordered}

@@ -13,10 +13,10 @@ from torch import Tensor
 
 from ..atomic import replacing
 from ..data.files import BROKEN
-from ..errors import UserError
+from ..errors import UserError, way_out_of
 from ..metrics.count_metric import NamedCounts, Scores
 from ..metrics.protocol import Protocol, require_same_protocol
-from ..metrics.suite import ScoreSuite
+from ..metrics.suite import STANDARD, ScoreSuite
 from ..run_folder import UNKNOWN_RECIPE
 from .bootstrap import Samples, score_samples
 
@@ -69,6 +69,14 @@ class Counts:
     def suite(self) -> ScoreSuite:
         """Returns the metrics that compute scores from the tables."""
         return ScoreSuite.of(self.protocol, self.clips)
+
+    @property
+    def own_scores(self) -> list[str]:
+        """The names of the scores of metrics that are not among this project's (`STANDARD`)."""
+        suite = self.suite()
+        metrics = [suite.metric(name) for name in self.tables if name not in STANDARD]
+        shown = [metric for metric in metrics if metric.in_score_table]
+        return [score for metric in shown for score in metric.scores(metric.counts)]
 
     def rows(self, chosen: Callable[[str], bool] = lambda clip: True) -> list[int]:
         """Returns the rows of the chosen clips that have a frame."""
@@ -166,7 +174,8 @@ class Counts:
         # numpy raises the last two over the header of an array.
         except (*BROKEN, SyntaxError, TokenError) as error:
             reason = " ".join(str(error).split())
-            raise UserError(f"{path}: cannot be read ({reason}); delete it and {AGAIN}") from error
+            way_out = way_out_of(error, f"delete it and {AGAIN}")
+            raise UserError(f"{path}: cannot be read ({reason}); {way_out}") from error
 
 
 def require_comparable(counts: Mapping[str, Counts], way_out: str = "score both alike") -> None:

@@ -1,7 +1,6 @@
 """What scoring leaves: ``results.csv``, one wide row a part, ``scores.csv``, and the counts."""
 
 import io
-import json
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
@@ -9,17 +8,15 @@ from pathlib import Path
 
 import pandas as pd
 import torch
-from rich.console import Console
 
 from ..atomic import replacing
-from ..errors import UserError
+from ..errors import UserError, reason_of, way_out_of
 from ..ontology import CLASSES
 from ..provenance import digest_of
 from ..run_folder import SCORES as LONG
 from ..run_folder import TALLIES, UNKNOWN_RECIPE
 from .bootstrap import interval_of, resamplings
 from .counts import Counts, Parts
-from .render import Cell, Table, print_table, with_recipes
 
 MEANS = ("miou", "miou_occupied", "kar_miou")
 # Scores are shares in [0, 1], NaN where a class never occurs.
@@ -30,8 +27,8 @@ SCORES = (
 )
 NUMBERS = {"seed": int, "parameters": int, **dict.fromkeys((*SCORES, "seconds"), float)}
 
-# ``protocol`` is compact JSON: what was counted, and how. ``precision`` is what the network really
-# computed with. The anchors are the experiments ``all_free`` and ``voxel_prior``.
+# ``protocol`` names a file beside the table: what was counted, and how. ``precision`` is what the
+# network really computed with. The anchors are the experiments ``all_free`` and ``voxel_prior``.
 COLUMNS = (
     *("experiment", "scale", "seed", "split", "recipe"),
     *SCORES,
@@ -47,7 +44,6 @@ TEXTS = tuple(name for name in COLUMNS if name not in NUMBERS)
 SHORT_NAMES = dict(
     zip(CLASSES, ("build.", "ground", "veget.", "thin", "large", "car", "VRU", "general", "free"))
 )
-SHORT_MEANS = dict(zip(MEANS, ("mIoU", "occ.", "KAR")))
 
 
 def result_rows(counts: Counts, parts: Parts, facts: Mapping[str, object]) -> list[dict]:
@@ -62,7 +58,7 @@ def result_rows(counts: Counts, parts: Parts, facts: Mapping[str, object]) -> li
             # Through float32, as the metric itself gives them, to the last bit.
             values = {name: float(scores[name].float()) for name in SCORES}
             own = {"experiment": counts.name, "recipe": counts.recipe, "split": part}
-            rows.append({**facts, **own, "protocol": counts.protocol.to_json(), **values})
+            rows.append({**facts, **own, "protocol": counts.protocol.digest, **values})
     return rows
 
 
@@ -83,7 +79,7 @@ def _scores(counts: Counts, rows: list[int]) -> Iterator[tuple]:
     generator = torch.Generator().manual_seed(settings["seed"])
     weights = resamplings(len(rows), settings["resamples"], generator)
     frames = sum(counts.frames[row] for row in rows)
-    facts = (len(rows), frames, digest_of(counts.protocol.to_json()), counts.recipe)
+    facts = (len(rows), frames, counts.protocol.digest, counts.recipe)
 
     for samples in counts.samples(rows, weights).values():
         for score, sample in samples.items():
@@ -93,13 +89,16 @@ def _scores(counts: Counts, rows: list[int]) -> Iterator[tuple]:
 
 
 def write_scores(folder: Path, runs: Mapping[int, Sequence[Counts]], parts: Parts) -> pd.DataFrame:
-    """Writes ``scores.csv`` and ``tallies/<experiment>.npz`` into a folder; returns the table.
+    """Writes ``scores.csv``, ``tallies/<experiment>.npz`` and the protocols, each as a JSON file
+    named by its hash, into a folder; returns the table.
 
     ``runs`` are the counts by their seed. Each file is replaced as a whole. Raises `UserError`
     where one cannot be written.
     """
     for counts in (each for scored in runs.values() for each in scored):
         counts.write(folder / TALLIES / f"{counts.name}.npz")
+        with replacing(folder / f"protocol-{counts.protocol.digest}.json") as temporary:
+            temporary.write_text(counts.protocol.to_json(indent=1) + "\n")
     table = run_table(runs, parts)
     write_table(table, folder / LONG)
     return table
@@ -135,19 +134,40 @@ def read_results(path: str | Path) -> pd.DataFrame:
         # As text first, because pandas 2 parses floats inexactly.
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows that are too long
-            table = pd.read_csv(io.StringIO(text), dtype=str, index_col=False)
+            table = _as_text(text)
         table = table.astype({name: kind for name, kind in NUMBERS.items() if name in table})
         if "recipe" not in table:
             table["recipe"] = UNKNOWN_RECIPE
+        if "protocol" in table:  # once the text itself
+            is_text = table["protocol"].str.startswith("{", na=False)
+            table.loc[is_text, "protocol"] = table.loc[is_text, "protocol"].map(digest_of)
         _require_whole(table, text)
     except FileNotFoundError as error:
         raise UserError(f"{path}: no such file; finish the run or run task=test first") from error
     except (OSError, ValueError, pd.errors.ParserWarning) as error:
-        reason = str(error).splitlines()[0]
-        raise UserError(
-            f"{path}: not a readable results file ({reason}); delete it and run again"
-        ) from error
+        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        way_out = way_out_of(error, "delete it and run again")
+        raise UserError(f"{path}: not a readable results file ({reason}); {way_out}") from error
     return table[list(COLUMNS)].fillna({"git_commit": ""})
+
+
+def read_scores(path: str | Path) -> pd.DataFrame:
+    """Reads a ``scores.csv``: names as texts, numbers as floats. Raises `UserError` where it cannot
+    be read."""
+    numbers = dict.fromkeys(("value", "low", "high"), float)
+    try:
+        table = _as_text(Path(path).read_text(encoding="utf-8"))
+        return table.astype({name: kind for name, kind in numbers.items() if name in table})
+    except (OSError, ValueError) as error:
+        way_out = way_out_of(error, "run it again")
+        raise UserError(f"{path}: cannot be read ({reason_of(error)}); {way_out}") from error
+
+
+def _as_text(text: str) -> pd.DataFrame:
+    """Reads a CSV as strings, and empty cells as missing: an experiment may be called ``NA``."""
+    return pd.read_csv(
+        io.StringIO(text), dtype=str, index_col=False, keep_default_na=False, na_values=[""]
+    )
 
 
 def _require_whole(table: pd.DataFrame, text: str) -> None:
@@ -159,35 +179,3 @@ def _require_whole(table: pd.DataFrame, text: str) -> None:
     for name in TEXTS:
         if name != "git_commit" and table[name].isna().any():
             raise ValueError(f"a row has no {name}")
-    try:
-        table["protocol"].map(json.loads)
-    except ValueError as error:
-        raise ValueError("a protocol is not JSON") from error
-
-
-def print_results(rows: pd.DataFrame, console: Console | None = None) -> None:
-    """Prints a table for each split: IoU of every class and the means, and KAR-IoU below them.
-
-    ``rows`` is what `read_results` returns, in the order to print. A dash is a score without any
-    voxel to score (NaN); * marks the best of a split.
-    """
-    columns = {f"iou/{name}": short for name, short in SHORT_NAMES.items()} | SHORT_MEANS
-    for split, of_split in rows.groupby("split", sort=False):
-        named = [(f"{row['experiment']} {row['seed']}", row) for _, row in of_split.iterrows()]
-        lines = [(name, [Cell(100 * row[score]) for score in columns]) for name, row in named]
-        for name, row in named:
-            of_classes = [Cell(100 * row[f"kar_iou/{each}"]) for each in CLASSES]
-            lines.append((f"{name}: KAR-IoU", [*of_classes, *(None for _ in MEANS)]))
-
-        table = Table(
-            str(split),
-            f"Scores (%), {split}: IoU of every class, mIoU, mIoU occupied and KAR-mIoU",
-            "",
-            list(columns.values()),
-            lines,
-            "experiment, seed",
-            best=dict.fromkeys(columns.values(), "high"),
-            lines=(len(of_split),),
-            ranked=len(of_split),
-        )
-        print_table(with_recipes(table, 2 * list(of_split["recipe"])), console)

@@ -11,7 +11,6 @@ from torch import Generator, Tensor
 
 from ..metrics.safety import BLOCKED
 from ..ontology import CLASSES
-from ..provenance import digest_of
 from .bootstrap import Samples, interval_of, resamplings, seed_resamplings, seed_sample
 from .counts import Counts
 from .files import AS_RECORDED, LONG_KEYS, LONG_VALUES
@@ -80,7 +79,7 @@ class Resamples:
                 self.samples.setdefault(name, {})[seed] = samples
         self.protocols = {
             # How an experiment was scored is one for all its seeds.
-            name: digest_of(next(iter(by_seed.values())).protocol.to_json())
+            name: next(iter(by_seed.values())).protocol.digest
             for name, by_seed in counts.items()
         }
         self.recipes = {

@@ -81,7 +81,8 @@ class ClipMaker:
 
     def stage(self, plan: ClipPlan) -> tuple[Flight, Scene]:
         """Returns the clip's flight, and the scene that it flies through."""
-        return stage_clip(plan, self.sim["seed"], self.flight, self.traffic)
+        town_seeds = self.sim.get("town_seeds", 1)
+        return stage_clip(plan, self.sim["seed"], self.flight, self.traffic, town_seeds)
 
     def observe(self, plan: ClipPlan, on_image: OnImage) -> Observation:
         """Flies and films the clip and fuses its scans.

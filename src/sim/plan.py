@@ -15,7 +15,8 @@ from .towns import builder_of
 from .weather import Weather
 
 # The least value of each number that has one.
-AT_LEAST = {"seed": 0, "clips_per_town": 1, "lidar_rays": 1, "camera_stride": 1, "range_m": 1}
+AT_LEAST = {"seed": 0, "clips_per_town": 1, "town_seeds": 1}
+AT_LEAST |= {"lidar_rays": 1, "camera_stride": 1, "range_m": 1}
 
 
 def plan_clips(sim: Mapping) -> list[ClipPlan]:
@@ -47,7 +48,7 @@ def check_settings(sim: Mapping) -> None:
     if len(set(sim["towns"])) < len(sim["towns"]):
         raise UserError("sim.towns: a town is named twice; name each once")
     for key, least in AT_LEAST.items():
-        if sim[key] < least:
+        if sim.get(key, least) < least:
             raise UserError(f"sim.{key}: {sim[key]} is too small; give {least} or more")
     require_rates(sim)
 

@@ -47,18 +47,26 @@ def generator_for(seed: int, *names: str | int) -> np.random.Generator:
 
 # The next clip is often flown in the same town, and building one takes seconds.
 @lru_cache(maxsize=2)
-def place_of(name: str, seed: int) -> Place:
-    """Builds a town and its meshes."""
-    town = build_town(name, generator_for(seed, "town", name))
+def place_of(name: str, seed: int, drawing: int = 0) -> Place:
+    """Builds a town and its meshes; each ``drawing`` of it has other streets and houses."""
+    others = (drawing,) if drawing else ()
+    town = build_town(name, generator_for(seed, "town", name, *others))
     pieces = pieces_of(town)
     return Place(town, pieces, Scene(static_parts(pieces), ()))
 
 
 def stage_clip(
-    plan: ClipPlan, seed: int, flight_config: FlightConfig, traffic_config: TrafficConfig
+    plan: ClipPlan,
+    seed: int,
+    flight_config: FlightConfig,
+    traffic_config: TrafficConfig,
+    town_seeds: int = 1,
 ) -> tuple[Flight, Scene]:
-    """Returns the flight of a clip and the scene around it: the town near the route, and actors."""
-    place = place_of(plan.town, seed)
+    """Returns the flight of a clip and the scene around it: the town near the route, and actors.
+
+    The ``town_seeds`` drawings of a town take turns, clip by clip.
+    """
+    place = place_of(plan.town, seed, plan.index % town_seeds)
     rng = generator_for(seed, "flight", plan.town, plan.index)
     flight = fly(place.town, rng, place.whole.cast_static, flight_config)
 

@@ -1,5 +1,6 @@
 """task=check: verifies a dataset clip by clip, draws its labels, and mends what is damaged."""
 
+import os
 import shutil
 from collections import Counter
 from collections.abc import Callable
@@ -54,6 +55,11 @@ def check(
         raise UserError(
             "task.mend: only a dataset that is named after its settings can be mended; drop "
             "paths.dataset and give the settings that it was made with"
+        )
+
+    if sheets and root.is_dir() and not os.access(root, os.W_OK):
+        raise UserError(
+            f"task.sheets: {root} cannot be written; task.sheets=false checks without drawing"
         )
 
     findings = _findings(root, cfg.sim.workers)

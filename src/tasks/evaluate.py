@@ -17,6 +17,7 @@ from ..models.prior import seen_from
 from ..ontology import FREE
 from ..results import files
 from ..results.counts import Counts, parts_of
+from ..results.summary import print_summary
 from ..run_folder import ANCHORS, NO_RECIPE, RunFolder
 from ..terminal import metered, say, tracked
 from .scoring import protocol_of, suite_of
@@ -65,8 +66,14 @@ def evaluate(session: Session, module: OccupancyModule, folder: RunFolder) -> No
     with metered("drawing"):
         _draw(cfg, folder, module, data)
     files.write_results(folder.results, sorted(rows, key=lambda row: row["split"]))
-    files.print_results(files.read_results(folder.results))
-    say(f"{folder.results} and {folder.figures}")
+    show(folder, cfg)
+
+
+def show(folder: RunFolder, cfg: DictConfig) -> None:
+    """Prints the main scores of a run, and where everything else is."""
+    then = f"python run.py task=report scale={cfg.scale_name}"
+    print_summary(folder.path, cfg.name, then)
+    say(f"Predictions beside the ground truth: {folder.figures}")
 
 
 def anchors_of(origin: Origin) -> dict[str, Anchor]:

@@ -9,11 +9,10 @@ from ..models.checkpoint import Checkpoint, load_weights
 from ..models.module import OccupancyModule
 from ..models.weights import require_unseen
 from ..ontology import CLASSES
-from ..results.files import print_results, read_results
 from ..run_folder import described, require_same_config
 from ..terminal import say
 from ..used_code import different_file
-from .evaluate import evaluate
+from .evaluate import evaluate, show
 from .model import module_of, network_of, origin_of, require_buildable
 from .session import Session
 from .stages import announce, stages_of_training
@@ -54,7 +53,7 @@ def _shown_again(session: Session) -> bool:
     if not folder.is_finished() or cfg.overwrite or cfg.ckpt_path is not None:
         return False
     say(f"{folder.path}: already finished; overwrite=true trains it again")
-    print_results(read_results(folder.results))
+    show(folder, cfg)
     return True
 
 

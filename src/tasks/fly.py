@@ -51,7 +51,9 @@ def fly(cfg: DictConfig, films: bool, **_: object) -> None:
             missing = {path: job for path, job in wanted.items() if not path.exists()}
             deque(tracked(fleet.drawn(missing), "drawing", len(missing)), maxlen=0)
     print_scores({table["perception"].iloc[0]: {"": table}}, None, RESAMPLES)
-    say(folder / FLIGHTS)
+    for path in (folder / FLIGHTS, *sorted(folder.glob("*.gif")), *sorted(folder.glob("*.html"))):
+        if path.is_file():
+            say(path)
 
 
 def fly_together(configs: Sequence[Mapping]) -> None:

@@ -1,10 +1,12 @@
 """task=generate: only the dataset; with sim.dry_run=true only its plan, split, size and time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
 import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 
+from ..data.manifest import MANIFEST, read_manifest
 from ..data.rates import frames_per_clip
 from ..sim.clip_maker import ClipPlan
 from ..sim.plan import plan_clips
@@ -29,12 +31,28 @@ def generate(cfg: DictConfig) -> None:
         say(" / ".join(f"{part} {len(samples):,}" for part, samples in split.items()))
         say(_effort(sim, len(plans)))
         say(_matrix(sim, plans).to_string())
+        for line in _others(root):
+            say(line)
         return
 
     made, missing = make_dataset(cfg)
     share = f"shard {sim['shard']} of {sim['shards']}, " if sim["shards"] > 1 else ""
     state = f"{len(missing)} still to be made by other shards" if missing else "all there"
     say(f"{root}: {share}{made} clips made now; of {len(plans)} clips {state}")
+
+
+def _others(root: Path) -> Iterator[str]:
+    """Yields what the other finished datasets beside this one are: their names are hashes."""
+    for path in sorted(root.parent.glob(f"*/{MANIFEST}")):
+        if path.parent == root:
+            continue
+        manifest = read_manifest(path.parent)
+        sim, clips = manifest["sim"], manifest["clips"]
+        image, shape = sim["image"], "x".join(map(str, sim["grid"]["shape"]))
+        yield (
+            f"also there: {path.parent}: {len(clips)} clips in {', '.join(sim['towns'])}, seed "
+            f"{sim['seed']}, {image['width']}x{image['height']} pixels, {shape} voxels"
+        )
 
 
 def _matrix(sim: Mapping, plans: Sequence[ClipPlan]) -> pd.DataFrame:

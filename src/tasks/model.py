@@ -8,7 +8,9 @@ from ..data.datamodule import SkyShieldData
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..metrics.suite import ScoreSuite
+from ..models.backbone import require_maps
 from ..models.checkpoint import Origin
+from ..models.ground import require_height
 from ..models.history import PillarMemory
 from ..models.module import OccupancyModule
 from ..models.network import SkyOcc
@@ -52,10 +54,21 @@ def network_of(cfg: DictConfig, origin: Origin) -> SkyOcc:
     return instantiate(cfg.model, decoder={"class_prior": origin.class_counts})
 
 
+def require_heights(network: SkyOcc, data: SkyShieldData) -> None:
+    """Raises `UserError` for a clip that flies where the network cannot be asked."""
+    for clip in data.clips.values():
+        heights_m = clip.world_from_body[:, 2, 3]
+        require_height(f"{clip.folder}/frames.csv", heights_m, network.heights_m)
+
+
 def module_of(
     cfg: DictConfig, data: SkyShieldData, network: SkyOcc, origin: Origin
 ) -> OccupancyModule:
-    """Joins a network with its loss and its scores."""
+    """Joins a network with its loss and its scores.
+
+    Raises `UserError` for data whose flights are not at the heights that the network knows.
+    """
+    require_heights(network, data)
     scores = instantiate(cfg.metric)
     # Only streams of consecutive frames have a history that earlier steps have computed.
     return OccupancyModule(
@@ -87,6 +100,7 @@ def require_buildable(cfg: DictConfig) -> None:
     # The weights of the network to train are drawn later, from an untouched generator.
     with torch.random.fork_rng(devices=[]):
         network = instantiate(cfg.model)
+        require_maps(network.backbone)
         instantiate(cfg.loss, class_counts=[1] * NUM_CLASSES)
         instantiate(cfg.optimizer)
 

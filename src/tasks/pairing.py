@@ -43,7 +43,7 @@ class SkyShieldPairing:
         return self._predictions.inventory(self.samples, self.grid.shape)
 
     def has(self, sample: Sample) -> bool:
-        return self._predictions.has(*sample, self.grid.shape)
+        return not self._predictions.problem_of(*sample, self.grid.shape)
 
     def frame(self, sample: Sample) -> tuple[Tensor, dict, Tensor | None]:
         """Returns predicted labels, their target, and logits if there are any: batches of one."""
@@ -100,7 +100,7 @@ class Occ3DPairing:
         return self._predictions.inventory(self.samples)
 
     def has(self, sample: Sample) -> bool:
-        return self._predictions.has(*sample)
+        return not self._predictions.problem_of(*sample)
 
     def frame(self, sample: Sample) -> tuple[Tensor, dict, None]:
         """Returns predicted labels and their target, batches of one; Occ3D has no logits."""

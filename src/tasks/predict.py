@@ -12,6 +12,7 @@ from ..data.split import PARTS, held_out_clips
 from ..errors import UserError
 from ..limits import require_choice
 from ..terminal import say, tracked
+from .model import require_heights
 from .session import Session
 from .trainer import predictor
 
@@ -35,6 +36,7 @@ def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = No
 
     folder = Path(cfg.predictions or session.folder.path / "predictions" / part)
     network = checkpoint.network()
+    require_heights(network, data)
     scores_of = predictor(network, trainer)
     facts = {"name": cfg.name, "part": part, "held_out": held_out_clips(data.split)}
 

@@ -12,7 +12,7 @@ from ..errors import UserError, closest
 from ..metrics.suite import import_metrics
 from ..report.ladder import ladder_named
 from ..report.ladder_report import LadderReport, ladder_report
-from ..report.report_page import learning_curves, write_report_pages
+from ..report.report_page import PAGE, learning_curves, write_report_pages
 from ..report.run_group import group_of
 from ..report.section import Section, ShownFrame, with_settings
 from ..report.template import write_text
@@ -138,4 +138,4 @@ def _print(made: LadderReport, folder: Path) -> None:
         console.print(line, style="bold red", markup=False, highlight=False)
     for line in made.missing:
         console.print(line, style="yellow", markup=False, highlight=False)
-    console.print(str(folder), highlight=False, soft_wrap=True)
+    console.print(f"open {folder / PAGE}", highlight=False, soft_wrap=True)

@@ -13,6 +13,7 @@ from ..provenance import git_commit
 from ..results import files
 from ..results.counts import Counts, Parts, parts_of
 from ..results.protocols import protocol_table
+from ..results.summary import print_summary
 from ..run_folder import RESULTS, RunFolder
 from ..terminal import say, tracked
 from .pairing import LAYOUTS, Pairing, Sample
@@ -47,7 +48,9 @@ def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> N
         pairing.dataset, part, len(samples), pairing.grid, pairing.mask, metric, suite
     )
     counts = Counts.of(name, protocol, scored, samples, facts["recipe"])
-    parts = parts_of(pairing.unseen) if part == "test" else {part: lambda _: True}
+    parts = (
+        parts_of(pairing.unseen) if part == "test" and pairing.unseen else {part: lambda _: True}
+    )
     _write(Path(out) if out else folder / "scores", counts, parts, facts)
 
 
@@ -94,8 +97,7 @@ def _write(folder: Path, counts: Counts, parts: Parts, facts: Mapping[str, objec
     files.write_table(breakdown, folder / "breakdown.csv")
 
     files.write_results(folder / RESULTS, files.result_rows(counts, parts, facts))
-    files.print_results(files.read_results(folder / RESULTS))
-    say(folder)
+    print_summary(folder, counts.name, f"{folder}/breakdown.csv and protocols.csv")
 
 
 def _sound_samples(pairing: Pairing, folder: Path, allow_missing: bool) -> list[Sample]:

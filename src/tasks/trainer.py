@@ -1,5 +1,8 @@
 """Lightning's trainer as configured: its device, its precision, and the lines that it prints."""
 
+import os
+import signal
+import threading
 from collections.abc import Callable
 
 import torch
@@ -7,6 +10,7 @@ from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from jaxtyping import Float
 from lightning import Trainer
+from lightning.fabric.plugins.environments import SLURMEnvironment, TorchElasticEnvironment
 from lightning.fabric.utilities import move_data_to_device
 from lightning.pytorch.utilities import rank_zero_only
 from omegaconf import DictConfig
@@ -33,15 +37,35 @@ def trainer_of(cfg: DictConfig) -> Trainer:
         torch.set_num_threads(cfg.threads)
 
     try:
-        return instantiate(
+        trainer = instantiate(
             cfg.trainer,
             precision=precision,
+            plugins=[*instantiate(cfg.trainer.plugins), *_slurm()],
             callbacks=list(instantiate(cfg.callbacks).values()),
             logger=instantiate(cfg.logger),
         )
-    except InstantiationException as error:
+    except (InstantiationException, RuntimeError) as error:
         reason = " ".join(str(error.__cause__ or error).split())
         raise UserError(f"trainer: {reason}; see conf/trainer/default.yaml") from error
+
+    # A rank that the environment names is another program's, where this run has one process.
+    rank_zero_only.rank = trainer.global_rank
+    return trainer
+
+
+def _slurm() -> list[SLURMEnvironment]:
+    """Returns Lightning's environment of a Slurm job, without its requeueing.
+
+    Lightning would keep weights of its own in the folder of the run, and score those ever after.
+    The run goes on from its last checkpoint anyway. So the signal that asks for a requeue ends the
+    program in good order, as SIGTERM does.
+    """
+    # In the order in which Lightning looks for them.
+    if TorchElasticEnvironment.detect() or not SLURMEnvironment.detect():
+        return []
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGUSR1, lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+    return [SLURMEnvironment(auto_requeue=False)]
 
 
 def precision_of(cfg: DictConfig) -> str:
@@ -90,6 +114,7 @@ def is_first_process() -> bool:
     """Tells whether this process prints and writes files; the others only compute.
 
     Known before a trainer exists: whoever starts the processes numbers them in the environment.
+    The trainer corrects that (`trainer_of`).
     """
     # Lightning sets the rank when it is imported, from what its launcher left there.
     return getattr(rank_zero_only, "rank", 0) == 0

@@ -13,7 +13,7 @@ from src.report.canvas import INK, MUTED, write_figure
 from studies.attitude.tables import AttitudeScores
 
 # Another marker is taken when all colors have been used.
-COLORS = ("#2962ff", "#d1495b", "#00898a", "#8a5a00", "#6a3fb5", "#5a606a")
+COLORS = ("#2962ff", "#d1495b", "#00898a", "#8a5a00", "#6a3fb5", "#5a606a", "#f08c00", "#e64fb0")
 MARKERS = ("o", "s", "^", "D")
 WIDTH_INCHES, ROW_INCHES, DPI = 11.0, 3.4, 130
 

@@ -75,8 +75,8 @@ def _draw_heights(axes: Axes, statistics: Statistics) -> None:
 
     for height_m, color, style, label in lines:
         axes.axvline(height_m, color=color, linestyle=style, linewidth=1.8, label=label)
-    axes.legend(**LEGEND)
-    # There is room for the legend.
+    # On white, so that no line runs through it; there is room for it.
+    axes.legend(**{**LEGEND, "frameon": True, "framealpha": 1, "edgecolor": "white"})
     axes.set(xlabel="height above the ground (m)", ylabel="frames", xlim=(0, last_m))
     axes.set_ylim(top=1.3 * axes.get_ylim()[1])
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))

@@ -2,7 +2,9 @@
 
 import errno
 import json
+import os
 import pickle
+import resource
 import zipfile
 from contextlib import suppress
 
@@ -267,7 +269,73 @@ def test_a_process_opens_its_own_archives_also_of_a_clip_that_was_pickled(folder
     clip = Clip(folder)
     mine = clip._archive("rgb.zip")
     assert clip._archive("rgb.zip") is mine
-    monkeypatch.setattr(clip_module.os, "getpid", lambda: -7)
+    monkeypatch.setattr("src.data.files.os.getpid", lambda: -7)
     assert clip._archive("rgb.zip") is not mine
     copy = pickle.loads(pickle.dumps(clip))
     np.testing.assert_array_equal(copy.image(3), clip.image(3))
+
+
+def test_many_clips_need_no_more_files_than_there_may_be(folder):
+    """340 clips of three archives each met the usual limit of 1,024 open files."""
+    clips = [Clip(folder) for _ in range(40)]
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    open_now = max(map(int, os.listdir("/proc/self/fd")))
+    resource.setrlimit(resource.RLIMIT_NOFILE, (open_now + 20, limits[1]))
+    clip_module.ARCHIVES.__init__()
+    try:
+        for clip in [*clips, *clips]:
+            assert clip.image(0).shape == (32, 64, 3)
+            assert clip.semantics(0).shape == SHAPE
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
+# ------------------------------------------------------------- what says nothing about the bytes
+
+
+@pytest.fixture
+def as_nobody():
+    """Runs as a user that owns nothing, where the tests run as root."""
+    if os.getuid():
+        yield
+        return
+    os.seteuid(65534)
+    yield
+    os.seteuid(0)
+
+
+def read_both(folder):
+    Clip(folder).semantics(0)
+    recorded_sums(folder)
+
+
+@pytest.mark.parametrize("name", ["occupancy.npz", "frames.csv", SUMS])
+def test_a_file_that_may_not_be_read_is_not_called_damaged(folder, name, request):
+    for path in (folder, *folder.parents):
+        if os.access(path, os.W_OK) and path.owner() == folder.owner():
+            path.chmod(0o755)
+    (folder / name).chmod(0)
+    request.getfixturevalue("as_nobody")
+    with pytest.raises(UserError, match=f"{name}: .* denied.* permission to read") as told:
+        read_both(folder)
+    assert "delete" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("code", "way_out"),
+    [
+        (errno.EMFILE, "ulimit"),
+        (errno.ESTALE, "may be sound"),
+        (errno.EIO, "may be sound"),
+        (errno.ENOMEM, "memory"),
+    ],
+)
+def test_trouble_of_the_system_is_not_called_damage(folder, monkeypatch, code, way_out):
+    def refuse(*_):
+        raise OSError(code, os.strerror(code))
+
+    clip = Clip(folder)
+    monkeypatch.setattr("numpy.load", refuse)
+    with pytest.raises(UserError, match=way_out) as told:
+        clip.semantics(0)
+    assert "delete" not in str(told.value)

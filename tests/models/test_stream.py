@@ -5,13 +5,15 @@ import torch
 
 from src.data.dataset import OccupancyDataset, velocity_world_mps
 from src.errors import UserError
-from src.geometry import VoxelGrid
+from src.geometry import VoxelGrid, rigid
 from src.models.frame import StreamFrame
+from src.models.ground import above_ground
 from src.models.stream import SHAPES, SkyOccStream
 from src.parallax import Parallax
 from tests.models.synthetic import build_network
 
 GRID = VoxelGrid(shape=(25, 25, 15))
+MOVED = rigid(torch.eye(3), torch.tensor([3.0, 4.0, 9.0]))
 HISTORY_STEP_S = 0.4
 
 
@@ -133,6 +135,14 @@ def test_arrays_and_single_precision_will_do(clips, network, stream):
         ("world_from_body", torch.eye(4)[:3], r"\[3, 4\]; give \[4, 4\]"),
         ("image", torch.zeros(3, 64, 96), r"float32 \[3, 64, 96\]"),
         ("image", torch.zeros(64, 96, 3).byte(), r"uint8 \[64, 96, 3\]"),
+        ("world_from_body", torch.zeros(4, 4), "last row"),
+        ("world_from_body", MOVED.T, "transposed"),
+        ("world_from_body", torch.diag(torch.tensor([1.0, -1, 1, 1])), "no rotation"),
+        ("body_from_camera", torch.diag(torch.tensor([2.0, 2, 2, 1])), "no rotation"),
+        ("pix_from_camera", torch.diag(torch.tensor([-48.0, 48, 1])), "focal lengths"),
+        ("pix_from_camera", torch.diag(torch.tensor([48.0, 48, 2])), "last row"),
+        ("time_s", float("inf"), "not finite"),
+        ("time_s", float("nan"), "not finite"),
     ],
 )
 def test_a_broken_frame_is_refused_and_changes_nothing(
@@ -143,3 +153,47 @@ def test_a_broken_frame_is_refused_and_changes_nothing(
     with pytest.raises(UserError, match=f"{name}: .*{message}"):
         stream(frame._replace(**{name: value}))
     close(stream(frame), batch_logits(network, clips, "town/a", 2))
+
+
+def at_height(frame, height_m):
+    pose = frame.world_from_body.clone()
+    pose[2, 3] = height_m
+    return frame._replace(world_from_body=pose)
+
+
+def test_a_height_at_which_nothing_could_be_seen_is_refused(clips):
+    """z above sea level made everything free, without a word."""
+    network = build_network(grid=GRID, volume=above_ground(GRID, -2.0, 30.0))
+    stream, frame = SkyOccStream(network, HISTORY_STEP_S), frame_of(clips, "town/a", 0)
+    for height_m in (452.0, 60.0, -5.0):
+        with pytest.raises(UserError, match=r"world_from_body: z is .* not from sea level"):
+            stream(at_height(frame, height_m))
+    for height_m in (-0.5, 0.0, 18.0, 30.0):
+        SkyOccStream(network, HISTORY_STEP_S)(at_height(frame, height_m))
+
+
+def test_an_array_of_any_strides_and_byte_order_will_do(clips, network, stream):
+    frame = frame_of(clips, "town/a", 0)
+    bgr = frame.image.permute(1, 2, 0).numpy()[..., ::-1].copy()
+    reversed_back = bgr[..., ::-1].transpose(2, 0, 1)
+    pose = frame.world_from_body.numpy().astype(">f8")
+    other = SkyOccStream(network, HISTORY_STEP_S)
+    assert other(frame._replace(image=reversed_back, world_from_body=pose)).equal(stream(frame))
+
+
+@pytest.mark.parametrize("time_of", [lambda n: n * 200_000_000, lambda n: n / 7])
+def test_it_says_once_that_no_past_frame_ever_fits(clips, network, time_of, recwarn):
+    """Times in nanoseconds, or a camera whose frames never are a history step apart."""
+    stream = SkyOccStream(network, 0.2)
+    for number in range(25):
+        stream(frame_of(clips, "town/a", 0, time_s=time_of(number)))
+    (told,) = recwarn.list
+    assert "no frame has had a past one" in str(told.message)
+
+
+@pytest.mark.parametrize("rate_hz", [5, 50])
+def test_it_says_nothing_where_past_frames_come_in_time(clips, network, rate_hz, recwarn):
+    stream = SkyOccStream(network, HISTORY_STEP_S)
+    for number in range(30):
+        stream(frame_of(clips, "town/a", 0, time_s=number / rate_hz))
+    assert not recwarn.list

@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,13 +15,17 @@ import pytest
 from src.data.check import agreement_of, problems_of, shares_of
 from src.data.clip import SUMS, Clip
 from src.data.files import sha256_of
+from src.data.manifest import DatasetSpec
 from src.errors import UserError
 from src.ontology import ACTOR_TYPES, FREE, UNKNOWN
+from src.sim.clip_maker import ClipMaker
 from src.sim.generate import LOCK, generate
 from src.sim.plan import plan_clips
+from src.sim.staging import place_of
 from tests import sessions
 from tests.sessions import running_in
 
+TOWN_SEEDS = ({}, {"town_seeds": 1}, {"town_seeds": 2})
 DRIVER = """
 import json, pathlib, sys
 from src.sim.generate import generate
@@ -201,3 +206,22 @@ def test_without_pybullet_nothing_is_begun(mini_sim, tmp_path, monkeypatch):
         generate(mini_sim, tmp_path / "data")
     assert "\n" not in str(error.value)
     assert not (tmp_path / "data").exists()
+
+
+def test_a_town_is_drawn_anew_for_as_many_clips_as_are_asked_for(mini_sim):
+    """The first drawing is the one that there always was."""
+    sim = {**mini_sim, "clips_per_town": 2, "towns": ["suburb"]}
+    plans = plan_clips(sim)
+    one, two = (ClipMaker({**sim, "town_seeds": n}, Path()) for n in (1, 2))
+    tracks = [[maker.stage(plan)[0].position_m for plan in plans] for maker in (one, two)]
+    np.testing.assert_array_equal(tracks[0][0], tracks[1][0])
+    assert not np.array_equal(tracks[0][1], tracks[1][1])
+    assert place_of("suburb", 0, 1).whole is not place_of("suburb", 0).whole
+    with pytest.raises(UserError, match=r"sim\.town_seeds: 0 is too small"):
+        plan_clips({**sim, "town_seeds": 0})
+
+
+def test_datasets_of_one_drawing_a_town_keep_their_names(mini_sim):
+    without = {key: value for key, value in mini_sim.items() if key != "town_seeds"}
+    names = [DatasetSpec.of("tiny", {**without, **more}).digest for more in TOWN_SEEDS]
+    assert names[0] == names[1] != names[2]

@@ -87,8 +87,8 @@ def test_another_part_and_the_visible_voxels_have_their_own_protocol(dataset, tm
     folder = scored(dataset, predictions, "layout.mask=visible", part="val")
     (row,) = read_results(folder / "results.csv").to_dict("records")
     assert row["split"] == "val"
-    assert '"mask":"visible voxels"' in row["protocol"]
-    assert '"part":"val"' in row["protocol"]
+    protocol = json.loads((folder / f"protocol-{row['protocol']}.json").read_text())
+    assert (protocol["mask"], protocol["part"]) == ("visible voxels", "val")
 
 
 def drop_a_frame(path):
@@ -112,6 +112,64 @@ def test_a_damaged_folder_is_scored_only_when_told_so(dataset, tmp_path, damage,
     folder = scored(dataset, predictions, allow_missing=True)
     counts = Counts.read(folder / "tallies/mine.npz")
     assert counts.protocol.frames == sum(counts.frames) < len(SkyShieldTruth(dataset).samples)
+
+
+def rewrite(change):
+    """A damage: every array of the file after a change."""
+
+    def damage(path):
+        with np.load(path) as archive:
+            arrays = {name: change(archive[name]) for name in archive.files}
+        np.savez(path, **arrays)
+
+    return damage
+
+
+def as_one_array(path):
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))
+
+
+def without_names(path):
+    with np.load(path) as archive:
+        arrays = [archive[name] for name in archive.files]
+    np.savez(path, *arrays)
+
+
+FOREIGN = {
+    "no name": (without_names, "missing.*arr_0"),
+    "z, y, x": (rewrite(np.transpose), r"is \[\d+, \d+, \d+\], and the grid is"),
+    "more classes": (rewrite(lambda labels: labels + 15), "has classes 15 to 23"),
+    "NaN": (rewrite(lambda labels: np.full(labels.shape, np.nan, np.float32)), "NaN or fractions"),
+    "a pointer": (
+        lambda path: path.write_text("version https://git-lfs.github.com"),
+        "git lfs pull",
+    ),
+    "one array": (as_one_array, "numpy.savez"),
+}
+
+
+@pytest.mark.parametrize("case", FOREIGN)
+def test_why_somebody_s_predictions_cannot_be_scored_is_said(dataset, tmp_path, case):
+    damage, message = FOREIGN[case]
+    predictions = write_predictions(dataset, tmp_path / "mine")
+    path = next(predictions.rglob("occupancy.npz"))
+    damage(path)
+    with pytest.raises(UserError, match=message) as told:
+        scored(dataset, predictions)
+    assert case == "no name" or str(path) in str(told.value)
+
+
+def test_big_endian_whole_floats_and_links_are_as_good(dataset, tmp_path):
+    """Labels of any kind of number, in folders that lie elsewhere."""
+    predictions = write_predictions(dataset, tmp_path / "mine")
+    one, other = sorted(predictions.rglob("occupancy.npz"))
+    rewrite(lambda labels: labels.astype(">i4"))(one)
+    rewrite(lambda labels: labels.astype(np.float64))(other)
+    town = one.parent.parent
+    town.rename(tmp_path / "elsewhere")
+    town.symlink_to(tmp_path / "elsewhere")
+    assert (read_results(scored(dataset, predictions) / "results.csv")["miou"] == 1).all()
 
 
 @pytest.mark.parametrize(
@@ -195,7 +253,7 @@ def test_occ3d_folders_are_scored_in_our_classes(dataset, tmp_path):
     folder = scored(tmp_path / "gts", tmp_path / "mine", *words)
     rows = read_results(folder / "results.csv").iloc[0]
     assert rows["kar_miou"] == 1  # wrong only where the camera does not see
-    assert "velocity_mps" in rows["protocol"]
+    assert "velocity_mps" in (folder / f"protocol-{rows['protocol']}.json").read_text()
 
     everywhere = scored(tmp_path / "gts", tmp_path / "mine", *words, "layout.mask=supervised")
     assert read_results(everywhere / "results.csv").iloc[0]["kar_miou"] < 0.9

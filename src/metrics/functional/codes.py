@@ -24,7 +24,7 @@ NOTHING = 255
 
 
 def encode(
-    labels: Labels, target: Labels, mask: Mask | None, num_classes: int, ignore_index: int
+    labels: Labels, target: Labels, mask: Mask | None, num_classes: int, ignore_index: int | None
 ) -> UInt8[Tensor, "b X Y Z"]:
     """Returns one byte per voxel: ``16 * target + prediction``, or 255 where nothing is counted.
 
@@ -38,7 +38,8 @@ def encode(
     # 255 wraps to 0 here, and below it has a high bit that no class has. Comparing, selecting and
     # masking would be several times slower than arithmetic on bytes.
     last = num_classes - 1
-    _check_ids("target", f"0 to {last} or {ignore_index}", known + 1, num_classes + 1)
+    ignored = "" if ignore_index is None else f" or {ignore_index}"
+    _check_ids("target", f"0 to {last}{ignored}", known + 1, num_classes + 1)
     labels = _bytes(labels)
     _check_ids("preds", f"0 to {last}", labels & ((known >> 7) - 1), num_classes)
     return (known << 4) | labels | (known >> 4)
@@ -58,12 +59,14 @@ def labels_of(preds: Preds) -> Labels:
     return labels
 
 
-def _target_bytes(target: Labels, ignore_index: int) -> UInt8[Tensor, "b X Y Z"]:
+def _target_bytes(target: Labels, ignore_index: int | None) -> UInt8[Tensor, "b X Y Z"]:
     if ignore_index == UNCOUNTED:
         return _bytes(target)
     target = target.long()
     target = torch.where(target == UNCOUNTED, _NO_CLASS, target)
-    return _bytes(torch.where(target == ignore_index, UNCOUNTED, target))
+    if ignore_index is not None:
+        target = torch.where(target == ignore_index, UNCOUNTED, target)
+    return _bytes(target)
 
 
 def _bytes(ids: Integer[Tensor, "*v"]) -> UInt8[Tensor, "*v"]:

@@ -17,7 +17,7 @@ def kar_mean_iou(
     mask: Mask | None = None,
     num_classes: int = 9,
     free_index: int = 8,
-    ignore_index: int = 255,
+    ignore_index: int | None = 255,
     horizon_s: float = 5.0,
     decay_per_s: float = 0.5,
     penalty_scale: float = 2.0,
@@ -30,7 +30,7 @@ def kar_mean_iou(
     and left out of the mean. The input is not checked. float64, on the device of ``target``.
     """
     labels = preds.argmax(dim=1) if preds.is_floating_point() else preds
-    known = target != ignore_index
+    known = target == target if ignore_index is None else target != ignore_index
     if mask is not None:
         known = known & mask
 

@@ -1,0 +1,50 @@
+"""``python run.py --help``: the tasks, and the keys that people change, told without an import."""
+
+import ast
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+# What people change first, and what it says; docs/keys.md has more.
+KEYS = {
+    "+experiment=": "baseline, attitude, weights, skyocc, or a file of your own",
+    "scale=": "tiny, small (default), ladder, paper: sizes of data and model",
+    "recipe=": "strong (default), or paper: what all experiments share",
+    "seed=  name=": "of the training; a name for the run's folder",
+    "data.batch_size=  data.workers=": "samples a step; processes that load them",
+    "optimizer.lr=  trainer.max_epochs=": "learning rate; passes over the training frames",
+    "loss.terms.lovasz.weight=": "of a term of the loss, and loss/class_weights=uniform",
+    "sim.image.width=  grid.shape=": "pixels; voxels; another value is another dataset",
+    "sim.seed=  sim.workers=": "other flights; processes that make them",
+    "paths.data=  paths.runs=": "folders of all datasets and runs; paths.dataset= is one dataset",
+    "ckpt_path=": "best, last or a file, for tasks that need trained weights",
+}
+
+
+def help_text() -> str:
+    """Returns what the program says of itself: fewer than 40 lines."""
+    lines = [
+        "python run.py [task=TASK] [key=value ...]     -m: a run for each of a,b,c",
+        "",
+        "Tasks",
+    ]
+    for task in sorted((ROOT / "conf/task").glob("*.yaml")):
+        lines.append(f"  {task.stem:11} {_purpose(_module(task))}")
+    lines += ["", "Keys that people change"]
+    lines += [f"  {key:34} {meaning}" for key, meaning in KEYS.items()]
+    lines.append(
+        "docs/keys.md has more of them, --cfg job has all, and --hydra-help is Hydra's own help."
+    )
+    return "\n".join(lines)
+
+
+def _module(task: Path) -> str:
+    """Returns the module of the function that a task's file names."""
+    return re.search(r"_target_: (\S+)\.\w+", task.read_text(encoding="utf-8")).group(1)
+
+
+def _purpose(module: str) -> str:
+    """Returns the first line of a module's docstring, without the task's name."""
+    source = (ROOT / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
+    first, *_ = ast.get_docstring(ast.parse(source)).splitlines()
+    return first.partition(": ")[2].rstrip(".")
