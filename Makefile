@@ -52,7 +52,7 @@ lint: setup-dev
 
 # A page of every public class and function, from their docstrings: api/index.html.
 api: setup-dev
-	.venv/bin/python -m pdoc -o api src.geometry src.ontology src.metrics src.metrics.functional \
+	.venv/bin/python -m pdoc -o api src.geometry src.ontology src.metrics \
 		src.models.stream src.models.frame src.models.checkpoint src.models.export src.models.network \
 		src.data.clip src.data.predictions
 

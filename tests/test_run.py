@@ -167,6 +167,12 @@ def require_same_training(folder, other):
 # -------------------------------------------------------------------------------- what a run leaves
 
 
+def protocol_of(folder):
+    """The file of the protocol that all rows of a run's results name."""
+    (digest,) = read_results(folder / "results.csv")["protocol"].unique()
+    return folder / f"protocol-{digest}.json"
+
+
 def test_a_run_leaves_its_folder_complete(finished):
     folder, _ = finished
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
@@ -174,7 +180,7 @@ def test_a_run_leaves_its_folder_complete(finished):
         *("config.yaml", ".version", ".code", "class_weights.json", "metrics.csv", "results.csv"),
         *("checkpoints/best.ckpt", "checkpoints/last.ckpt"),
         *("figures/curves.png", "figures/qualitative.png", "figures/first_epoch.png"),
-        *("scores.csv", "sessions/version_0/metrics.csv"),
+        *("scores.csv", "sessions/version_0/metrics.csv", protocol_of(folder).name),
         *(f"tallies/{name}.npz" for name in ("skyocc", *ANCHORS)),
     }
     assert yaml.safe_load((folder / "config.yaml").read_text())["name"] == "skyocc"
@@ -204,7 +210,7 @@ def test_results_hold_every_score_of_the_model_and_the_anchors_on_every_part(fin
     free = table[table["experiment"] == "all_free"].iloc[0]
     assert free["miou_occupied"] == 0
     assert free["iou/free"] > 0.3
-    protocol = yaml.safe_load(table["protocol"].iloc[0])
+    protocol = yaml.safe_load(protocol_of(finished[0]).read_text())
     assert protocol["grid"]["shape"] == [25, 25, 15]
     assert protocol["metric"]["horizon_s"] == 5.0
     assert protocol["dataset"] == table["dataset"].iloc[0]

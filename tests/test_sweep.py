@@ -39,11 +39,20 @@ SUMMARY = [
 # -------------------------------------------------------------------------------- all jobs are done
 
 
-def test_a_failing_job_does_not_stop_the_others(sweep, done):
+def told(lines):
+    """The lines with which jobs begin, and the others."""
+    jobs = [line for line in lines if line.startswith("job ")]
+    return jobs, [line for line in lines if line not in jobs]
+
+
+def test_a_failing_job_does_not_stop_the_others(sweep, done, tmp_path):
     status, lines, errors = sweep(stub("fail_between_others"), "seed=0,1,2,3")
     assert status == 2
     assert done() == ["custom0", "custom3"]
-    assert lines == SUMMARY
+    jobs, summary = told(lines)
+    assert [line.partition(":")[0] for line in jobs] == [f"job {n} of 4" for n in (1, 2, 3, 4)]
+    assert jobs[2].endswith(f"seed=2 paths.runs={tmp_path}/runs")
+    assert summary == SUMMARY
     assert errors[0] == "error: data.zip: broken; delete it"
     assert "    return 1 / 0" in errors  # a bug keeps its traceback
     assert errors[-1].startswith("error: 2 of 4 jobs failed, for the reasons above; the same")
@@ -52,7 +61,9 @@ def test_a_failing_job_does_not_stop_the_others(sweep, done):
 def test_a_job_sees_its_own_words_and_nothing_of_the_one_before(sweep, tmp_path):
     status, lines, errors = sweep(stub("be_one_of_many"), "seed=0,1")
     assert (status, errors) == (0, [])
-    assert lines[0] == "seed=0: finished, went on after epoch 1 of 2", "what the task says of it"
+    assert told(lines)[1][0] == "seed=0: finished, went on after epoch 1 of 2", (
+        "what the task says of it"
+    )
     for seed in (0, 1):
         typed = (tmp_path / f"runs/custom{seed}").read_text()
         assert typed == f"{stub('be_one_of_many')} seed={seed} paths.runs={tmp_path}/runs"
@@ -74,7 +85,7 @@ def test_ctrl_c_ends_the_sweep_with_a_line(sweep, done):
     status, lines, errors = sweep(stub("be_interrupted"), "seed=0,1,2")
     assert status == 130
     assert done() == ["custom0"]
-    assert lines == []
+    assert told(lines)[1] == []
     assert errors == ["error: interrupted; the same command goes on from what is finished"]
 
 

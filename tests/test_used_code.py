@@ -1,6 +1,7 @@
 """Which code a configuration uses, and what changes its digest; .ci/pythons asks every Python."""
 
 import ast
+import csv
 import shutil
 from pathlib import Path
 
@@ -9,7 +10,8 @@ from omegaconf import OmegaConf
 
 from src import used_code
 from src.data.manifest import DatasetSpec
-from src.run_folder import RunFolder, shaping
+from src.provenance import digest_of
+from src.run_folder import TRAINING, RunFolder, shaping
 from src.used_code import SOURCE, code_of, different_file, file_digest, targets_of
 from tests.synthetic import compose_config
 
@@ -154,3 +156,28 @@ def test_what_is_imported_by_name_at_run_time_is_named_by_the_configuration(conf
 
 def test_files_that_do_not_count_are_there():
     assert all((SOURCE / file).is_file() for file in used_code.NEUTRAL)
+
+
+def test_what_is_finished_stays_finished_or_its_new_name_is_told():
+    """An edit that changes no byte and no bit has a line in src/same_bits.csv, for which two runs
+    were compared; any other one gives new names, which docs/identities.csv tells."""
+    with (Path("docs/identities.csv")).open(newline="") as file:
+        told = {row["of"]: row["now"] for row in csv.DictReader(file)}
+    configs = {}
+    for scale in ("tiny", "small", "ladder", "paper"):
+        cfg = compose_config("+experiment=skyocc", f"scale={scale}")
+        configs[scale] = OmegaConf.to_container(cfg, resolve=True)
+    names = {
+        f"data of scale={scale}": DatasetSpec.of(scale, config["sim"]).root(Path()).name
+        for scale, config in configs.items()
+    }
+    code = code_of([TRAINING, *targets_of(shaping(configs["ladder"]))])
+    assert {**names, "code of a run of the ladder": digest_of(code)} == told
+
+
+def test_only_files_that_are_there_are_the_same_as_older_ones():
+    now = {
+        (path.relative_to(SOURCE).as_posix(), file_digest(path.read_text()))
+        for path in SOURCE.rglob("*.py")
+    }
+    assert set(used_code._same_as()) <= now, "drop what no file has any more"

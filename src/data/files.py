@@ -52,12 +52,12 @@ def array_of(archive: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
     return archive[name]
 
 
-def require_whole(labels: np.ndarray) -> None:
-    """Raises `ValueError` for class ids that are no whole numbers: NaN would become class 0."""
-    if labels.dtype.kind == "f" and not (labels == np.floor(labels)).all():
-        raise ValueError(f"{labels.dtype} with NaN or fractions are no class ids")
-    if labels.dtype.kind not in "iuf":
-        raise ValueError(f"{labels.dtype} are no class ids")
+def fault_of(labels: np.ndarray) -> str:
+    """Says why an array holds no class ids, as NaN would become class 0; empty where it does."""
+    whole = labels.dtype.kind in "iu"
+    if labels.dtype.kind == "f":
+        whole = bool((labels == np.floor(labels)).all())
+    return "" if whole else f"has {labels.dtype} that are no whole numbers, and so no class ids"
 
 
 def files_below(root: Path, name: str) -> list[Path]:

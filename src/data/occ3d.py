@@ -15,7 +15,7 @@ from torch import Tensor
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES, UNKNOWN
-from .files import BROKEN, array_of, files_below, open_npz, require_whole
+from .files import BROKEN, array_of, fault_of, files_below, open_npz
 from .predictions import Inventory
 
 LABELS = "labels.npz"
@@ -106,11 +106,11 @@ class Occ3DFolder:
         try:
             with open_npz(path) as archive:
                 array = array_of(archive, name)
-            if name not in MASKS:
-                require_whole(array)
-            return array
         except BROKEN as error:
             raise UserError(f"{path}: {name} cannot be read ({error})") from error
+        if name not in MASKS and (fault := fault_of(array)):
+            raise UserError(f"{path}: {name} {fault}")
+        return array
 
 
 def _hint(shape: tuple[int, ...], wanted: tuple[int, ...]) -> str:

@@ -20,7 +20,7 @@ from ..atomic import replacing_folder
 from ..errors import UserError, way_out_of
 from ..geometry import tensor_of
 from ..ontology import NUM_CLASSES
-from .files import BROKEN, array_of, files_below, open_npz, require_whole
+from .files import BROKEN, array_of, fault_of, files_below, open_npz
 
 FACTS = "predictions.json"
 LABELS, LOGITS = "occupancy.npz", "logits.npz"
@@ -131,21 +131,20 @@ class Predictions:
 
     def problem_of(self, clip: str, frame: int, shape: tuple[int, int, int]) -> str:
         """Says with the file's name why a frame cannot be scored; empty where it can."""
-        name = f"semantics_{frame:06d}"
+        name, problem = f"semantics_{frame:06d}", ""
         try:
             labels = self._read(clip, LABELS, name)
-            require_whole(labels)
-        except ValueError as error:
+        except UserError as error:
             return str(error)
 
-        if labels.shape != shape:
+        if not_whole := fault_of(labels):
+            problem = not_whole
+        elif labels.shape != shape:
             problem = f"is {list(labels.shape)}, and the grid is {list(shape)}"
         # A prediction says something of every voxel: unknown is no class of it.
         elif labels.min() < 0 or labels.max() >= NUM_CLASSES:
             problem = f"has classes {labels.min():g} to {labels.max():g}, and there are 0 to 8"
-        else:
-            return ""
-        return f"{self.folder / clip / LABELS}: {name} {problem}"
+        return f"{self.folder / clip / LABELS}: {name} {problem}" if problem else ""
 
     def _read(self, clip: str, name: str, array: str) -> np.ndarray:
         path = self.folder / clip / name

@@ -44,7 +44,7 @@ def differing(runs: Sequence[ScoredRun]) -> Values:
     keys = {key for pair in combinations(configs, 2) for key, _, _ in differences(*pair)}
     # A metric that only some of them have changes no score that the others have, too.
     metrics = [set(value_at(config, METRICS) or {}) for config in configs]
-    extra = set().union(*metrics) - set.intersection(*metrics)
+    extra = {name for name in set().union(*metrics) if any(name not in of for of in metrics)}
     keys = {key for key in keys if not is_listed(key, [f"{METRICS}.{name}" for name in extra])}
     order = {key: n for n, key in enumerate(FACTOR_KEYS)}
     ordered = sorted(keys, key=lambda key: (order.get(key, len(order)), key == SEED, key))

@@ -66,4 +66,6 @@ def test_missing_extra_and_corrupt_frames_are_named(tmp_path, semantics):
     inventory = Occ3DFolder(tmp_path, CLASS_MAP, GRID).inventory(wanted)
     assert inventory.missing == ["scene-0001/missing"]
     assert inventory.extra == ["scene-0001/extra"]
-    assert inventory.corrupt == ["scene-0001/cut", "scene-0001/unknown"]
+    cut, unknown = inventory.corrupt
+    assert cut.startswith(f"{tmp_path}/scene-0001/cut/labels.npz: semantics cannot be read")
+    assert unknown.startswith(f"{tmp_path}/scene-0001/unknown/labels.npz: ")

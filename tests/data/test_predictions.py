@@ -11,7 +11,7 @@ SHAPE = (4, 3, 2)
 SAMPLES = [("town/clip00", 3), ("town/clip00", 4), ("town/clip01", 0)]
 CORRUPT = {
     "shape": np.zeros((4, 3, 3), np.uint8),
-    "floats": np.zeros(SHAPE, np.float32),
+    "floats": np.full(SHAPE, 0.5, np.float32),
     "class 9": np.full(SHAPE, 9, np.uint8),
     "negative": np.full(SHAPE, -1, np.int64),
     "pickle": np.array([{}], dtype=object),
@@ -87,10 +87,11 @@ def test_a_frame_that_cannot_be_scored_is_corrupt(folder, kind):
     rewrite(folder, semantics_000003=CORRUPT[kind])
     predictions = Predictions(folder)
     inventory = predictions.inventory(SAMPLES, SHAPE)
-    assert inventory.corrupt == ["town/clip00 semantics_000003"]
+    (problem,) = inventory.corrupt
+    assert problem.startswith(f"{folder}/town/clip00/occupancy.npz: semantics_000003 ")
     assert not inventory.missing
-    assert not predictions.has("town/clip00", 3, SHAPE)
-    assert predictions.has("town/clip00", 4, SHAPE)
+    assert predictions.problem_of("town/clip00", 3, SHAPE) == problem
+    assert predictions.problem_of("town/clip00", 4, SHAPE) == ""
 
 
 @pytest.mark.parametrize("size", [0, 100, -30])
@@ -98,8 +99,9 @@ def test_a_file_that_is_cut_off_is_corrupt(folder, size):
     path = folder / "town/clip00/occupancy.npz"
     path.write_bytes(path.read_bytes()[:size])
     inventory = Predictions(folder).inventory(SAMPLES, SHAPE)
-    assert inventory.corrupt == ["town/clip00/occupancy.npz"]
-    assert not Predictions(folder).has("town/clip00", 3, SHAPE)
+    (problem,) = inventory.corrupt
+    assert problem.startswith(f"{path}: cannot be read")
+    assert Predictions(folder).problem_of("town/clip00", 3, SHAPE)
 
 
 def test_a_flipped_byte_is_found(folder):

@@ -90,7 +90,7 @@ def test_a_ladder_leaves_every_table_in_every_form(ladder, tmp_path, capsys):
     assert max(map(len, said.splitlines()[:-1])) <= 110
     for words in ("Main results, test", "Ablation study, test", "SkyOcc"):
         assert words in said
-    assert said.splitlines()[-1] == str(out)
+    assert said.splitlines()[-1] == f"open {out}/report.html"
 
 
 def test_runs_may_be_named_and_nothing_else_is_then_taken(ladder, tmp_path):

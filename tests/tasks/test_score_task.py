@@ -139,8 +139,8 @@ def without_names(path):
 FOREIGN = {
     "no name": (without_names, "missing.*arr_0"),
     "z, y, x": (rewrite(np.transpose), r"is \[\d+, \d+, \d+\], and the grid is"),
-    "more classes": (rewrite(lambda labels: labels + 15), "has classes 15 to 23"),
-    "NaN": (rewrite(lambda labels: np.full(labels.shape, np.nan, np.float32)), "NaN or fractions"),
+    "more classes": (rewrite(lambda labels: labels + 15), "has classes 1[56] to 23"),
+    "NaN": (rewrite(lambda labels: np.full(labels.shape, np.nan, np.float32)), "no whole numbers"),
     "a pointer": (
         lambda path: path.write_text("version https://git-lfs.github.com"),
         "git lfs pull",

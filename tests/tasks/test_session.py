@@ -85,7 +85,7 @@ def test_its_recipe_is_named_and_its_run_is_found_where_the_command_says_nothing
     torch.save(content, tmp_path / "paper.ckpt")
     own = configured("task=test", f"ckpt_path={tmp_path}/paper.ckpt")
     assert Session(own).checkpoint("test").origin.config["recipe_name"] == own.recipe_name
-    assert own.paths.run.endswith("/runs/tiny-paper/skyocc/seed0")
+    assert own.paths.run == f"{tmp_path}/runs/weights/paper", "in no run of one's own"
 
 
 @pytest.mark.parametrize(
@@ -149,12 +149,14 @@ def test_nothing_is_generated_where_there_is_no_dataset(configured, tmp_path):
     assert not (tmp_path / "runs").exists()
 
 
-def test_export_needs_no_dataset_and_writes_nothing_else(configured, tmp_path):
+def test_export_needs_no_dataset_and_writes_nothing_else(configured, checkpoint, tmp_path):
     cfg = configured("task=export", f"paths.data={tmp_path}/nowhere")
     before = files_below(tmp_path)
     export(cfg, formats=["torch"], frames=5, tolerance=1e-3)
-    written = {f"runs/tiny/skyocc/seed0/export/{name}" for name in (DESCRIPTION, FORMATS["torch"])}
-    assert files_below(tmp_path) - before == written
+    assert not (tmp_path / "runs").exists(), "it goes to the run whose weights they are"
+    folder = checkpoint.parent.parent / "export"
+    assert {path.name for path in folder.iterdir()} == {DESCRIPTION, FORMATS["torch"]}
+    assert files_below(tmp_path) == before
     assert not (tmp_path / "nowhere").exists()
 
 
