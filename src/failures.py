@@ -2,6 +2,8 @@
 
 import errno
 import logging
+import os
+import shutil
 import sys
 import warnings
 from collections.abc import Iterable, Iterator
@@ -47,10 +49,12 @@ HOST_MEMORY = (
     "Caught MemoryError in DataLoader worker",
     "is killed by signal: Killed",
 )
+SHM, NO_ROOM = "/dev/shm", 2**20
 SHARED_MEMORY = (
     "is killed by signal: Bus error",
     "torch_shm_manager",
     "unable to write to file </torch",
+    "unable to allocate shared memory(shm)",
 )
 
 
@@ -132,7 +136,12 @@ def _of_run(cause: BaseException) -> str | None:
 
 def _is_of_shared_memory(cause: BaseException) -> bool:
     """Tells whether the disk that is full is that of the shared memory."""
-    return isinstance(cause, OSError) and str(cause.filename).startswith("/dev/shm")
+    if not isinstance(cause, OSError) or cause.errno != errno.ENOSPC:
+        return False
+    if cause.filename is not None:
+        return str(cause.filename).startswith(SHM)
+    # A semaphore that finds no room has no name.
+    return os.path.isdir(SHM) and shutil.disk_usage(SHM).free < NO_ROOM
 
 
 def _lacks_memory(cause: BaseException, kind: type | tuple[()], phrases: Iterable[str]) -> bool:

@@ -138,6 +138,7 @@ def far_too_much():
 def test_a_shared_memory_that_is_too_small_is_told_so():
     for error in (
         RuntimeError("unable to write to file </torch_12_34_5>: No space left on device (28)"),
+        RuntimeError("unable to allocate shared memory(shm) for file </torch_1>: No space left"),
         RuntimeError("DataLoader worker (pid 3) is killed by signal: Bus error. It is possible"),
         OSError(errno.ENOSPC, "No space left on device", "/dev/shm/pym-12"),
     ):

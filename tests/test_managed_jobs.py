@@ -19,7 +19,7 @@ SLURM = {
     "SLURM_NTASKS": "1",
     **{f"SLURM_{name}": "0" for name in ("PROCID", "LOCALID", "NODEID")},
 }
-QUICK = ("+experiment=skyocc", "trainer.accelerator=cpu", "callbacks.preview=null")
+QUICK = ("+experiment=skyocc", "trainer.accelerator=cpu", "~callbacks.preview")
 
 
 @pytest.fixture(scope="module")
