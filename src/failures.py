@@ -36,6 +36,10 @@ DISK = {
 GENERATORS = ("pybullet", "embreex")
 # In a file's name, these end what Hydra takes for a value.
 QUOTED = "=~ ()&;"
+MERGING = (
+    ": what stands there is of another kind; choose an option of its group whose value is of this "
+    "kind first, as loss/class_weights=manual for class weights"
+)
 GO_ON = "the same command goes on from what is finished"
 SMALLER = (
     "lower data.batch_size and raise trainer.accumulate_grad_batches by the same factor, which "
@@ -181,7 +185,8 @@ def _of_configuration(chain: list[BaseException]) -> str | None:
         if isinstance(cause, ConfigAttributeError):
             return None  # the program asks for a key that no configuration has
         if isinstance(cause, HydraException | OmegaConfBaseException):
-            return " ".join(str(cause).split())
+            message = " ".join(str(cause).split())
+            return message + (MERGING if message.startswith("Error merging override") else "")
     return None
 
 

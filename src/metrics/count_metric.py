@@ -14,7 +14,7 @@ from torchmetrics import Metric
 
 from ..errors import UserError
 from ..geometry import VoxelGrid, tensor_of
-from ..ontology import CLASSES, FREE, NUM_CLASSES
+from ..ontology import CLASSES, FREE, GROUND, NUM_CLASSES, THIN_STRUCTURE
 from ..provenance import digest_of
 from . import functional as F
 from .functional.codes import MAX_CLASSES
@@ -136,10 +136,19 @@ class CountMetric(Metric, ABC):
 
 
 class _Ours(int):
-    """The id of free space in our classes, where nobody has said another."""
+    """The id of one of our classes, where nobody has said another."""
 
 
-OURS = _Ours(FREE)
+OURS, OUR_GROUND, OUR_THIN = _Ours(FREE), _Ours(GROUND), _Ours(THIN_STRUCTURE)
+
+
+def _unsaid(name: str, what: str, num_classes: int) -> UserError:
+    return UserError(
+        f"{name}: which of the {num_classes} classes is {what}? It is known of our {NUM_CLASSES} "
+        "alone"
+    )
+
+
 # In the ``__dict__`` of a metric: the arguments of its constructors.
 MADE = "_made_with"
 
@@ -213,10 +222,7 @@ class VoxelMetric(CountMetric):
                 "prediction share one byte; join classes first"
             )
         if free_index is OURS and num_classes != NUM_CLASSES and self.knows_free:
-            raise UserError(
-                f"free_index: which of the {num_classes} classes is free space? Only of our "
-                f"{NUM_CLASSES} it is {FREE}"
-            )
+            raise _unsaid("free_index", "free space", num_classes)
         if self.knows_free and not 0 <= free_index < num_classes:
             raise UserError(f"free_index: {free_index} must be 0 to {num_classes - 1}")
         if ignore_index is not None and 0 <= ignore_index < num_classes:
@@ -233,6 +239,14 @@ class VoxelMetric(CountMetric):
         # Distances are no buffer: a cast of the whole module to half precision must not round them.
         self.shell_m, shell = F.distance_shells(grid)
         self.register_buffer("shell", shell, persistent=False)
+
+    def require_said(self, name: str, index: int, what: str) -> None:
+        """Raises `UserError` for the id of one of our classes where there are others, and for one
+        that there is not."""
+        if isinstance(index, _Ours) and self.num_classes != NUM_CLASSES:
+            raise _unsaid(name, what, self.num_classes)
+        if not 0 <= index < self.num_classes:
+            raise UserError(f"{name}: {index} must be 0 to {self.num_classes - 1}")
 
     def of_classes(
         self, score: str, values: Float[Tensor, "*n c"], without: Collection[int | None] = ()

@@ -9,9 +9,8 @@ from torch import Tensor
 
 from ..geometry import VoxelGrid
 from ..limits import require_finite
-from ..ontology import GROUND
 from . import functional as F
-from .count_metric import NamedCounts, Scores, VoxelMetric
+from .count_metric import OUR_GROUND, NamedCounts, Scores, VoxelMetric
 from .safety import swept_tube
 
 
@@ -48,13 +47,14 @@ class ObjectMiss(VoxelMetric):
         near_m: float = 2.0,
         seconds: float = 3.0,
         tolerance_m: float = 0.5,
-        ground_index: int = GROUND,
+        ground_index: int = OUR_GROUND,
         **kwargs: Any,
     ) -> None:
         require_finite("near_m", near_m)
         require_finite("seconds", seconds)
         require_finite("tolerance_m", tolerance_m, zero=True)
         super().__init__(grid, *arguments, **kwargs)
+        self.require_said("ground_index", ground_index, "the ground")
         self.near_m, self.seconds = near_m, seconds
         self.tolerance_m, self.ground_index = tolerance_m, ground_index
         self.add_counts(objects=(self.num_classes, 2))

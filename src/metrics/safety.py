@@ -10,9 +10,8 @@ from torch.nn.functional import max_pool3d
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..limits import require_finite
-from ..ontology import THIN_STRUCTURE
 from . import functional as F
-from .count_metric import NamedCounts, Scores
+from .count_metric import OUR_THIN, NamedCounts, Scores
 from .functional.codes import UNCOUNTED
 from .occupancy import ConfusionMetric
 
@@ -67,7 +66,7 @@ class SafetyScores(ConfusionMetric):
         *arguments: Any,
         tube_radius_m: float = 1.0,
         tube_s: float = 2.0,
-        thin_index: int = THIN_STRUCTURE,
+        thin_index: int = OUR_THIN,
         thin_tolerance: int = 1,
         **kwargs: Any,
     ) -> None:
@@ -78,8 +77,7 @@ class SafetyScores(ConfusionMetric):
 
         super().__init__(grid, *arguments, parts=(2,), **kwargs)
         self.add_counts(tube=(2, 2), frames=(4,), thin=(3,))
-        if not 0 <= thin_index < self.num_classes:
-            raise UserError(f"thin_index: {thin_index} must be 0 to {self.num_classes - 1}")
+        self.require_said("thin_index", thin_index, "that of thin structures")
         self.tube_radius_m, self.tube_s = tube_radius_m, tube_s
         self.thin_index, self.thin_tolerance = thin_index, thin_tolerance
 

@@ -7,11 +7,13 @@ from contextlib import suppress
 from importlib import import_module
 from typing import Any, TypedDict
 
+import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
-from ..errors import UserError
+from ..errors import UserError, reason_of
 from ..geometry import VoxelGrid
+from ..ontology import FREE, NUM_CLASSES
 from . import functional as F
 from .by_clip import ByClip
 from .count_metric import CountMetric, NamedCounts
@@ -128,6 +130,35 @@ class ScoreSuite(nn.Module):
             for score in by_clip.metric.scores(by_clip.metric.counts):
                 if owners.setdefault(score, name) != name:
                     raise UserError(f"suite.metrics.{name}: {score} is a score of {owners[score]}")
+
+
+def require_sound(grid: VoxelGrid, suite: Mapping[str, Any]) -> None:
+    """Builds the configured metrics, and scores one made-up frame with those of a user's own.
+
+    Raises `UserError` that names what is wrong, before a training has taken its time.
+    """
+    ScoreSuite(grid, [], suite)
+    frame = GroundTruth(
+        clip=["clip"],
+        semantics=torch.full((1, *grid.shape), FREE, dtype=torch.uint8),
+        velocity_mps=torch.tensor([[5.0, 0.0, 0.0]]),
+        visible=torch.ones(1, *grid.shape, dtype=torch.bool),
+        camera_from_occ=torch.eye(4)[None],
+        pix_from_camera=torch.tensor([[[50.0, 0.0, 50.0], [0.0, 50.0, 50.0], [0.0, 0.0, 1.0]]]),
+        size_pix=(100, 100),
+    )
+    for name, entry in suite["metrics"].items():
+        if name in STANDARD:
+            continue
+        try:
+            alone = ScoreSuite(grid, ["clip"], {**suite, "metrics": {name: entry}})
+            alone.update(torch.zeros(1, NUM_CLASSES, *grid.shape), frame)
+            alone.scores()
+        except Exception as error:  # whatever a class of a user's own raises
+            raise UserError(
+                f"suite.metrics.{name}: fails on a frame ({reason_of(error)}); what it is given, "
+                "docs/metrics.md says"
+            ) from error
 
 
 def import_metrics(suite: Mapping[str, Any]) -> None:

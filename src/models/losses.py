@@ -135,8 +135,8 @@ def _require_one_a_class(key: str, weights: Float[Tensor, "n"]) -> None:
     sound = weights.isfinite().all() and (weights >= 0).all() and weights.sum() > 0
     if len(weights) != NUM_CLASSES or not sound:
         raise UserError(
-            f"{key}: {weights.tolist()}; give {NUM_CLASSES} numbers of 0 or more, one a class: "
-            f"{', '.join(CLASSES)}"
+            f"{key}: {weights.tolist()} are {len(weights)}; give {NUM_CLASSES} numbers of 0 or "
+            f"more, one of them above, for {', '.join(CLASSES)}"
         )
 
 

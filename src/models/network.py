@@ -86,6 +86,11 @@ class SkyOcc(nn.Module):
         super().__init__()
         require_choice("model.history", history, get_args(HistoryKind))
 
+        if not hasattr(backbone, "channels"):
+            raise UserError(
+                f"model/backbone: {type(backbone).__name__} does not state its channels, those of "
+                "the maps at strides 4, 8, 16 and 32; docs/extending.md says what an encoder has"
+            )
         dim = encoder.dim
         self.backbone, self.encoder, self.decoder = backbone, encoder, decoder
         self.neck = FPN(backbone.channels, dim, encoder.reads_strides)

@@ -128,7 +128,7 @@ def beyond_table(part: Part) -> Table:
     """
     scored = set(part.scores["score"])
     columns = [Column(score, *named) for score, named in BEYOND.items() if score in scored]
-    columns += [Column(score, score) for score in part.own_scores]
+    columns += [Column(score, score, best="") for score in part.own_scores]
     text = (
         f"{PERCENT} docs/metrics.md describes them. The collision-miss rate and the false-free "
         "rate are lowest for what calls everything occupied: read them with the IoU."

@@ -19,6 +19,11 @@ FACTORS = {
     "loss.terms.cross_entropy.class_weights": "loss.class_weights",
     "loss.terms.lovasz.weight": "loss.lovasz_weight",
 }
+# Where else the projection stands, which follows the factor.
+FOLLOWERS = (
+    *("data.parallax.projection", "model.evidence.projection"),
+    "model.sight.parallax.projection",
+)
 # Keys whose values a report shows also where all runs share them.
 SHOWN = (
     *("trainer.max_epochs", "trainer.limit_train_batches", "trainer.devices"),
@@ -27,7 +32,7 @@ SHOWN = (
     *("data.mirror", "data.frames"),
 )
 # Keys in which rungs may differ; a rung without the Lovász loss has nothing under its name.
-FACTOR_KEYS = tuple(dict.fromkeys(chain(*FACTORS.items(), ["loss.terms.lovasz"])))
+FACTOR_KEYS = tuple(dict.fromkeys(chain(*FACTORS.items(), ["loss.terms.lovasz"], FOLLOWERS)))
 # Letters of a value in a table; values are compared as a whole.
 LONGEST = 60
 

@@ -71,7 +71,8 @@ def evaluate(session: Session, module: OccupancyModule, folder: RunFolder) -> No
 
 def show(folder: RunFolder, cfg: DictConfig) -> None:
     """Prints the main scores of a run, and where everything else is."""
-    then = f"python run.py task=report scale={cfg.scale_name}"
+    elsewhere = "" if cfg.paths.runs == "runs" else f" paths.runs={cfg.paths.runs}"
+    then = f"python run.py task=report scale={cfg.scale_name}{elsewhere}"
     print_summary(folder.path, cfg.name, then)
     say(f"Predictions beside the ground truth: {folder.figures}")
 

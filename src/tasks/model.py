@@ -7,7 +7,7 @@ from omegaconf import DictConfig, OmegaConf
 from ..data.datamodule import SkyShieldData
 from ..errors import UserError
 from ..geometry import VoxelGrid
-from ..metrics.suite import ScoreSuite
+from ..metrics.suite import require_sound
 from ..models.backbone import require_maps
 from ..models.checkpoint import Origin
 from ..models.ground import require_height
@@ -107,4 +107,4 @@ def require_buildable(cfg: DictConfig) -> None:
     if getattr(network, "parallax", None) is not None:
         network.parallax.strides(cfg.sim.capture_hz)
     grid = VoxelGrid(**OmegaConf.to_container(cfg.grid, resolve=True))
-    ScoreSuite(grid, [], score_settings(cfg)[1])
+    require_sound(grid, score_settings(cfg)[1])

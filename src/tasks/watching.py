@@ -55,10 +55,9 @@ class Progress(Callback):
         )
 
     def on_test_start(self, trainer: Trainer, module: LightningModule) -> None:
-        batches = sum(trainer.num_test_batches)
         if trainer.is_global_zero:
-            say(f"scoring the test split: {batches} batches")
-        self._show(trainer, "scoring the test split", batches)
+            say("scoring the test split")
+        self._show(trainer, "scoring the test split", sum(trainer.num_test_batches))
 
     def on_test_batch_end(self, trainer: Trainer, *batch: Any) -> None:
         self._meter.advance()

@@ -212,3 +212,12 @@ def test_free_space_is_asked_for_where_the_classes_are_not_ours():
     assert KARMeanIoU(GRID).free_index == 8
     with pytest.raises(UserError, match="share one byte"):
         KARMeanIoU(GRID, num_classes=16, free_index=0)
+
+
+def test_every_class_that_a_metric_names_is_asked_for():
+    others = {"num_classes": 12, "free_index": 11}
+    with pytest.raises(UserError, match="thin_index: which of the 12 classes"):
+        SafetyScores(GRID, **others)
+    with pytest.raises(UserError, match="ground_index: which of the 12 classes"):
+        ObjectMiss(GRID, **others)
+    assert SafetyScores(GRID, **others, thin_index=3).thin_index == 3

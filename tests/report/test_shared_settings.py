@@ -61,6 +61,17 @@ def test_a_clean_ladder_shares_all_but_its_factors_and_the_seed(run):
     assert "trainer.limit_train_batches" not in dict(table.rows), "none of them has it"
 
 
+def test_the_composed_ladder_is_clean(run):
+    """The projection stands in four places, of which three follow the factor: they were alarms."""
+    runs = []
+    for name in PAPER.names:
+        cfg = compose_config("scale=tiny", f"+experiment={name}")
+        composed = OmegaConf.to_container(cfg, resolve=True)
+        changes = {key: composed[key] for key in ("model", "data", "loss", "suite")}
+        runs.append(run(name, **changes))
+    assert surprises(runs) == {}
+
+
 def test_long_values_are_compared_to_their_end_and_told_short(run):
     place = "a/place/of/many/words/" * 5
     runs = [

@@ -7,8 +7,10 @@ import pytest
 import torch
 from rich.console import Console
 
+from src.errors import UserError
 from src.metrics.count_metric import CountMetric
 from src.metrics.protocol import Protocol, require_same_protocol
+from src.metrics.suite import require_sound
 from src.report.ladder_report import ladder_report
 from src.report.run_group import group_of
 from src.results.counts import parts_of
@@ -16,6 +18,7 @@ from src.results.files import write_scores
 from src.results.summary import print_summary, summary_of
 from src.run_folder import ANCHORS, NO_RECIPE
 from tests.results.scored import (
+    GRID,
     UNSEEN,
     counts,
     ladder_of,
@@ -114,3 +117,12 @@ def test_runs_with_and_without_an_own_metric_stand_in_one_report(tmp_path):
     assert not report.unclean.rows
     (settings,) = [table for table in report.facts if table.key == "settings"]
     assert not [name for name, _ in settings.rows if "suite.metrics" in name]
+
+
+def test_an_own_metric_that_fails_is_refused_before_the_training():
+    """A wrong value of its argument ended a training with a traceback, at its scoring."""
+    suite = protocol().suite
+    require_sound(GRID, {**suite, "metrics": {**suite["metrics"], "own": TARGET}})
+    wrong = {**suite["metrics"], "own": {**TARGET, "below": "quick"}}
+    with pytest.raises(UserError, match=r"^suite\.metrics\.own: fails on a frame"):
+        require_sound(GRID, {**suite, "metrics": wrong})
