@@ -1,6 +1,7 @@
 """A volume that stands on the world's ground plane, and what of it the occ frame's grid sees."""
 
 import math
+from collections.abc import Sequence
 
 import torch
 from jaxtyping import Float
@@ -36,7 +37,7 @@ def occ_from_ground(height_m: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 
 
 
 def require_height(
-    name: str, height_m: Float[Tensor, "*n"], heights_m: tuple[float, float] | None
+    name: str, height_m: Float[Tensor, "*n"], heights_m: Sequence[float] | None
 ) -> None:
     """Raises `UserError` for heights beyond those that a network knows; ``None``: it knows all."""
     lowest_m, highest_m = heights_m or (-math.inf, math.inf)
