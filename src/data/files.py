@@ -5,7 +5,6 @@ import os
 import resource
 import zipfile
 import zlib
-from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -71,19 +70,22 @@ class OpenArchives:
     that it may have open. A fork begins with none: it would move a file position that it shares."""
 
     def __init__(self) -> None:
-        self._opened_by, self._archives = -1, OrderedDict()
+        self._opened_by, self._archives = -1, {}
 
     def get(self, key: Hashable, open_archive: Callable[[], Any]) -> Any:
         """Returns the archive of that key, which ``open_archive`` opens where it is not open."""
         if self._opened_by != os.getpid():
-            self._opened_by, self._archives = os.getpid(), OrderedDict()
-        if key not in self._archives:
+            self._opened_by, self._archives = os.getpid(), {}
+
+        archive = self._archives.pop(key, None)
+        if archive is None:
             soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+            # What is let go closes itself, once no other thread reads it.
             while self._archives and 2 * len(self._archives) >= soft != resource.RLIM_INFINITY:
-                self._archives.popitem(last=False)[1].close()
-            self._archives[key] = open_archive()
-        self._archives.move_to_end(key)
-        return self._archives[key]
+                self._archives.pop(next(iter(self._archives)), None)
+            archive = open_archive()
+        self._archives[key] = archive  # now the last one
+        return archive
 
 
 @contextmanager

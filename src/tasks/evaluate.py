@@ -18,7 +18,7 @@ from ..ontology import FREE
 from ..results import files
 from ..results.counts import Counts, parts_of
 from ..results.summary import print_summary
-from ..run_folder import ANCHORS, NO_RECIPE, RunFolder
+from ..run_folder import ANCHORS, NO_RECIPE, UNKNOWN_RECIPE, RunFolder
 from ..terminal import metered, say, tracked
 from .scoring import protocol_of, suite_of
 from .session import Session
@@ -71,9 +71,12 @@ def evaluate(session: Session, module: OccupancyModule, folder: RunFolder) -> No
 
 def show(folder: RunFolder, cfg: DictConfig) -> None:
     """Prints the main scores of a run, and where everything else is."""
-    elsewhere = "" if cfg.paths.runs == "runs" else f" paths.runs={cfg.paths.runs}"
-    then = f"python run.py task=report scale={cfg.scale_name}{elsewhere}"
-    print_summary(folder.path, cfg.name, then)
+    words = [f"scale={cfg.scale_name}"]
+    if cfg.recipe_name not in ("strong", UNKNOWN_RECIPE):
+        words.append(f"recipe={cfg.recipe_name}")
+    if cfg.paths.runs != "runs":
+        words.append(f"paths.runs={cfg.paths.runs}")
+    print_summary(folder.path, cfg.name, f"python run.py task=report {' '.join(words)}")
     say(f"Predictions beside the ground truth: {folder.figures}")
 
 

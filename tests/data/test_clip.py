@@ -24,7 +24,7 @@ from src.data.clip import (
     poses_of,
     recorded_sums,
 )
-from src.data.files import sha256_of
+from src.data.files import OpenArchives, sha256_of
 from src.errors import UserError
 from src.geometry import VoxelGrid
 from tests.synthetic import meta_of
@@ -288,6 +288,17 @@ def test_many_clips_need_no_more_files_than_there_may_be(folder):
             assert clip.semantics(0).shape == SHAPE
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
+def test_an_archive_that_a_thread_still_reads_is_not_closed(folder, monkeypatch):
+    """The card of a dataset reads its clips from several threads."""
+    archives = OpenArchives()
+    mine = archives.get("mine", lambda: np.load(folder / "occupancy.npz"))
+    monkeypatch.setattr("src.data.files.resource.getrlimit", lambda _: (2, 2))
+    other = archives.get("other", lambda: np.load(folder / "occupancy.npz"))
+    assert archives.get("other", lambda: None) is other
+    assert archives.get("mine", lambda: None) is None, "it was let go"
+    assert mine["semantics_000000"].shape == SHAPE
 
 
 # ------------------------------------------------------------- what says nothing about the bytes
