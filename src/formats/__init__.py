@@ -1,1 +1,7 @@
-"""Labels in the formats of other tools: writers, and readers where they can be scored."""
+"""Labels in the formats of other tools: writers, and readers of what can be scored."""
+
+from .occ3d import Occ3D
+from .occufly import OccuFly
+from .semantickitti import SemanticKitti
+
+LABEL_FORMATS = {each.name: each() for each in (Occ3D, SemanticKitti, OccuFly)}

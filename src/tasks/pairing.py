@@ -1,4 +1,4 @@
-"""Predictions beside their ground truth, in our layout or in Occ3D's."""
+"""Predictions beside their ground truth, in our layout or in another tool's."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,13 +7,16 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 from torch import Tensor
 
-from ..data.occ3d import MASKS, Occ3DFolder
 from ..data.predictions import FACTS, Inventory, Predictions
 from ..data.truth import SkyShieldTruth
-from ..errors import UserError
+from ..errors import UserError, closest
+from ..formats import LABEL_FORMATS
+from ..formats.folder import LabelFolder
+from ..formats.layout import LAYOUT, layout_beside
 from ..geometry import VoxelGrid
 from ..limits import require_choice
 from ..metrics.protocol import SUPERVISED, VISIBLE
+from ..provenance import digest_of
 from .dataset import root_of
 
 Sample = tuple[str, int] | tuple[str, str]
@@ -24,16 +27,10 @@ class SkyShieldPairing:
 
     def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
         require_choice("layout.mask", cfg.layout.mask, ("supervised", "visible"))
-        root = Path(cfg.dataset) if cfg.dataset else root_of(cfg)
         self._predictions = Predictions(folder)
-        self.dataset, self.facts = root.name, self._predictions.facts
-        if self.facts.get("dataset", self.dataset) != self.dataset:
-            raise UserError(
-                f"{folder}: these are predictions of {self.facts['dataset']}, not of "
-                f"{self.dataset}; name the dataset that they were made on, as dataset=DIR"
-            )
-
-        self._truth = SkyShieldTruth(root, part, _held_out(self.facts, folder))
+        self.facts = self._predictions.facts
+        self._truth = truth_for(cfg, part, self._predictions)
+        self.dataset = self._truth.name
         self._visible = cfg.layout.mask == "visible"
         self.mask = VISIBLE if self._visible else SUPERVISED
         self.grid = self._truth.grid
@@ -55,6 +52,25 @@ class SkyShieldPairing:
         return labels[None], truth, None if logits is None else logits[None]
 
 
+def truth_for(cfg: DictConfig, part: str, predictions: Predictions | None) -> SkyShieldTruth:
+    """Returns the labels of ``dataset`` (null: the configured one), as the split of the predictions
+    has them.
+
+    Raises `UserError` for predictions of another dataset, and as `SkyShieldTruth` does.
+    """
+    root = Path(cfg.dataset) if cfg.dataset else root_of(cfg)
+    if predictions is None:
+        return SkyShieldTruth(root, part)
+
+    facts, folder = predictions.facts, predictions.folder
+    if facts.get("dataset", root.name) != root.name:
+        raise UserError(
+            f"{folder}: these are predictions of {facts['dataset']}, not of {root.name}; name the "
+            "dataset that they were made on, as dataset=DIR"
+        )
+    return SkyShieldTruth(root, part, _held_out(facts, folder))
+
+
 def _held_out(facts: Mapping[str, object], folder: Path) -> dict[str, list[str]] | None:
     """Returns the clips that the split of the predictions holds out, where they say so."""
     held_out = facts.get("held_out")
@@ -69,30 +85,40 @@ def _held_out(facts: Mapping[str, object], folder: Path) -> dict[str, list[str]]
         ) from error
 
 
-class Occ3DPairing:
-    """Predictions and ground truth in Occ3D's layout; the configuration states the rest."""
+class FormatPairing:
+    """Predictions and ground truth in another tool's format; the configuration states the rest.
 
-    unseen: frozenset[str] = frozenset()
+    Where the labels have a ``layout.json``, as `task=export_labels` writes, that states it.
+    """
 
     def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
-        layout = OmegaConf.to_container(cfg.layout, resolve=True)
-        for key in ("class_map", "grid", "velocity_mps"):
-            if layout.get(key) is None:
-                raise UserError(f"layout.{key}: Occ3D's files do not say it; state the one to take")
+        of, layout = LABEL_FORMATS[cfg.layout.name], OmegaConf.to_container(cfg.layout)
         if cfg.dataset is None:
-            raise UserError("dataset: name the folder with Occ3D's labels, as dataset=DIR")
+            raise UserError(f"dataset: name the folder with labels of {of.name}, as dataset=DIR")
 
-        require_choice("layout.mask", layout["mask"], (*MASKS, "supervised"))
+        root = Path(cfg.dataset)
+        truth = layout | layout_beside(root, of.name)
+        for key in ("class_map", "grid", "velocity_mps"):
+            if truth.get(key) is None:
+                raise UserError(
+                    f"layout.{key}: files of {of.name} do not say it; state the one to take"
+                )
+        require_choice("layout.mask", layout["mask"], (*of.masks, "supervised"))
 
-        self.grid = VoxelGrid(**layout["grid"])
-        self._truth = Occ3DFolder(Path(cfg.dataset), layout["class_map"], self.grid)
-        self._predictions = Occ3DFolder(folder, layout["class_map"], self.grid)
-        self._velocity = torch.tensor([layout["velocity_mps"]], dtype=torch.float64)
+        self.grid = VoxelGrid(**truth["grid"])
+        self._truth = LabelFolder(of, root, truth["class_map"], self.grid)
+        theirs = (layout | layout_beside(folder, of.name))["class_map"]
+        self._predictions = LabelFolder(of, folder, theirs, self.grid, predicted=True)
+        self._velocity_mps, self._layout = truth["velocity_mps"], root / LAYOUT
 
+        self._masked = layout["mask"] in of.masks
         self._mask = layout["mask"]
-        # None of this is in Occ3D's files, so that scores depend on what was stated.
-        stated = {key: layout[key] for key in ("class_map", "velocity_mps")}
+        # None of this is in the files themselves, so that scores depend on what was stated.
+        stated = {key: truth[key] for key in ("class_map", "velocity_mps")}
+        if isinstance(self._velocity_mps, Mapping):
+            stated["velocity_mps"] = f"of each frame, {digest_of(self._velocity_mps)}"
         self.mask = f"{self._mask}, {stated}"
+        self.unseen = frozenset(truth.get("unseen", ()))
         self.dataset, self.samples = self._truth.name, self._truth.samples
         self.facts: Mapping[str, object] = {"name": folder.name}
 
@@ -103,16 +129,34 @@ class Occ3DPairing:
         return not self._predictions.problem_of(*sample)
 
     def frame(self, sample: Sample) -> tuple[Tensor, dict, None]:
-        """Returns predicted labels and their target, batches of one; Occ3D has no logits."""
+        """Returns predicted labels and their target, batches of one; there are no logits.
+
+        Raises `UserError` for a frame whose velocity ``layout.json`` does not give.
+        """
+        velocity_mps = self._velocity_mps
+        if isinstance(velocity_mps, Mapping):
+            velocity_mps = velocity_mps.get("/".join(sample))
+        if velocity_mps is None:
+            raise UserError(f"{self._layout}: velocity_mps: has no {'/'.join(sample)}; add it")
+
         truth = {
             "clip": [sample[0]],
             "semantics": self._truth.labels(*sample)[None],
-            "velocity_mps": self._velocity,
+            "velocity_mps": torch.tensor([velocity_mps], dtype=torch.float64),
         }
-        if self._mask in MASKS:
+        if self._masked:
             truth["mask"] = self._truth.mask(*sample, self._mask)[None]
         return self._predictions.labels(*sample)[None], truth, None
 
 
-Pairing = SkyShieldPairing | Occ3DPairing
-LAYOUTS: dict[str, type[Pairing]] = {"skyshield": SkyShieldPairing, "occ3d": Occ3DPairing}
+Pairing = SkyShieldPairing | FormatPairing
+
+
+class _Layouts(dict[str, type[Pairing]]):
+    def __missing__(self, name: str) -> type[Pairing]:
+        raise UserError(
+            f"layout.name: {name!r}{closest(str(name), self)} there are {', '.join(self)}"
+        )
+
+
+LAYOUTS = _Layouts(skyshield=SkyShieldPairing, **dict.fromkeys(LABEL_FORMATS, FormatPairing))

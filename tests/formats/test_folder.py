@@ -1,16 +1,21 @@
-"""Occ3D's layout: classes, grid and masks as stated, and refused where they do not fit."""
+"""Folders in Occ3D's format: classes, grid and masks as stated, refused where they do not fit."""
 
 import numpy as np
 import pytest
 
-from src.data.occ3d import Occ3DFolder
 from src.errors import UserError
+from src.formats import LABEL_FORMATS
+from src.formats.folder import LabelFolder
 from src.geometry import VoxelGrid
 from src.ontology import CAR, FREE, GROUND, UNKNOWN
 
 GRID = VoxelGrid((-2, -2, -1), (2, 2, 1), (4, 4, 2))
 CLASS_MAP = ["ground", "car", "unknown", "free"]
 FRAME = ("scene-0001", "abc")
+
+
+def occ3d_folder(root, class_map, grid):
+    return LabelFolder(LABEL_FORMATS["occ3d"], root, class_map, grid)
 
 
 def write(root, scene="scene-0001", token="abc", **arrays):
@@ -28,7 +33,7 @@ def semantics():
 @pytest.fixture
 def folder(tmp_path, semantics):
     write(tmp_path, semantics=semantics, mask_camera=semantics == 1, mask_lidar=semantics)
-    return Occ3DFolder(tmp_path, CLASS_MAP, GRID)
+    return occ3d_folder(tmp_path, CLASS_MAP, GRID)
 
 
 def test_their_classes_become_ours_and_masks_are_read_by_name(folder, semantics):
@@ -51,9 +56,9 @@ def test_a_frame_that_the_map_or_the_grid_does_not_fit_is_refused(tmp_path, fold
 
 def test_a_name_that_is_no_class_and_a_folder_without_frames_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"^layout\.class_map: 'kar'"):
-        Occ3DFolder(tmp_path, ["kar"], GRID)
+        occ3d_folder(tmp_path, ["kar"], GRID)
     with pytest.raises(UserError, match=r"<scene>/<token>/labels\.npz"):
-        Occ3DFolder(tmp_path, CLASS_MAP, GRID)
+        occ3d_folder(tmp_path, CLASS_MAP, GRID)
 
 
 def test_missing_extra_and_corrupt_frames_are_named(tmp_path, semantics):
@@ -63,7 +68,7 @@ def test_missing_extra_and_corrupt_frames_are_named(tmp_path, semantics):
     write(tmp_path, token="unknown", semantics=semantics)
     write(tmp_path, token="cut", semantics=full).write_bytes(b"PK")
     wanted = [("scene-0001", token) for token in ("sound", "missing", "unknown", "cut")]
-    inventory = Occ3DFolder(tmp_path, CLASS_MAP, GRID).inventory(wanted)
+    inventory = occ3d_folder(tmp_path, CLASS_MAP, GRID).inventory(wanted)
     assert inventory.missing == ["scene-0001/missing"]
     assert inventory.extra == ["scene-0001/extra"]
     cut, unknown = inventory.corrupt
