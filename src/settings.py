@@ -13,6 +13,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 
 from .data.batches import ORDERS
 from .data.dataset import HISTORY, history_stride
+from .data.manifest import MANIFEST, read_manifest
 from .data.rates import require_rates
 from .dotted import is_listed
 from .errors import UserError
@@ -176,6 +177,7 @@ def do_task(cfg: DictConfig, hydra: DictConfig) -> object:
     add_named_weathers(cfg, hydra)
     expand_home(cfg)
     task, cfg = instantiate(cfg.task), adopted(cfg, hydra.overrides.task)
+    fit_to_recording(cfg, hydra.overrides.task)
     # As run.py begins. What is imported and composed by now stays, so no search for garbage looks
     # through it; but what an earlier job of a sweep has left is garbage.
     if not gc.isenabled():
@@ -210,6 +212,29 @@ def add_named_weathers(cfg: DictConfig, hydra: DictConfig) -> None:
             continue
         with open_dict(cfg):
             cfg.sim.weather[name] = added.sim.weather[name]
+
+
+def fit_to_recording(cfg: DictConfig, overrides: Sequence[str]) -> None:
+    """Gives a configuration the rate, the image size, the grid and the held-out clips of the
+    dataset that ``paths.dataset`` names, where task=annotate has made it.
+
+    What the command line sets stays, and so does the grid of a checkpoint's network.
+    """
+    if not cfg.paths.dataset or not (Path(cfg.paths.dataset) / MANIFEST).is_file():
+        return
+    manifest = read_manifest(Path(cfg.paths.dataset))
+    if "source" not in manifest:
+        return
+
+    made, held_out = manifest["sim"], manifest["held_out"]
+    values = {"sim.capture_hz": made["capture_hz"], "sim.image": made["image"]}
+    values |= {f"data.{part}_clips": held_out[part] for part in ("val", "test")}
+    if cfg.ckpt_path in (None, "best", "last"):
+        values["grid"] = made["grid"]
+    said = [each.key_or_group for each in OverridesParser.create().parse_overrides([*overrides])]
+    for key, value in values.items():
+        if key not in said:
+            OmegaConf.update(cfg, key, value, merge=True, force_add=True)
 
 
 def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:

@@ -29,17 +29,23 @@ PACKAGES = (
 GENERATOR, TOWNS = "src.sim.generate", "src.sim.towns"
 # Settings of ``sim`` that change no byte of a clip.
 NOT_SHAPING = ("workers", "dry_run", "shards", "shard")
+# What clips are like, whoever made them.
+SHAPE = ("grid", "capture_hz")
 # A setting of ``sim`` that came later, and the value with which it is as if it were not there.
 OFF = {"town_seeds": 1}
 
 
 @dataclass(frozen=True)
 class DatasetSpec:
-    """A dataset's specification: the settings and the code of its generator."""
+    """A dataset's specification: the settings and the code of its generator.
+
+    Of clips that were annotated in somebody's recording, ``source`` says in which and how.
+    """
 
     scale: str
     sim: dict
     generator: str
+    source: dict | None = None
 
     @classmethod
     def of(cls, scale: str, sim: Mapping) -> "DatasetSpec":
@@ -56,7 +62,7 @@ class DatasetSpec:
 
     @property
     def digest(self) -> str:
-        return digest_of([self.sim, self.generator])
+        return digest_of([self.sim, self.generator, *filter(None, [self.source])])
 
     def root(self, data_folder: Path) -> Path:
         """Returns ``<data folder>/<scale>-<hash of everything that shapes the data>``."""
@@ -80,6 +86,7 @@ def write_manifest(root: Path, spec: DatasetSpec, clip_ids: Sequence[str], split
         "scale": spec.scale,
         "sim": spec.sim,
         "generator": spec.generator,
+        **({"source": spec.source} if spec.source else {}),
         "packages": versions,
         "split": {part: len(frames) for part, frames in split.items()},
         "held_out": held_out_clips(split),
@@ -120,7 +127,12 @@ def read_manifest(root: Path) -> dict:
 
 def require_same_data(root: Path, spec: DatasetSpec) -> None:
     """Refuses a dataset that was made under other settings than the ones asked for."""
-    made, wanted = dict(read_manifest(root)["sim"]), dict(spec.sim)
+    manifest = read_manifest(root)
+    made, wanted = dict(manifest["sim"]), dict(spec.sim)
+    if "source" in manifest:
+        # No simulator made it, so only what its clips are like counts.
+        wanted = {key: each for key, each in wanted.items() if key in SHAPE}
+        made = {key: made[key] for key in SHAPE}
     if "weather" not in made or "weather" not in wanted:
         # An older dataset or checkpoint names its weathers, whose values were code.
         made.pop("weather", None)

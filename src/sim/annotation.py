@@ -158,7 +158,8 @@ def vote_camera(view: FrontView, grid: VoxelGrid) -> Int[np.ndarray, "X Y Z 8"]:
     occ_from_pix[:, :3] = occ_from_pix[:, :3] @ torch.linalg.inv(view.pix_from_camera)
     to_u, to_v, to_one, origin_m = occ_from_pix.numpy().T
 
-    row, column = np.nonzero(np.isfinite(view.depth_m))
+    # A pixel whose class is not known hides what is behind it, and votes for nothing.
+    row, column = np.nonzero(np.isfinite(view.depth_m) & (view.class_id < FREE))
     u, v, depth_m = column[:, None] + 0.5, row[:, None] + 0.5, view.depth_m[row, column, None]
     points_m = origin_m + depth_m * (to_u * u + to_v * v + to_one)
     votes = np.zeros((*grid.shape, FREE), dtype=np.int32)

@@ -3,32 +3,29 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 import pandas as pd
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
-from ..data.clip import ACTOR_COLUMNS, ClipMeta, ClipWriter, poses_of
+from ..data.clip import ClipMeta, ClipWriter, poses_of
 from ..data.rates import frames_per_clip
 from ..errors import UserError
 from ..geometry import VoxelGrid, front_mount, pinhole
 from .air import apply_weather
-from .annotation import FrontView, Labels, label_frame
+from .annotation import FrontView, Labels
 from .flight import Flight, FlightConfig
-from .fusion import ActorMap, StaticMap
+from .observation import Annotator, Observation, actor_table
 from .pilot import STEP_HZ
-from .scene import Scene, count_by_actor
-from .sensors import scan
+from .scene import Scene, SceneActor
+from .sensors import Scan, scan
 from .staging import ClipPlan, generator_for, stage_clip
 from .traffic import TrafficConfig
 from .weather import Weather
 from .world import Rendering, World
-
-# No sensor is mounted farther than this from the UAV's center.
-SENSOR_REACH_M = 1.0
 
 Config = TypeVar("Config", FlightConfig, TrafficConfig)
 Image = UInt8[np.ndarray, "h w 3"]
@@ -36,18 +33,64 @@ OnImage = Callable[[int, Image, Rendering], None]
 
 
 @dataclass(frozen=True)
-class Observation:
-    """A clip as it was flown, all that its sensors measured, fused, and by captured frame.
+class SimulatedClip:
+    """A clip of the simulator as a `Recording`: its flight, its scene, and its weather."""
 
-    ``lidar_returns`` counts how often a frame's own scan met each actor.
-    """
-
-    frames: pd.DataFrame
+    maker: "ClipMaker"
+    plan: ClipPlan
+    flight: Flight
     scene: Scene
-    static: StaticMap
-    actors: ActorMap
-    views: list[FrontView]
-    lidar_returns: list[dict[int, int]]
+    on_image: OnImage
+
+    @cached_property
+    def frames(self) -> pd.DataFrame:
+        return self.flight.table(self.capture_hz)
+
+    @property
+    def capture_hz(self) -> float:
+        return self.maker.sim["capture_hz"]
+
+    @property
+    def position_m(self) -> Float[np.ndarray, "t 3"]:
+        return self.flight.position_m
+
+    @property
+    def actors(self) -> tuple[SceneActor, ...]:
+        return self.scene.actors
+
+    def step_of(self, frame: int) -> int:
+        return self.maker.step_of(frame)
+
+    def scan_at(self, frame: int) -> int:
+        return round(frame * self.maker.sim["lidar_hz"] / self.capture_hz)
+
+    def scans(self) -> Iterator[tuple[int, list[Scan]]]:
+        """Runs both LiDARs over the clip."""
+        sim = self.maker.sim
+        for index in range(frames_per_clip(sim["lidar_hz"])):
+            step = round(index * STEP_HZ / sim["lidar_hz"])
+            pose = self.flight.world_from_body[step]
+            yield step, scan(self.scene, step, pose, sim["lidar_rays"], index, self.maker.range_m)
+
+    def views(self) -> Iterator[FrontView]:
+        """Renders every frame, hands its image over, and yields the camera's measurements."""
+        maker, plan = self.maker, self.plan
+        weather = Weather.of(maker.sim, plan.weather)
+        camera = maker.pix_from_camera, *maker.size
+        # The annotation uses the very transforms that readers of the clip's files will compute.
+        transforms = poses_of(self.frames)
+        with World(self.scene, *camera, maker.sim["renderer"]) as world:
+            for frame, world_from_body in enumerate(transforms):
+                world_from_camera = world_from_body @ maker.body_from_camera
+                rendering = world.render(maker.step_of(frame), world_from_camera, weather)
+
+                # Rain and noise differ from frame to frame, and depend on no frame before.
+                rng = generator_for(maker.sim["seed"], "air", plan.town, plan.index, frame)
+                matrices = world_from_camera, maker.pix_from_camera
+                self.on_image(frame, apply_weather(rendering, *matrices, weather, rng), rendering)
+                mount = maker.body_from_camera, maker.pix_from_camera
+                images = rendering.depth_m, rendering.class_id, rendering.actor_id
+                yield FrontView(world_from_body, *mount, *images)
 
 
 class ClipMaker:
@@ -68,6 +111,8 @@ class ClipMaker:
         )
         self.flight = _configured(FlightConfig, "sim.flight", sim["flight"])
         self.traffic = _configured(TrafficConfig, "sim.traffic", sim["traffic"])
+        settings = self.range_m, sim["camera_stride"], sim["lidar_hz"]
+        self.annotator = Annotator(self.grid, *settings)
 
     def make(self, plan: ClipPlan, on_frame: Callable[[], None]) -> None:
         """Writes the clip's folder; ``on_frame`` is called as frames are finished."""
@@ -77,7 +122,7 @@ class ClipMaker:
                 labels = self.label(observation, frame)
                 writer.add_labels(frame, labels.semantics, labels.visible)
                 on_frame()
-            writer.add_tables(observation.frames, self._actor_table(observation))
+            writer.add_tables(observation.recording.frames, actor_table(observation))
 
     def stage(self, plan: ClipPlan) -> tuple[Flight, Scene]:
         """Returns the clip's flight, and the scene that it flies through."""
@@ -89,96 +134,15 @@ class ClipMaker:
 
         ``on_image`` is called with every frame's number, image and rendering.
         """
-        flight, scene = self.stage(plan)
-        observation = Observation(
-            flight.table(self.sim["capture_hz"]), scene, *self._maps(flight), [], []
-        )
-        returns = self._scan(flight, observation)
-
-        for frame, view in enumerate(self._film(plan, observation, on_image)):
-            self._fuse_view(view, frame, observation)
-            # A frame's own scan is the one nearest in time.
-            nearest = round(frame * self.sim["lidar_hz"] / self.sim["capture_hz"])
-            observation.views.append(view)
-            observation.lidar_returns.append(returns[min(nearest, len(returns) - 1)])
-
-        observation.static.freeze()
-        observation.actors.freeze()
-        return observation
+        return self.annotator.observe(SimulatedClip(self, plan, *self.stage(plan), on_image))
 
     def label(self, observation: Observation, frame: int) -> Labels:
         """Returns the labels of one frame of an observation."""
-        view, returns = observation.views[frame], observation.lidar_returns[frame]
-        maps = observation.static, observation.actors
-        actors_now = observation.scene.actors, self.step_of(frame)
-        return label_frame(view, self.grid, *maps, *actors_now, returns)
+        return self.annotator.label(observation, frame)
 
     def step_of(self, frame: int) -> int:
         """Returns the simulation's step at which a frame is captured."""
         return round(frame * STEP_HZ / self.sim["capture_hz"])
-
-    # ------------------------------------------------------------------------------ annotation
-
-    def _maps(self, flight: Flight) -> tuple[StaticMap, ActorMap]:
-        """Returns empty maps over all that the sensors and the grids of a clip can reach."""
-        # The grid turns with the UAV's yaw, so its farthest corner may lie in any direction.
-        corners_m = np.array([self.grid.lower_m, self.grid.upper_m])
-        reach_m = float(np.hypot(*np.abs(corners_m[:, :2]).max(axis=0)))
-        below_m = np.array([-reach_m, -reach_m, min(corners_m[0, 2], -SENSOR_REACH_M)])
-        above_m = np.array([reach_m, reach_m, max(corners_m[1, 2], SENSOR_REACH_M)])
-
-        lower_m = flight.position_m.min(axis=0) + below_m
-        upper_m = flight.position_m.max(axis=0) + above_m
-        return StaticMap(lower_m, upper_m, self.grid.voxel_m / 2), ActorMap()
-
-    def _scan(self, flight: Flight, observation: Observation) -> list[dict[int, int]]:
-        """Runs both LiDARs over the clip; returns how often each scan met each actor."""
-        lidar_returns = []
-        for index in range(frames_per_clip(self.sim["lidar_hz"])):
-            step = round(index * STEP_HZ / self.sim["lidar_hz"])
-            world_from_body, rays = flight.world_from_body[step], self.sim["lidar_rays"]
-            scans = scan(observation.scene, step, world_from_body, rays, index, self.range_m)
-            for each in scans:
-                observation.static.add(each, self.range_m)
-                observation.actors.add(each, observation.scene.actors, step)
-            actor_id = np.concatenate([each.hits.actor_id for each in scans])
-            lidar_returns.append(count_by_actor(actor_id))
-        return lidar_returns
-
-    def _fuse_view(self, view: FrontView, frame: int, observation: Observation) -> None:
-        """Fuses the camera at no more than the LiDARs' rate.
-
-        All its pixels give points; every ``camera_stride``-th gives the free space along its ray.
-        """
-        if frame % math.ceil(self.sim["capture_hz"] / self.sim["lidar_hz"]) == 0:
-            sparse = view.rays(self.sim["camera_stride"], self.range_m)
-            every = view.rays(1, self.range_m)
-            observation.static.add(sparse, self.range_m)
-            observation.static.add_points(every)
-            observation.actors.add(every, observation.scene.actors, self.step_of(frame))
-
-    # -------------------------------------------------------------------------- images, tables
-
-    def _film(
-        self, plan: ClipPlan, observation: Observation, on_image: OnImage
-    ) -> Iterator[FrontView]:
-        """Renders every frame, hands its image over, and yields the camera's measurements."""
-        weather = Weather.of(self.sim, plan.weather)
-        camera = self.pix_from_camera, *self.size
-        # The annotation uses the very transforms that readers of the clip's files will compute.
-        transforms = poses_of(observation.frames)
-        with World(observation.scene, *camera, self.sim["renderer"]) as world:
-            for frame, world_from_body in enumerate(transforms):
-                world_from_camera = world_from_body @ self.body_from_camera
-                rendering = world.render(self.step_of(frame), world_from_camera, weather)
-
-                # Rain and noise differ from frame to frame, and depend on no frame before.
-                rng = generator_for(self.sim["seed"], "air", plan.town, plan.index, frame)
-                matrices = world_from_camera, self.pix_from_camera
-                on_image(frame, apply_weather(rendering, *matrices, weather, rng), rendering)
-                mount = self.body_from_camera, self.pix_from_camera
-                images = rendering.depth_m, rendering.class_id, rendering.actor_id
-                yield FrontView(world_from_body, *mount, *images)
 
     def _write_images(
         self, writer: ClipWriter, frame: int, image: Image, rendering: Rendering
@@ -201,33 +165,6 @@ class ClipMaker:
             body_from_camera=self.body_from_camera,
             grid=self.grid,
         )
-
-    def _actor_table(self, observation: Observation) -> pd.DataFrame:
-        """Returns every actor at every frame: the rows of ``actors.csv``."""
-        frames = np.arange(len(observation.views))
-        steps = [self.step_of(frame) for frame in frames.tolist()]
-        visible_pixels = [view.visible_pixels for view in observation.views]
-
-        tables = []
-        for actor in observation.scene.actors:
-            transforms, velocity_mps = actor.world_from_actor[steps], actor.velocity_mps[steps]
-            columns = {
-                "frame": frames,
-                "actor_id": actor.actor_id,
-                "type": actor.type,
-                "class_id": actor.class_id,
-                **dict(zip(("x_m", "y_m", "z_m"), transforms[:, :3, 3].T)),
-                **dict(zip(("vx_mps", "vy_mps", "vz_mps"), velocity_mps.T)),
-                **dict(zip(("length_m", "width_m", "height_m"), actor.size_m)),
-                "yaw_rad": np.arctan2(transforms[:, 1, 0], transforms[:, 0, 0]),
-                "visible_pixels": [pixels.get(actor.actor_id, 0) for pixels in visible_pixels],
-            }
-            tables.append(pd.DataFrame(columns))
-
-        # An empty table joined to others would change the types of their columns.
-        if not tables:
-            return pd.DataFrame(columns=ACTOR_COLUMNS)
-        return pd.concat(tables).sort_values(["frame", "actor_id"], ignore_index=True)
 
 
 def _configured(kind: type[Config], key: str, settings: Mapping) -> Config:

@@ -1,6 +1,6 @@
 """Where labels of VRUs and visible actors are lost, and what each remedy would change.
 
-    python -m studies.world.lost_labels [--clips TOWN/CLIP...] [--every N] [--out FILE] [OVERRIDE...]
+    python -m studies.world.lost_labels [--clips CLIP...] [--every N] [--out FILE] [OVERRIDE...]
 
 Makes some clips again in memory, and compares every ``--every``-th frame's labels with the surfaces
 of the scene. A remedy is another election, or other settings of ``sim``; what it changes is printed
@@ -21,7 +21,8 @@ from src.data.actors import MIN_VISIBLE_SHARE
 from src.ontology import CLASSES, FREE, UNKNOWN, VRU
 from src.results.files import write_table
 from src.sim import annotation
-from src.sim.clip_maker import ClipMaker, Observation
+from src.sim.clip_maker import ClipMaker
+from src.sim.observation import Observation
 from src.sim.plan import plan_clips
 from src.sim.voxel_kernels import elect
 from src.terminal import say, tracked
@@ -79,7 +80,7 @@ class Losses:
         semantics = maker.label(seen, frame).semantics
         mount = maker.body_from_camera, maker.pix_from_camera, *maker.size
         camera = Camera(view.world_from_body, *mount)
-        truth = SurfaceTruth.of(seen.scene, step, camera, maker.grid)
+        truth = SurfaceTruth.of(seen.recording.scene, step, camera, maker.grid)
         self.agreement.add(semantics, truth)
         held = truth.holds[..., VRU] & (semantics != UNKNOWN)
         self.labels.update(semantics[held].tolist())
@@ -87,10 +88,10 @@ class Losses:
         enough = MIN_VISIBLE_SHARE * maker.size[0] * maker.size[1]
         supported = [
             actor
-            for actor in seen.scene.actors
+            for actor in seen.recording.actors
             if annotation.is_supported(actor, view, seen.lidar_returns[frame])
         ]
-        for actor in seen.scene.actors:
+        for actor in seen.recording.actors:
             pixels = view.visible_pixels.get(actor.actor_id, 0)
             middle_m = actor.world_from_actor[step][:3, 3] + (0, 0, actor.size_m[2] / 2)
             corner = view.camera_from_occ.numpy() @ view.occ_from_world @ (*middle_m, 1.0)

@@ -20,7 +20,8 @@ from src.report.view import Frustum
 from src.report.voxels import PALETTE, render_voxels, view_of
 from src.sim.annotation import FrontView as View
 from src.sim.annotation import elect, is_supported, vote_actors, vote_camera
-from src.sim.clip_maker import ClipMaker, ClipPlan, Observation
+from src.sim.clip_maker import ClipMaker, ClipPlan
+from src.sim.observation import Observation
 from src.sim.sensors import scan
 from studies.world.shot import entropy
 
@@ -90,7 +91,9 @@ def _returns(maker: ClipMaker, seen: Observation, frame: int, image: Pixels) -> 
     """The LiDAR returns of the frame's own scan that lie in the image, over it."""
     view, sim = seen.views[frame], maker.sim
     world_from_body, step = view.world_from_body.numpy(), maker.step_of(frame)
-    scans = scan(seen.scene, step, world_from_body, sim["lidar_rays"], frame, maker.range_m)
+    scans = scan(
+        seen.recording.scene, step, world_from_body, sim["lidar_rays"], frame, maker.range_m
+    )
     points_m = np.concatenate([each.points_m(each.hits.actor_id >= 0) for each in scans])
     height, width = view.depth_m.shape
     camera_from_world = inverse(view.world_from_body @ view.body_from_camera)
@@ -145,7 +148,7 @@ def _all_votes(maker: ClipMaker, seen: Observation, frame: int) -> Int[np.ndarra
     """Votes for all surfaces that any signal speaks for, in the image or not."""
     view, returns = seen.views[frame], seen.lidar_returns[frame]
     votes = _static_votes(maker, seen, view) + vote_camera(view, maker.grid)
-    supported = [body for body in seen.scene.actors if is_supported(body, view, returns)]
+    supported = [body for body in seen.recording.actors if is_supported(body, view, returns)]
     vote_actors(votes, view, maker.grid, seen.actors, supported, maker.step_of(frame))
     return votes
 

@@ -1,0 +1,186 @@
+"""Layout ``carla``: a folder of images as CARLA saves them, and a JSON of what its API tells.
+
+``<flight>/frames.json`` has ``version``, ``fov_deg``, and of every frame ``time_s``, the
+``camera``'s transform and, optionally, the ``actors``: in CARLA's metres and degrees. Images are in
+``rgb/``, ``depth/`` and ``semantic/`` or ``instance/``; returns of a semantic LiDAR, optionally, in
+``lidar/*.bin``, of which each frame tells the transform as ``lidar``.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+
+from ..errors import UserError, reason_of
+from ..geometry import front_mount, pinhole, rigid, rotation_from_euler, transform
+from ..ontology import ACTOR_TYPES, UNKNOWN
+from ..sim.scene import ScanHits
+from ..sim.sensors import Scan
+from .classes import ClassTable
+from .flight import LEFT_HANDED, ActorTrack, Camera, RecordedFlight, require_frames
+from .pictures import files_of, read_channels, read_rgb, require_depth, size_of
+from .plain import folders_with
+
+FRAMES = "frames.json"
+# What the three bytes of a depth image reach.
+FAR_M = 1000.0
+SKY_M = 999.0
+# Tags changed here.
+FIRST_VERSION = (0, 9, 14)
+POINT = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z", "cos")] + [("index", "<u4"), ("tag", "<u4")]
+)
+
+
+@dataclass
+class CarlaFlight(RecordedFlight):
+    """A flight of the layout. ``files`` are its images, by folder; ``lidar`` its poses."""
+
+    files: dict[str, list[Path]]
+    classes: ClassTable
+    world_from_lidar: Sequence[np.ndarray]
+
+    def image(self, frame: int) -> UInt8[np.ndarray, "h w 3"]:
+        return read_rgb(self.files["rgb"][frame], self.camera.size_pix)
+
+    def depth_m(self, frame: int) -> Float[np.ndarray, "h w"]:
+        path = self.files["depth"][frame]
+        red, green, blue = np.moveaxis(
+            read_channels(path, self.camera.size_pix, "RGB").astype(np.float64), -1, 0
+        )
+        depth_m = (red + 256 * green + 65536 * blue) / (2**24 - 1) * FAR_M
+        far = (depth_m >= SKY_M) | self._classes(frame)[1]
+        return np.where(far, np.inf, require_depth(path, depth_m)).astype(np.float32)
+
+    def class_id(self, frame: int) -> UInt8[np.ndarray, "h w"]:
+        return self._classes(frame)[0]
+
+    def scans(self, frame: int) -> list[Scan]:
+        if "lidar" not in self.files:
+            return []
+        path, world_from_lidar = self.files["lidar"][frame], self.world_from_lidar[frame]
+        raw = path.read_bytes()
+        if len(raw) % POINT.itemsize:
+            raise UserError(f"{path}: is no list of points of {POINT.itemsize} bytes each")
+        points = np.frombuffer(raw, POINT)
+        # Sensor-local and left-handed, hits only.
+        local_m = np.stack([points["x"], -points["y"], points["z"]], axis=1).astype(np.float64)
+        away_m = transform(world_from_lidar, local_m) - world_from_lidar[:3, 3]
+        distance_m = np.linalg.norm(away_m, axis=1)
+        class_id = self.classes.of(path, points["tag"].astype(np.int64)[None])[0][0]
+        kept = (distance_m > 0) & (class_id != UNKNOWN)
+        directions = away_m[kept] / distance_m[kept, None]
+        hits = ScanHits(distance_m[kept], class_id[kept], np.zeros(int(kept.sum()), np.int32))
+        return [Scan(world_from_lidar[:3, 3], directions, hits)]
+
+    def _classes(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
+        path = self.files["class"][frame]
+        # The tag is the red channel of semantic and of instance images.
+        tags = read_channels(path, self.camera.size_pix, "RGB")[..., 0].astype(np.int64)
+        return self.classes.of(path, tags)
+
+
+@dataclass
+class CarlaLayout:
+    """Reads the layout ``carla``. ``classes`` lists CARLA's tags, as `ClassTable` takes them."""
+
+    classes: dict
+    unmatched: list[str] = field(init=False, default_factory=list)
+
+    def flights(self, folder: Path) -> list[RecordedFlight]:
+        """Returns the flights of a folder. Raises `UserError` where there is none."""
+        table = ClassTable(self.classes)
+        return [_flight(each, table) for each in folders_with(folder, FRAMES)]
+
+
+def _flight(folder: Path, table: ClassTable) -> CarlaFlight:
+    path = folder / FRAMES
+    told = _read(path)
+    version = tuple(int(part) for part in str(told["version"]).split(".")[:3])
+    if version < FIRST_VERSION:
+        raise UserError(
+            f"{path}: is of CARLA {told['version']}, whose tags are not those since 0.9.14; "
+            "give layout.classes its tags and set version to 0.9.14"
+        )
+
+    by_instance = (folder / "instance").is_dir()
+    files = {
+        "rgb": files_of(folder / "rgb", ".png", ".jpg"),
+        "depth": files_of(folder / "depth", ".png"),
+        "class": files_of(folder / ("instance" if by_instance else "semantic"), ".png"),
+    }
+    if (folder / "lidar").is_dir():
+        files["lidar"] = files_of(folder / "lidar", ".bin")
+    frames = told["frames"]
+    for paths in files.values():
+        require_frames(path, paths, len(frames))
+
+    try:
+        time_s = np.array([float(each["time_s"]) for each in frames])
+        poses = torch.stack([matrix_of(each["camera"]) for each in frames])
+        lidar = [matrix_of(each["lidar"]).numpy() for each in frames] if "lidar" in files else []
+        tracks = _tracks(frames)
+    except (KeyError, TypeError, ValueError) as error:
+        raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
+
+    size_pix = size_of(files["rgb"][0])
+    camera = Camera(
+        pinhole(*size_pix, np.deg2rad(told["fov_deg"])), front_mount((0.0, 0.0, 0.0)), size_pix
+    )
+    own = folder.name, folder, time_s, poses, camera
+    return CarlaFlight(*own, files, table, lidar, tracks=tracks)
+
+
+def matrix_of(told: Mapping[str, float]) -> torch.Tensor:
+    """Returns our world from an actor's or sensor's own frame, of a transform as CARLA tells it:
+    ``x y z`` in metres, ``roll pitch yaw`` in degrees, left-handed."""
+    angles = [np.deg2rad(float(told[name])) for name in ("roll", "pitch", "yaw")]
+    # Mirrored in y, as its place is: roll stays, pitch and yaw turn the other way.
+    signed = torch.tensor(angles, dtype=torch.float64) * torch.tensor([1.0, -1.0, -1.0])
+    place_m = torch.tensor([float(told[name]) for name in "xyz"], dtype=torch.float64)
+    return rigid(rotation_from_euler(*signed), LEFT_HANDED[:3, :3] @ place_m)
+
+
+def _tracks(frames: Sequence[Mapping]) -> list[ActorTrack]:
+    """Returns the boxes of all actors. ``box`` is a box's middle in its actor's frame: a walker's
+    origin is in the middle of its body, a vehicle's on the road."""
+    rows: dict[int, dict[int, Mapping]] = {}
+    for number, frame in enumerate(frames):
+        for actor in frame.get("actors", ()):
+            rows.setdefault(int(actor["id"]), {})[number] = actor
+
+    tracks = []
+    for actor_id, by_frame in sorted(rows.items()):
+        first = next(iter(by_frame.values()))
+        size_m = tuple(2 * float(first["extent"][name]) for name in "xyz")
+        position_m = np.full((len(frames), 3), np.nan)
+        yaw_rad = np.full(len(frames), np.nan)
+        for number, actor in by_frame.items():
+            world_from_actor = matrix_of(actor).numpy()
+            middle = actor.get("box", {"x": 0.0, "y": 0.0, "z": 0.0})
+            local_m = np.array([[middle["x"], -middle["y"], middle["z"] - size_m[2] / 2]])
+            position_m[number] = transform(world_from_actor, local_m)[0]
+            yaw_rad[number] = np.arctan2(world_from_actor[1, 0], world_from_actor[0, 0])
+        kind = str(first["type"])
+        tracks.append(ActorTrack(actor_id, kind, _class_of(kind), size_m, position_m, yaw_rad))
+    return tracks
+
+
+def _class_of(kind: str) -> int:
+    if kind not in ACTOR_TYPES:
+        raise ValueError(f"actor type {kind!r}; there are {', '.join(ACTOR_TYPES)}")
+    return ACTOR_TYPES[kind]
+
+
+def _read(path: Path) -> dict:
+    try:
+        told = json.loads(path.read_text())
+        if missing := {"version", "fov_deg", "frames"} - set(told):
+            raise ValueError(f"no {', '.join(sorted(missing))} in it")
+        return told
+    except (OSError, ValueError, TypeError) as error:
+        raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
