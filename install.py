@@ -30,6 +30,15 @@ import ensurepip, venv
 print("with venv")
 """
 
+MACHINES = ("x86_64", "aarch64")
+# What draws the data: these have wheels for Linux on x86_64 alone, where pyproject.toml lists them.
+RENDERERS = ("pybullet", "embreex")
+LOOK_FOR = """
+import sys
+from importlib.util import find_spec
+print(*(name for name in sys.argv[1:] if find_spec(name) is None))
+"""
+
 FREE_GB = 3.0
 # Variables that pip reads, any of which may be what is wrong.
 INDEXES = ("PIP_INDEX_URL", "PIP_EXTRA_INDEX_URL", "PIP_FIND_LINKS", "PIP_NO_INDEX")
@@ -42,7 +51,10 @@ class Refusal(Exception):
 
 
 def main(extra: str) -> None:
-    """Leaves a whole ``.venv``. One that is whole already is left as it is, without a word."""
+    """Leaves a whole ``.venv``. One that is whole already is left as it is, without a word.
+
+    A machine that cannot draw is told so each time: tasks that must draw refer to this line.
+    """
     require_writable()
     # Of two commands at once one installs, and the other one waits for it here.
     folder = os.open(ROOT, os.O_RDONLY)
@@ -51,6 +63,7 @@ def main(extra: str) -> None:
         complete(extra)
     finally:
         os.close(folder)
+    tell_of_lack()
 
 
 def complete(extra: str) -> None:
@@ -148,19 +161,33 @@ def require_writable() -> None:
 
 
 def require_platform() -> None:
-    """Refuses a machine for which there are no wheels."""
+    """Refuses a machine for which PyTorch has no wheels, or whose system is another one."""
     system, machine = platform.system(), platform.machine()
-    if (system, machine) != ("Linux", "x86_64"):
+    if system != "Linux" or machine not in MACHINES:
         raise Refusal(
-            f"this is {system} on {machine}, and pybullet and embreex, which draw the data, have "
-            "wheels for Linux on x86_64 alone; make data on such a machine (pip install -e . "
-            "brings what trains and flies on them)"
+            f"this is {system} on {machine}, and SkyShield wants Linux on {' or '.join(MACHINES)}; "
+            "take such a machine, or a container with Linux"
         )
     libc, version = platform.libc_ver()
     if libc != "glibc" or tuple(map(int, version.split(".")[:2])) < (2, 28):
         raise Refusal(
             f"the system's C library is {libc or 'not glibc'} {version}, and PyTorch's wheels need "
             "glibc 2.28 or later; take a newer distribution, or one that has glibc"
+        )
+
+
+def tell_of_lack() -> None:
+    """Says what works and what does not where ``.venv`` lacks a package that draws the data."""
+    machine = platform.machine()
+    if machine == "x86_64":
+        return
+    # Somebody may have built them here.
+    lacking = run([str(OWN_PYTHON), "-c", LOOK_FOR, *RENDERERS]).stdout.split()
+    if lacking:
+        say(
+            f"{' and '.join(lacking)}, which draw data, have no wheels for {machine}: task=generate, "
+            "look, fly and annotate do not work here, nor fit without a finished dataset; streams, "
+            "task=watch, predict, score and test do, and fit with paths.dataset=DIR"
         )
 
 

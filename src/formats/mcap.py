@@ -5,7 +5,7 @@ alpha and the id of its class. Free and unknown voxels are transparent, and keep
 """
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -79,95 +79,87 @@ class McapWriter:
 
         Raises `UserError` for labels of another grid.
         """
-        time_ns = round(time_s * 1e9)
+        self._time_ns = round(time_s * 1e9)
         world_from_body = np.asarray(world_from_body, np.float64)
-        for parent, child, parent_from_child in (
-            ("world", "body", world_from_body),
-            ("body", "camera", self._body_from_camera),
-            ("world", "occ", world_from_occ(world_from_body)),
-        ):
-            self._log("/tf", time_ns, self._frame_transform(parent, child, parent_from_child))
+        self._log_transform("world", "body", world_from_body)
+        self._log_transform("body", "camera", self._body_from_camera)
+        self._log_transform("world", "occ", world_from_occ(world_from_body))
 
-        self._log("/camera/calibration", time_ns, self._calibration())
+        self._log_calibration()
         if image is not None:
-            self._log("/camera/image", time_ns, self._image(image))
+            encoded = io.BytesIO()
+            Image.fromarray(image).save(encoded, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+            content = {"frame_id": "camera", "format": "jpeg", "data": encoded.getvalue()}
+            self._log("/camera/image", "CompressedImage", **content)
         for name, each in labels.items():
-            self._log(f"/{name}", time_ns, self._voxels(name, np.asarray(each)))
+            self._log_voxels(name, np.asarray(each))
 
-    def _log(self, topic: str, time_ns: int, message: tuple[str, dict]) -> None:
-        """Writes a message of a type, given by its name, to the topic's channel."""
-        kind, content = message
+    def _log(self, topic: str, kind: str, **content: object) -> None:
+        """Writes a message of a kind to the topic's channel."""
         if topic not in self._channels:
             channel = getattr(self._sdk.channels, f"{kind}Channel")
             self._channels[topic] = channel(topic, context=self._context)
-        sec, nsec = divmod(time_ns, 10**9)
+        sec, nsec = divmod(self._time_ns, 10**9)
         stamp = self._sdk.messages.Timestamp(sec=sec, nsec=nsec)
-        whole = getattr(self._sdk.messages, kind)(timestamp=stamp, **content)
-        self._channels[topic].log(whole, log_time=time_ns)
+        message = getattr(self._sdk.messages, kind)(timestamp=stamp, **content)
+        self._channels[topic].log(message, log_time=self._time_ns)
 
-    def _frame_transform(
+    def _log_transform(
         self, parent: str, child: str, parent_from_child: Float[np.ndarray, "4 4"]
-    ) -> tuple[str, dict]:
-        return "FrameTransform", {
-            "parent_frame_id": parent,
-            "child_frame_id": child,
-            "translation": self._vector(parent_from_child[:3, 3]),
-            "rotation": self._quaternion(quat_from_rotation(parent_from_child[:3, :3])),
-        }
+    ) -> None:
+        self._log(
+            "/tf",
+            "FrameTransform",
+            parent_frame_id=parent,
+            child_frame_id=child,
+            translation=self._vector(parent_from_child[:3, 3]),
+            rotation=self._quaternion(quat_from_rotation(parent_from_child[:3, :3])),
+        )
 
-    def _calibration(self) -> tuple[str, dict]:
+    def _log_calibration(self) -> None:
         intrinsics = self._pix_from_camera.copy()
         intrinsics[:2, 2] -= OURS_FROM_OPENCV_PIX
-        return "CameraCalibration", {
-            "frame_id": "camera",
-            "width": self.size_pix[0],
-            "height": self.size_pix[1],
-            "K": intrinsics.flatten().tolist(),
-            "R": np.eye(3).flatten().tolist(),
-            "P": np.pad(intrinsics, ((0, 0), (0, 1))).flatten().tolist(),
-        }
+        matrices = {"K": intrinsics, "R": np.eye(3), "P": np.pad(intrinsics, ((0, 0), (0, 1)))}
+        self._log(
+            "/camera/calibration",
+            "CameraCalibration",
+            frame_id="camera",
+            width=self.size_pix[0],
+            height=self.size_pix[1],
+            **{name: matrix.flatten().tolist() for name, matrix in matrices.items()},
+        )
 
-    def _image(self, image: UInt8[np.ndarray, "h w 3"]) -> tuple[str, dict]:
-        encoded = io.BytesIO()
-        Image.fromarray(image).save(encoded, "JPEG", quality=JPEG_QUALITY)
-        return "CompressedImage", {
-            "frame_id": "camera",
-            "format": "jpeg",
-            "data": encoded.getvalue(),
-        }
-
-    def _voxels(self, name: str, labels: UInt8[np.ndarray, "X Y Z"]) -> tuple[str, dict]:
+    def _log_voxels(self, name: str, labels: UInt8[np.ndarray, "X Y Z"]) -> None:
         if labels.shape != self.grid.shape:
             raise UserError(
                 f"{self.path}: {name} is {list(labels.shape)}, and the grid is "
                 f"{list(self.grid.shape)}; give labels of this grid"
             )
-        kinds, (columns, rows, _) = self._sdk.messages, self.grid.shape
-        uint8 = kinds.PackedElementFieldNumericType.Uint8
-        return "VoxelGrid", {
-            "frame_id": "occ",
-            "pose": kinds.Pose(
-                position=self._vector(self.grid.lower_m),
-                orientation=self._quaternion((0.0, 0.0, 0.0, 1.0)),
-            ),
-            "cell_size": self._vector([self.grid.voxel_m] * 3),
-            "row_count": rows,
-            "column_count": columns,
-            "cell_stride": len(FIELDS),
-            "row_stride": len(FIELDS) * columns,
-            "slice_stride": len(FIELDS) * columns * rows,
-            "fields": [
-                kinds.PackedElementField(name=field, offset=offset, type=uint8)
-                for offset, field in enumerate(FIELDS)
+        sdk, (columns, rows, _), stride = self._sdk.messages, self.grid.shape, len(FIELDS)
+        uint8, level = sdk.PackedElementFieldNumericType.Uint8, self._quaternion([0, 0, 0, 1])
+        self._log(
+            f"/{name}",
+            "VoxelGrid",
+            frame_id="occ",
+            pose=sdk.Pose(position=self._vector(self.grid.lower_m), orientation=level),
+            cell_size=self._vector([self.grid.voxel_m] * 3),
+            row_count=rows,
+            column_count=columns,
+            cell_stride=stride,
+            row_stride=stride * columns,
+            slice_stride=stride * columns * rows,
+            fields=[
+                sdk.PackedElementField(name=each, offset=offset, type=uint8)
+                for offset, each in enumerate(FIELDS)
             ],
             # x runs fastest, then y, then z.
-            "data": CELLS[labels.transpose(2, 1, 0)].tobytes(),
-        }
+            data=CELLS[labels.transpose(2, 1, 0)].tobytes(),
+        )
 
-    def _vector(self, xyz: Float[np.ndarray, "3"] | tuple[float, ...] | list[float]) -> object:
+    def _vector(self, xyz: Sequence[float] | np.ndarray) -> object:
         return self._sdk.messages.Vector3(**dict(zip("xyz", map(float, xyz))))
 
-    def _quaternion(self, xyzw: Float[np.ndarray, "4"] | tuple[float, ...]) -> object:
+    def _quaternion(self, xyzw: Sequence[float] | np.ndarray) -> object:
         return self._sdk.messages.Quaternion(**dict(zip("xyzw", map(float, xyzw))))
 
 

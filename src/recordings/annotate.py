@@ -59,7 +59,7 @@ def _stride(recorded_hz: float, wanted_hz: float | None) -> tuple[int, float]:
     even = stride > 0 and math.isclose(ratio, stride, rel_tol=0.01)
     if not even or not math.isclose(of_clip, round(of_clip), rel_tol=0.001):
         raise UserError(
-            f"task.rate_hz: {rate_hz:g} of a recording of {recorded_hz:g} Hz; give its rate, or that "
+            f"task.rate_hz: {rate_hz:g} of a recording of {recorded_hz:g} Hz; give that, or that "
             f"divided by a whole number, with whole frames in {CLIP_SECONDS:g} s"
         )
     return stride, round(of_clip) / CLIP_SECONDS
@@ -86,7 +86,7 @@ def clips_by_name(
         ):
             if ours != theirs:
                 raise UserError(
-                    f"{clip.flight.folder}: {what}: {theirs}, and those of {first.flight.folder} are "
+                    f"{clip.flight.folder}: {what}: {theirs}, and {first.flight.folder} has "
                     f"{ours}; annotate them apart"
                 )
     return found
