@@ -185,9 +185,10 @@ def tell_of_lack() -> None:
     lacking = run([str(OWN_PYTHON), "-c", LOOK_FOR, *RENDERERS]).stdout.split()
     if lacking:
         say(
-            f"{' and '.join(lacking)}, which draw data, have no wheels for {machine}: task=generate, "
-            "look, fly and annotate do not work here, nor fit without a finished dataset; streams, "
-            "task=watch, predict, score and test do, and fit with paths.dataset=DIR"
+            f"{' and '.join(lacking)}, which draw data, have no wheels for {machine}: "
+            "task=generate, look, fly and annotate do not work here, nor fit without a finished "
+            "dataset; streams, task=watch, predict, score, test and export do, and fit with "
+            "paths.dataset=DIR"
         )
 
 

@@ -5,9 +5,11 @@ import os
 import shutil
 import subprocess
 import sys
+from importlib.metadata import requires
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 import install
 from tests.sessions import ROOT
@@ -111,8 +113,9 @@ def test_the_first_supported_one_is_taken_and_the_others_are_listed(
 @pytest.mark.parametrize(
     ("system", "machine", "libc", "named"),
     [
-        ("Linux", "aarch64", ("glibc", "2.36"), "Linux on aarch64"),
-        ("Darwin", "arm64", ("", ""), "Darwin on arm64"),
+        ("Linux", "ppc64le", ("glibc", "2.36"), "Linux on ppc64le"),
+        ("Linux", "aarch64", ("glibc", "2.27"), r"glibc 2\.27"),
+        ("Darwin", "arm64", ("", ""), "Darwin on arm64.*container with Linux"),
         ("Linux", "x86_64", ("", ""), "not glibc"),
         ("Linux", "x86_64", ("glibc", "2.17"), "glibc 2.17"),
     ],
@@ -124,6 +127,47 @@ def test_a_machine_without_wheels_is_refused(monkeypatch, system, machine, libc,
     with pytest.raises(install.Refusal, match=named) as refusal:
         install.require_platform()
     assert "\n" not in str(refusal.value)
+
+
+@pytest.fixture
+def on_arm(monkeypatch):
+    """Linux on a small ARM machine, as a Jetson."""
+    monkeypatch.setattr(install.platform, "system", lambda: "Linux")
+    monkeypatch.setattr(install.platform, "machine", lambda: "aarch64")
+    monkeypatch.setattr(install.platform, "libc_ver", lambda: ("glibc", "2.35"))
+
+
+def test_without_what_draws_an_installation_goes_on_and_says_what_works(
+    on_arm, installed, monkeypatch, capsys
+):
+    # Absent here, as this machine may have the real ones; one name stands for what is there.
+    monkeypatch.setattr(install, "RENDERERS", ("absent_bullet", "json", "absent_embree"))
+    assert installed() == ["made", "installed "]
+    *_, line = capsys.readouterr().out.splitlines()
+    assert line.startswith("setup: absent_bullet and absent_embree, which draw data")
+    no, yes = line.split(" do not work here")
+    assert {"task=generate", "look", "fly", "annotate"} <= {*no.replace(",", "").split()}
+    assert {"streams", "predict", "score", "paths.dataset=DIR"} <= {*yes.replace(",", "").split()}
+
+    assert installed() == []
+    assert capsys.readouterr().out.splitlines() == [line], "a task that must draw points here"
+    monkeypatch.setattr(install, "RENDERERS", ("json",))
+    assert installed() == []
+    assert capsys.readouterr().out == ""
+
+
+def test_pyproject_asks_for_what_draws_where_there_are_wheels_alone():
+    listed = [Requirement(line) for line in requires("skyshield")]
+    for machine, python, expected in (
+        ("x86_64", "3.11", {"pybullet", "embreex"}),
+        ("x86_64", "3.13", {"pybullet-arm64", "embreex"}),
+        ("aarch64", "3.11", set()),
+        ("aarch64", "3.13", set()),
+    ):
+        here = {"platform_machine": machine, "python_version": python, "extra": ""}
+        wanted = {each.name for each in listed if not each.marker or each.marker.evaluate(here)}
+        assert wanted & {"pybullet", "pybullet-arm64", "embreex"} == expected
+        assert "torch" in wanted
 
 
 def test_a_full_disk_is_refused_before_pip_fills_it(checkout, monkeypatch):
