@@ -15,13 +15,14 @@ Shape = tuple[int, int, int]
 class LabelFormat(ABC):
     """A tool's way to keep labels, a frame a file. Arrays are [X, Y, Z]: forward, left, up.
 
-    ``pattern`` shows in messages how files are named, ``masks`` are the names of those that can be
-    read, and ``ids`` are the numbers under which our classes are written.
+    ``pattern`` shows in messages how files are named, ``masks`` are those that can be read,
+    ``visible`` is the one of what the camera sees, and ``ids`` are those that our classes get.
     """
 
     name: ClassVar[str]
     pattern: ClassVar[str]
     masks: ClassVar[tuple[str, ...]]
+    visible: ClassVar[str]
     ids: ClassVar[Mapping[str, int]]
 
     def scene_of(self, clip: str, number: int) -> str:

@@ -23,6 +23,7 @@ class Occ3D(LabelFormat):
     name = "occ3d"
     pattern = f"<scene>/<token>/{LABELS}"
     masks = ("mask_camera", "mask_lidar")
+    visible = "mask_camera"
     ids: ClassVar = {name: number for number, name in enumerate(CLASSES)}
 
     def place(self, scene: str, token: str, predicted: bool) -> str:

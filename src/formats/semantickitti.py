@@ -21,6 +21,7 @@ class SemanticKitti(LabelFormat):
     name = "semantickitti"
     pattern = "sequences/<nn>/voxels/<frame>.label (predictions: predictions/<frame>.label)"
     masks = ("valid", "visible")
+    visible = "visible"
     ids: ClassVar = {
         **{"building": 50, "ground": 40, "vegetation": 70, "thin_structure": 80},
         **{"large_vehicle": 18, "car": 10, "vru": 30, "general": 99, "free": 0},

@@ -1,6 +1,6 @@
 """Predictions beside their ground truth, in our layout or in another tool's."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import torch
@@ -93,8 +93,11 @@ class FormatPairing:
 
     def __init__(self, cfg: DictConfig, folder: Path, part: str) -> None:
         of, layout = LABEL_FORMATS[cfg.layout.name], OmegaConf.to_container(cfg.layout)
-        if cfg.dataset is None:
-            raise UserError(f"dataset: name the folder with labels of {of.name}, as dataset=DIR")
+        if cfg.dataset is None or not Path(cfg.dataset).is_dir():
+            raise UserError(
+                f"dataset: {cfg.dataset} is no folder; name the one with labels of {of.name}, as "
+                "dataset=DIR"
+            )
 
         root = Path(cfg.dataset)
         truth = layout | layout_beside(root, of.name)
@@ -109,18 +112,26 @@ class FormatPairing:
         self._truth = LabelFolder(of, root, truth["class_map"], self.grid)
         theirs = (layout | layout_beside(folder, of.name))["class_map"]
         self._predictions = LabelFolder(of, folder, theirs, self.grid, predicted=True)
-        self._velocity_mps, self._layout = truth["velocity_mps"], root / LAYOUT
+        self._velocity_mps = self._velocities(truth["velocity_mps"], root)
 
-        self._masked = layout["mask"] in of.masks
-        self._mask = layout["mask"]
+        self._format, self._mask = of, layout["mask"]
+        self._masked = self._mask in of.masks
         # None of this is in the files themselves, so that scores depend on what was stated.
         stated = {key: truth[key] for key in ("class_map", "velocity_mps")}
-        if isinstance(self._velocity_mps, Mapping):
+        if isinstance(stated["velocity_mps"], Mapping):
             stated["velocity_mps"] = f"of each frame, {digest_of(self._velocity_mps)}"
         self.mask = f"{self._mask}, {stated}"
         self.unseen = frozenset(truth.get("unseen", ()))
         self.dataset, self.samples = self._truth.name, self._truth.samples
         self.facts: Mapping[str, object] = {"name": folder.name}
+
+    def _velocities(self, stated: Sequence | Mapping, root: Path) -> dict[str, Sequence[float]]:
+        """Returns the velocity of every frame, which ``layout.json`` may give one by one."""
+        frames = ["/".join(sample) for sample in self._truth.samples]
+        velocities = stated if isinstance(stated, Mapping) else dict.fromkeys(frames, stated)
+        if missing := [frame for frame in frames if frame not in velocities]:
+            raise UserError(f"{root / LAYOUT}: velocity_mps: has no {missing[0]}; add it")
+        return dict(velocities)
 
     def inventory(self) -> Inventory:
         return self._predictions.inventory(self.samples)
@@ -129,23 +140,16 @@ class FormatPairing:
         return not self._predictions.problem_of(*sample)
 
     def frame(self, sample: Sample) -> tuple[Tensor, dict, None]:
-        """Returns predicted labels and their target, batches of one; there are no logits.
-
-        Raises `UserError` for a frame whose velocity ``layout.json`` does not give.
-        """
-        velocity_mps = self._velocity_mps
-        if isinstance(velocity_mps, Mapping):
-            velocity_mps = velocity_mps.get("/".join(sample))
-        if velocity_mps is None:
-            raise UserError(f"{self._layout}: velocity_mps: has no {'/'.join(sample)}; add it")
-
+        """Returns predicted labels and their target, batches of one; there are no logits."""
+        velocity_mps = self._velocity_mps["/".join(sample)]
         truth = {
             "clip": [sample[0]],
             "semantics": self._truth.labels(*sample)[None],
             "velocity_mps": torch.tensor([velocity_mps], dtype=torch.float64),
         }
         if self._masked:
-            truth["mask"] = self._truth.mask(*sample, self._mask)[None]
+            names = {"mask": self._mask, "visible": self._format.visible}
+            truth |= {key: self._truth.mask(*sample, name)[None] for key, name in names.items()}
         return self._predictions.labels(*sample)[None], truth, None
 
 
