@@ -25,8 +25,8 @@ def shares_of(counts: Counter) -> dict[str, float]:
     """Returns shares of the pixels and of the free voxels that `agreement_of` counted."""
     pixels, free = max(1, counts["pixels"]), max(1, counts["free voxels"])
     return {
-        "pixels in an occupied voxel": counts["occupied"] / pixels,
         "pixels in a voxel of their class": counts["own class"] / pixels,
+        "pixels in an occupied voxel": counts["occupied"] / pixels,
         "free voxels that hold a pixel's point": counts["free with point"] / free,
     }
 

@@ -56,17 +56,15 @@ class FlightLog:
         require_choice("task.poses_convention", convention, FLIPS)
         table = _in_order(_numbers(_columns(path), path), path)
         flip = np.array(FLIPS[convention])
-        columns = {
-            name: table[[*name]].to_numpy(np.float64) if _has(table, name, path) else None
-            for name in (PLACE, VELOCITY)
-        }
-        quat_xyzw = _attitude(table, path)
-        quat_xyzw[:, :3] *= flip
-        place_m, velocity_mps = columns[PLACE], columns[VELOCITY]
-        place_m = None if place_m is None else place_m * flip[:2]
-        velocity_mps = None if velocity_mps is None else velocity_mps * flip
-
         time_s = table["time_s"].to_numpy(np.float64)
+        quat_xyzw = _attitude(table, path) * [*flip, 1]
+        place_m, velocity_mps = (
+            table[[*names]].to_numpy(np.float64) * flip[: len(names)]
+            if _has(table, names, path)
+            else None
+            for names in (PLACE, VELOCITY)
+        )
+
         motion = "positions and velocities are the file's"
         if place_m is None and velocity_mps is None:
             motion = "neither positions nor velocities are given"
@@ -74,8 +72,8 @@ class FlightLog:
             motion = "velocities are the derivative of the positions"
         elif place_m is None:
             motion = "positions are the integral of the velocities"
-            means = (velocity_mps[1:, :2] + velocity_mps[:-1, :2]) / 2
-            steps_m = means * np.diff(time_s)[:, None]
+            means_mps = (velocity_mps[1:, :2] + velocity_mps[:-1, :2]) / 2
+            steps_m = means_mps * np.diff(time_s)[:, None]
             place_m = np.concatenate([np.zeros((1, 2)), steps_m.cumsum(axis=0)])
 
         images = [*table[IMAGE]] if IMAGE in table else []
@@ -130,16 +128,16 @@ def _slerp(
     start: Float[Array, "t 4"], end: Float[Array, "t 4"], share: Float[Array, "t"]
 ) -> Float[Array, "t 4"]:
     """Returns unit quaternions at a share of the shorter way from one to another."""
-    cosine = (start * end).sum(axis=-1)
-    end = np.where(cosine[:, None] < 0, -end, end)
+    cosine = (start * end).sum(axis=-1, keepdims=True)
     angle_rad = np.arccos(np.abs(cosine).clip(0, 1))
     # Of a small angle the sine is the angle, and the way a straight line.
-    safe_rad = np.maximum(angle_rad, 1e-9)
-    of_start = np.where(
-        angle_rad < 1e-6, 1 - share, np.sin((1 - share) * safe_rad) / np.sin(safe_rad)
+    is_small = angle_rad < 1e-6
+    sine = np.sin(np.where(is_small, 1, angle_rad))
+    of_start, of_end = (
+        np.where(is_small, each, np.sin(each * angle_rad) / sine)
+        for each in (1 - share[:, None], share[:, None])
     )
-    of_end = np.where(angle_rad < 1e-6, share, np.sin(share * safe_rad) / np.sin(safe_rad))
-    return of_start[:, None] * start + of_end[:, None] * end
+    return of_start * start + of_end * np.where(cosine < 0, -end, end)
 
 
 def _columns(path: Path) -> pd.DataFrame:

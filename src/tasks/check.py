@@ -3,7 +3,7 @@
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby
@@ -13,6 +13,7 @@ from omegaconf import DictConfig
 
 from ..data.check import agreement_of, problems_of, shares_of
 from ..data.clip import AUX, SUMS, Clip, recorded_sums, sha256_of, unfinished
+from ..data.doubt import AS_RECORDED, doubt_of, shares_that_stay
 from ..data.files import differing_files
 from ..data.manifest import MANIFEST, read_manifest
 from ..errors import UserError
@@ -34,6 +35,8 @@ class Findings:
     of_clips: dict[str, list[str]] = field(default_factory=dict)
     of_whole: list[str] = field(default_factory=list)
     agreement: Counter = field(default_factory=Counter)
+    recorded: bool = False
+    stays: dict[str, float] = field(default_factory=dict)
 
     @property
     def lines(self) -> list[str]:
@@ -82,13 +85,16 @@ def _report(findings: Findings, root: Path) -> None:
     if findings.agreement["pixels"]:
         for name, share in shares_of(findings.agreement).items():
             say(f"{name}: {100 * share:.2f} %")
+        for clip_id, share in findings.stays.items():
+            say(f"surfaces of {clip_id} that stay where they are: {100 * share:.2f} %")
     else:
         say("labels not compared with depth: no clip was made with sim.save_aux=true")
 
     if findings.lines:
+        way_out = "" if findings.recorded else "; task.mend=true makes the damaged clips again"
         raise UserError(
             f"{root}: {len(findings.lines)} problems, in {len(findings.of_clips)} clips; the lines "
-            "above name them; task.mend=true makes the damaged clips again"
+            f"above name them{way_out}"
         )
     say(f"{root}: {len(read_manifest(root)['clips'])} clips are sound")
 
@@ -97,7 +103,9 @@ def _findings(root: Path, workers: int | None) -> Findings:
     """Checks every clip that the manifest lists, or that is there where the manifest is damaged."""
     findings = Findings()
     try:
-        clips = {clip: listed["sha256"] for clip, listed in read_manifest(root)["clips"].items()}
+        manifest = read_manifest(root)
+        clips = {clip: listed["sha256"] for clip, listed in manifest["clips"].items()}
+        findings.recorded = "source" in manifest
         findings.of_whole += _card_problems(root)
     except UserError as error:
         if not (root / MANIFEST).is_file():
@@ -114,7 +122,21 @@ def _findings(root: Path, workers: int | None) -> Findings:
         findings.agreement.update(agreement)
         if lines:
             findings.of_clips[clip] = lines
+    if findings.recorded:
+        _doubt(findings, root, [each for each in clips if each not in findings.of_clips])
     return findings
+
+
+def _doubt(findings: Findings, root: Path, clip_ids: Sequence[str]) -> None:
+    """Finds how many surfaces of a recording stay where they are, and what to look at first where
+    they do not, for one clip of each flight."""
+    first_of = {clip.split("/")[0]: clip for clip in reversed(clip_ids)}
+    for clip_id in tracked(first_of.values(), "comparing frames"):
+        clip = Clip(root / clip_id)
+        shares = shares_that_stay(clip)
+        findings.stays[clip_id] = shares[AS_RECORDED]
+        if doubt := doubt_of(shares):
+            findings.of_whole.append(f"{clip.folder}: {doubt}")
 
 
 def _check_clip(root: Path, clip_id: str, sums_sha256: str | None) -> tuple[list[str], Counter]:

@@ -1,14 +1,19 @@
 """One of our clips, recorded as others record, has the labels that our chain gives it directly."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
+from PIL import Image
 
 from src.data.clip import Clip
+from src.data.doubt import AS_RECORDED, doubt_of, shares_that_stay
 from src.data.manifest import read_manifest
 from src.ontology import FREE, UNKNOWN
+from src.recordings.annotate import Cut, clips_by_name, write_clips
 from src.recordings.clip import RecordedClip
+from src.recordings.pictures import read_rgb
 from src.sim.observation import Annotator
 from tests.recordings import foreign
 from tests.sessions import ROOT
@@ -61,6 +66,197 @@ def test_a_clip_recorded_elsewhere_has_the_labels_of_the_chain(clip, tmp_path, n
 
     known = (wanted != UNKNOWN) | (got != UNKNOWN)
     share = (wanted != got)[known].mean()
-    print(name, f"{share:.5f}")
     assert share <= DIFFERING[name]
     assert ((got < FREE).sum(axis=(1, 2, 3)) > 50).all()
+
+
+# ------------------------------------------------------------------------------- wrong conventions
+
+
+def written(clip, folder, change=None, depth=None, depth_is="axis", **settings):
+    """The first clip of a plain recording with changed poses or depth, annotated."""
+    foreign.write_plain(clip, folder / "flight")
+    if change:
+        path = folder / "flight/poses.csv"
+        change(pd.read_csv(path)).to_csv(path, index=False)
+    for path in (folder / "flight/depth").glob("*.npy") if depth else ():
+        np.save(path, depth(np.load(path)))
+    recording = layout("plain", depth=depth_is, **settings).flights(folder)
+    made = RecordedClip(recording[0], 0, 1, clip.meta.capture_hz, 0.0, False)
+    write_clips(folder / "made", {"flight/clip00": made}, annotator(clip), 1)
+    return Clip(folder / "made/flight/clip00")
+
+
+def reordered(table):
+    quat = ["qx", "qy", "qz", "qw"]
+    return table.assign(**dict(zip(quat, table[["qw", "qx", "qy", "qz"]].to_numpy().T)))
+
+
+def turned_back(table):
+    return table.assign(qx=-table.qx, qy=-table.qy, qz=-table.qz)
+
+
+def in_centimetres(table):
+    return table.assign(**{name: 100 * table[name] for name in ("x_m", "y_m", "z_m")})
+
+
+def along_rays(clip, depth_m):
+    places = np.indices(depth_m.shape)[::-1].transpose(1, 2, 0) + 0.5
+    pix_from_camera = clip.meta.pix_from_camera.numpy()
+    away = (places - pix_from_camera[:2, 2]) / pix_from_camera[0, 0]
+    return (depth_m * np.sqrt(1 + (away**2).sum(-1))).astype(np.float32)
+
+
+WRONG = {
+    "left-handed": {"axes": "left_handed"},
+    "north, east, down": {"axes": "north_east_down"},
+    "columns": {"change": reordered},
+    "world to the body": {"change": turned_back},
+    "centimetres": {"change": in_centimetres},
+    "along the ray": {},
+}
+
+
+def test_a_sound_recording_is_not_suspected(clip, tmp_path):
+    shares = shares_that_stay(written(clip, tmp_path))
+    assert shares[AS_RECORDED] == max(shares.values()) > 0.3
+    assert doubt_of(shares) == ""
+
+
+@pytest.mark.parametrize("suspect", WRONG)
+def test_a_wrong_convention_is_told_by_its_name(clip, tmp_path, suspect):
+    changes = dict(WRONG[suspect])
+    if suspect == "along the ray":
+        changes["depth"] = partial(along_rays, clip)
+    wrong = written(clip, tmp_path, **changes)
+    assert suspect in doubt_of(shares_that_stay(wrong))
+
+
+def test_depth_along_the_ray_is_read_as_what_it_is(clip, tmp_path):
+    made = written(clip, tmp_path, depth=partial(along_rays, clip), depth_is="ray")
+    assert np.allclose(made.aux("depth", 0), clip.aux("depth", 0), rtol=1e-5)
+
+
+# ------------------------------------------------------------------------------------ bad input
+
+
+AS_IT_IS = Cut()
+
+
+def read_whole(folder, name, cut, settings):
+    clips = clips_by_name(layout(name, **settings).flights(folder), folder, cut)
+    for clip in clips.values():
+        for frame, _ in enumerate(clip.views()):
+            clip.image(frame)
+
+
+def refused(folder, name="plain", cut=AS_IT_IS, **settings):
+    with pytest.raises(UserError) as raised:
+        read_whole(folder, name, cut, settings)
+    text = str(raised.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.fixture
+def plain(clip, tmp_path):
+    foreign.write_plain(clip, tmp_path / "flight")
+    return tmp_path
+
+
+def edit(path, change):
+    change(table := pd.read_csv(path))
+    table.to_csv(path, index=False)
+
+
+def replaced(path, array):
+    Image.fromarray(array).save(path)
+
+
+def test_what_cannot_be_a_recording_is_refused_in_one_line(plain, clip):
+    flight = plain / "flight"
+    names = "rgb/000003.png", "depth/000003.npy", "class/000003.png", "poses.csv"
+    rgb, depth, strange, poses = (flight / name for name in names)
+
+    def after(change, undo_of, **settings):
+        kept = undo_of.read_bytes()
+        change()
+        text = refused(plain, **settings)
+        undo_of.write_bytes(kept)
+        return text
+
+    ids, image = clip.aux("class", 3), clip.image(3)
+    assert "class 99 is in no list" in after(
+        lambda: replaced(strange, np.where(ids == 1, 99, ids).astype(np.uint8)), strange
+    )
+    assert "holds colors" in after(lambda: replaced(strange, image), strange)
+    assert "is 95x64" in after(lambda: replaced(strange, ids[:, 1:]), strange)
+    small = clip.aux("depth", 3)[:, 1:]
+    assert "depth/000003.npy: is 95x64" in after(lambda: np.save(depth, small), depth)
+    zero = np.zeros_like(clip.aux("depth", 3))
+    assert "depths are zero" in after(lambda: np.save(depth, zero), depth)
+    assert "it is empty" in after(lambda: rgb.write_bytes(b""), rgb)
+    assert "is 95x64, and the first image" in after(lambda: replaced(rgb, image[:, 1:]), rgb)
+
+    def poses_with(change):
+        return after(lambda: edit(poses, change), poses)
+
+    assert "row 4 of the poses is not finite" in poses_with(
+        lambda table: table.__setitem__("x_m", table.x_m.where(table.index != 4))
+    )
+    assert "has a length of 2" in poses_with(lambda table: table.update(2 * table.filter(like="q")))
+    later = poses_with(
+        lambda table: table.update({"time_s": table.time_s.where(table.index != 2, 0)})
+    )
+    assert "the time of row 2 is not later" in later
+    gap = poses_with(lambda table: table.update({"time_s": table.time_s + 3 * (table.index > 9)}))
+    assert "rows 9 and 10 are 3.4 s apart" in gap
+    assert "has 29 poses" in after(
+        lambda: pd.read_csv(poses)[:-1].to_csv(poses, index=False), poses
+    )
+    assert "has no column qw" in after(
+        lambda: pd.read_csv(poses).drop(columns="qw").to_csv(poses, index=False), poses
+    )
+
+    assert "task.rate_hz" in refused(plain, cut=Cut(rate_hz=2.0))
+    assert "is it of another layout" in refused(plain, "carla")
+    assert "layout.axes" in refused(plain, axes="down")
+    assert "layout.classes.cars" in refused(plain, classes={"cars": [5]})
+    assert "listed twice" in refused(plain, classes={"car": [1]})
+
+
+def test_a_recording_shorter_than_a_clip_is_refused(plain):
+    flight = plain / "flight"
+    pd.read_csv(flight / "poses.csv")[:20].to_csv(flight / "poses.csv", index=False)
+    for path in flight.glob("*/0000[2-9]*"):
+        path.unlink()
+    assert "lasts 8.0 s" in refused(plain)
+
+
+def test_grey_turned_and_transparent_images_are_read_and_deep_ones_refused(tmp_path):
+    image = np.arange(4 * 6 * 3, dtype=np.uint8).reshape(4, 6, 3)
+    path = tmp_path / "image.png"
+    opaque = np.full((4, 6, 1), 7, np.uint8)
+    replaced(path, np.concatenate([image, opaque], axis=-1))
+    assert (read_rgb(path, (6, 4)) == image).all()
+    replaced(path, image[..., 0])
+    assert (read_rgb(path, (6, 4)) == image[..., :1]).all()
+    replaced(path, image[..., 0].astype(np.uint16))
+    with pytest.raises(UserError, match="16 bits"):
+        read_rgb(path, (6, 4))
+
+    exif = Image.Exif()
+    exif[0x0112] = 6  # to be turned clockwise
+    Image.fromarray(image).save(path, exif=exif)
+    assert (read_rgb(path, (4, 6)) == np.rot90(image, -1)).all()
+
+
+def test_pixels_without_a_class_hide_and_vote_for_nothing(clip, tmp_path):
+    """Class 254 is none, at a finite depth: what lies there is neither occupied nor known."""
+    made = written(clip, tmp_path, classes={"building": [], "unknown": [0, 254]})
+    assert (made.aux("class", 0) != 0).all()
+    walls = clip.aux("class", 0) == 0
+    assert walls.any()
+    assert np.isfinite(made.aux("depth", 0)[walls]).all()
+    for frame in range(0, len(clip), 10):
+        assert not (made.semantics(frame) == 0).any()
