@@ -1,4 +1,4 @@
-"""task=export_labels: labels or predictions as files of Occ3D, SemanticKITTI, OccuFly, PLY, MCAP."""
+"""task=export_labels: labels or predictions as Occ3D, SemanticKITTI, OccuFly, PLY or MCAP."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
