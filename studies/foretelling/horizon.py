@@ -1,17 +1,14 @@
 """The damages of ``flight.yaml`` scored on two grids: does KAR's horizon act where there is room?
 
-    python -m studies.foretelling.horizon [--out FOLDER] [OVERRIDE...]
+    python -m studies.foretelling.horizon [--runs FOLDER] [--out FOLDER] [OVERRIDE...]
 
 On the near grid of ``scale=ladder`` 90 % of the voxels lie within the 25 m inside which every error
 weighs more, whatever the speed; on the paper's 16 % do. The UAV that knows the truth flies the
 missions of the frames ``verge``, the damages look on once a second, and each is scored on both
 grids on the same frames. No flight depends on it: the collisions are those of ``flights.csv.xz``.
 
-Writes ``<out>/damaged/<name>/near`` and ``.../paper`` beside these flights, for
-
-    python run.py task=foretell task.flights=[<out>] 'task.scores={kar_miou: high, miou: high}'
-
-Flights that are there are not scored again.
+Writes the counts of every flight to ``--runs``, where they are not made again, and how each score
+orders the damages, as ``task=foretell`` does, to ``<out>/horizon.csv``.
 """
 
 from pathlib import Path
@@ -30,7 +27,8 @@ from src.loop.true_occupancy import TrueOccupancy
 from src.results.files import write_table
 from src.results.flights import FLIGHTS
 from src.results.frame_scores import FrameScores
-from src.terminal import tracked
+from src.terminal import say, tracked
+from studies.foretelling.correlation import FlownPerception, foretelling
 from studies.foretelling.damaged import Damaged
 from studies.foretelling.flight import PLAN
 from studies.settings import composed, read_plan, run
@@ -41,6 +39,7 @@ SCALES = {"near": "ladder", "paper": "paper"}
 REACH_M = np.array([57.0, 57.0, 30.0])
 FLOWN = Path(__file__).with_name("flights.csv.xz")
 REFERENCE = "seen"
+SCORES = dict.fromkeys(("kar_miou", "miou", "miou_occupied"), "high")
 
 
 # A kind and an amount.
@@ -71,7 +70,9 @@ class OnceASecond:
         self._plans += 1
 
 
-def main(*overrides: str, out: Path = Path("runs/horizon")) -> None:
+def main(
+    *overrides: str, runs: Path = Path("runs/horizon"), out: Path = Path(__file__).parent
+) -> None:
     plan = read_plan(PLAN, "overrides", "sets", "damaged")
     words = [*plan["overrides"], "perception=truth", *plan["sets"]["verge"], *overrides]
     config = OmegaConf.to_container(composed(words), resolve=True)
@@ -87,14 +88,14 @@ def main(*overrides: str, out: Path = Path("runs/horizon")) -> None:
         for kind, amounts in plan["damaged"].items()
         for amount in amounts
     }
-    write_flights([*damages, REFERENCE], out)
+    write_flights([*damages, REFERENCE], runs)
     campaign = Campaign(config)
     places = campaign.missions.places()
     jobs = [Job.of(row) for place in tracked(places, "choosing") for row in campaign.choose(*place)]
     for job in tracked(jobs, "looking on"):
         flight = job.mission.flight
         paths = {
-            (name, frames): out / "damaged" / name / frames / "frames" / f"{flight}.npz"
+            (name, frames): runs / "damaged" / name / frames / "frames" / f"{flight}.npz"
             for name in damages
             for frames in SCALES
         }
@@ -104,6 +105,17 @@ def main(*overrides: str, out: Path = Path("runs/horizon")) -> None:
         for key, scores in watcher.of.items():
             paths[key].parent.mkdir(parents=True, exist_ok=True)
             scores.counts(flight).write(paths[key])
+
+    perceptions = FlownPerception.all_below([runs])
+    generator = torch.Generator().manual_seed(0)
+    table, standings = foretelling(perceptions, REFERENCE, SCORES, "kar_miou", 1000, generator)
+    for frames, of_set in standings.groupby("frames"):
+        ranks = of_set[list(SCORES)].rank().corr()
+        say(f"{frames}: rank correlation of kar_miou and miou {ranks.loc['kar_miou', 'miou']:.4f}")
+    write_table(standings, out / "horizon_scores.csv")
+    kept = table[(table["target"] == "collisions") & (table["stratum"] == "damaged")]
+    write_table(kept, out / "horizon.csv")
+    say(kept[["frames", "score", "spearman", "low", "high", "difference"]].round(3).to_string())
 
 
 def grid_of(scale: str) -> dict:

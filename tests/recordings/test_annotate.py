@@ -1,8 +1,11 @@
 """One of our clips, recorded as others record, has the labels that our chain gives it directly."""
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
+from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from PIL import Image
@@ -10,6 +13,7 @@ from PIL import Image
 from src.data.clip import Clip
 from src.data.doubt import AS_RECORDED, doubt_of, shares_that_stay
 from src.data.manifest import read_manifest
+from src.errors import UserError
 from src.ontology import FREE, UNKNOWN
 from src.recordings.annotate import Cut, clips_by_name, write_clips
 from src.recordings.clip import RecordedClip
@@ -41,7 +45,10 @@ def annotator(clip):
 def layout(name, **changes):
     settings = OmegaConf.load(ROOT / f"conf/layout/{name}.yaml")
     del settings["name"]
-    return instantiate(OmegaConf.merge(settings, changes), _convert_="all")
+    try:
+        return instantiate(OmegaConf.merge(settings, changes), _convert_="all")
+    except InstantiationException as error:
+        raise error.__cause__ from None
 
 
 def labels_of(recording, how):
@@ -228,6 +235,7 @@ def test_what_cannot_be_a_recording_is_refused_in_one_line(plain, clip):
 def test_a_recording_shorter_than_a_clip_is_refused(plain):
     flight = plain / "flight"
     pd.read_csv(flight / "poses.csv")[:20].to_csv(flight / "poses.csv", index=False)
+    (flight / "actors.csv").unlink()
     for path in flight.glob("*/0000[2-9]*"):
         path.unlink()
     assert "lasts 8.0 s" in refused(plain)
