@@ -13,9 +13,7 @@ KEYS = {
     "seed=  name=": "of the training; a name for the run's folder",
     "data.batch_size=  data.workers=": "samples a step; processes that load them",
     "optimizer.lr=  trainer.max_epochs=": "learning rate; passes over the training frames",
-    "loss.terms.lovasz.weight=": "of a term of the loss, and loss/class_weights=uniform",
     "sim.image.width=  grid.shape=": "pixels; voxels; another value is another dataset",
-    "sim.seed=  sim.workers=": "other flights; processes that make them",
     "paths.data=  paths.runs=": "folders of all datasets and runs; paths.dataset= is one dataset",
     "ckpt_path=": "best, last or a file, for tasks that need trained weights",
 }
@@ -29,7 +27,7 @@ def help_text() -> str:
         "Tasks",
     ]
     for task in sorted((ROOT / "conf/task").glob("*.yaml")):
-        lines.append(f"  {task.stem:11} {_purpose(_module(task))}")
+        lines.append(f"  {task.stem:13} {_purpose(_module(task))}")
     lines += ["", "Keys that people change"]
     lines += [f"  {key:34} {meaning}" for key, meaning in KEYS.items()]
     lines.append(
