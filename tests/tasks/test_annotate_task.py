@@ -1,0 +1,93 @@
+"""task=annotate as a command: what it leaves, goes on with, and refuses."""
+
+import numpy as np
+import pytest
+
+from src.data.clip import Clip
+from src.data.manifest import read_manifest
+from src.recordings import annotate
+from tests.recordings import foreign
+
+WORDS = ("task=annotate", "recording=rec", "layout=plain", "scale=tiny", "sim.workers=1")
+
+
+@pytest.fixture
+def here(mini_dataset, tmp_path, monkeypatch):
+    """A folder with a recording of two flights, both of one of our clips."""
+    first = next(iter(read_manifest(mini_dataset)["clips"]))
+    for name in ("a", "b"):
+        foreign.write_plain(Clip(mini_dataset / first), tmp_path / "rec" / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def root_of(folder):
+    [root] = (folder / "data").glob("rec-*")
+    return root
+
+
+def test_an_interrupted_recording_goes_on_and_ends_the_same(here, run_py, monkeypatch):
+    write = annotate._write_clip
+
+    def killed(root, annotator, clip_id, clip):
+        if clip_id.startswith("b"):
+            raise KeyboardInterrupt
+        write(root, annotator, clip_id, clip)
+
+    monkeypatch.setattr(annotate, "_write_clip", killed)
+    assert run_py(*WORDS)[0] != 0
+    root = root_of(here)
+    assert [path.name for path in sorted(root.glob("*/clip*"))] == ["clip00"]
+    assert not (root / "manifest.json").exists()
+    first = (root / "a/clip00/SHA256SUMS").read_bytes()
+
+    monkeypatch.setattr(annotate, "_write_clip", write)
+    status, out, _ = run_py(*WORDS)
+    assert status == 0
+    assert "1 clips made now, 2 in all" in "\n".join(out)
+    # Both flights are one recording: every byte is the same.
+    assert (root / "a/clip00/SHA256SUMS").read_bytes() == first
+    assert (root / "b/clip00/SHA256SUMS").read_bytes() == first
+    assert run_py(*WORDS)[1][-2].endswith("0 clips made now, 2 in all")
+
+
+def test_a_broken_frame_is_named_and_nothing_of_its_clip_is_left(here, run_py):
+    broken = here / "rec/b/rgb/000012.png"
+    broken.write_bytes(broken.read_bytes()[:200])
+    status, _, errors = run_py(*WORDS)
+    assert status == 2
+    [line] = errors
+    assert str(broken) in line
+    assert list(root_of(here).glob("b/*")) == []
+
+
+def test_other_settings_have_another_dataset_and_the_class_of_a_pixel_follows(here, run_py):
+    assert run_py(*WORDS)[0] == 0
+    # Everything is vegetation now.
+    classes = "layout.classes={building: [], ground: [], vegetation: [0,1,2,3,4,5,6,7], car: [], "
+    classes += "thin_structure: [], large_vehicle: [], vru: [], general: []}"
+    assert run_py(*WORDS, classes, "task.ground_m=0")[0] == 0
+    assert len(list((here / "data").glob("rec-*"))) == 2
+    labels = [
+        np.unique(Clip(root / "a/clip00").semantics(5)).tolist()
+        for root in (here / "data").glob("rec-*")
+    ]
+    assert [2, 8, 255] in labels
+
+
+def test_what_is_no_recording_is_refused(here, run_py):
+    def refused(*words):
+        status, _, errors = run_py("task=annotate", "scale=tiny", *words)
+        assert status == 2
+        [line] = errors
+        return line
+
+    assert "recording: name the folder" in refused("layout=plain")
+    assert "recording: " in refused("layout=plain", "recording=nowhere")
+    assert "layout: skyshield is one of predictions" in refused("recording=rec")
+    assert "plane" in refused("recording=rec", "layout=plane")
+    assert "no frames.json in it" in refused("recording=rec", "layout=carla")
+    assert "data.val_clips/data.test_clips" in refused(
+        "recording=rec", "layout=plain", "task.test_clips=[c/clip00]"
+    )
+    assert not (here / "data").exists()
