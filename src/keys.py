@@ -96,9 +96,10 @@ def _require_type(key: str, old: object, new: object) -> None:
         return
     if isinstance(old, int) and key.endswith(UNITS):
         old = float(old)
-    # A list of edges, runs or ages has any length, but a suite without edges scores nothing. All
-    # other lists of numbers are vectors.
-    any_length = group == "task" or key.endswith(".ages_s") or (group == "suite" and new)
+    # A list of edges, runs, ages or classes has any length, but a suite without edges scores
+    # nothing. All other lists of numbers are vectors.
+    is_list = group == "task" or key.endswith(".ages_s") or key.startswith("layout.classes.")
+    any_length = is_list or (group == "suite" and new)
     if isinstance(old, list) and isinstance(new, list) and any_length:
         old = old[:1] * len(new)
 

@@ -6,14 +6,12 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, UInt8
-from PIL import Image, ImageOps, UnidentifiedImageError
 
-from ..errors import UserError, import_extra, reason_of
+from ..errors import UserError, import_extra
 from ..terminal import say
+from .pictures import read_rgb, size_of
 
 KINDS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
-# EXIF's tag of the orientation, and the values of it that exchange width and height.
-ORIENTATION, ON_ITS_SIDE = 0x0112, (5, 6, 7, 8)
 Pixels = UInt8[np.ndarray, "h w 3"]
 
 
@@ -72,9 +70,9 @@ class Pictures:
         self._files = sorted(each for each in folder.iterdir() if each.suffix.lower() in KINDS)
         if not self._files:
             raise UserError(f"video: {folder} has no image ({', '.join(KINDS)})")
-        self.size_pix = _size_pix(self._files[0])
+        self.size_pix = size_of(self._files[0])
         for file in self._files:
-            if (size := _size_pix(file)) != self.size_pix:
+            if (size := size_of(file)) != self.size_pix:
                 raise UserError(
                     f"video: {self._files[0]} has {'x'.join(map(str, self.size_pix))} pixels, and "
                     f"{file} {'x'.join(map(str, size))}; give images of one camera"
@@ -114,39 +112,4 @@ class Pictures:
     def images(self, wanted: Sequence[int]) -> Iterator[Pixels]:
         """Yields the images of these places as RGB. Raises `UserError` for a broken one."""
         for number in wanted:
-            yield _pixels(self._files[number])
-
-
-def _size_pix(file: Path) -> tuple[int, int]:
-    """Returns width and height of an image that is turned upright, from its first bytes alone."""
-    with _opened(file) as image:
-        # Of a PNG, all would be read to find none.
-        lies = image.format != "PNG" and image.getexif().get(ORIENTATION) in ON_ITS_SIDE
-        return image.size[::-1] if lies else image.size
-
-
-def _pixels(file: Path) -> Pixels:
-    """Reads an image: upright, without transparency, 16 bits of grey as 8."""
-    try:
-        with _opened(file) as image:
-            upright = ImageOps.exif_transpose(image)
-            if upright.mode.startswith("I"):
-                high = np.asarray(upright).astype(np.int64) >> 8
-                upright = Image.fromarray(high.clip(0, 255).astype(np.uint8))
-            elif upright.mode == "F":
-                raise UserError(f"video: {file} holds fractions of grey; convert it to 8 bits")
-            return np.array(upright.convert("RGB"))
-    except (OSError, SyntaxError) as error:
-        raise _broken(file, error) from error
-
-
-def _opened(file: Path) -> Image.Image:
-    try:
-        return Image.open(file)
-    except (UnidentifiedImageError, OSError) as error:
-        raise _broken(file, error) from error
-
-
-def _broken(file: Path, error: Exception) -> UserError:
-    why = "is empty" if not file.stat().st_size else f"cannot be read ({reason_of(error)})"
-    return UserError(f"video: {file} {why}; remove it, or copy it again")
+            yield read_rgb(self._files[number])

@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, UInt8
 
+from ..data.pictures import read_array, read_channels, read_rgb, require_depth, size_of
 from ..errors import UserError, reason_of
 from ..geometry import front_mount, pinhole
 from .classes import ClassTable
 from .flight import Camera, RecordedFlight, poses_from
-from .pictures import read_array, read_channels, read_rgb, require_depth, size_of
 from .plain import along_axis, folders_with
 
 TABLE, PALETTE = "airsim_rec.txt", "seg_rgbs.txt"

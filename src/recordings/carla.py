@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 
+from ..data.pictures import files_of, read_channels, read_rgb, require_depth, size_of
 from ..errors import UserError, reason_of
 from ..geometry import front_mount, pinhole, rigid, rotation_from_euler, transform
 from ..ontology import ACTOR_TYPES, UNKNOWN
@@ -22,7 +23,6 @@ from ..sim.scene import ScanHits
 from ..sim.sensors import Scan
 from .classes import ClassTable
 from .flight import LEFT_HANDED, ActorTrack, Camera, RecordedFlight, require_frames
-from .pictures import files_of, read_channels, read_rgb, require_depth, size_of
 from .plain import folders_with
 
 FRAMES = "frames.json"

@@ -15,12 +15,12 @@ import pandas as pd
 import torch
 from jaxtyping import Float, Int, UInt8
 
+from ..data.pictures import files_of, read_array, read_ids, read_rgb, require_depth, size_of
 from ..errors import UserError, reason_of
 from ..geometry import front_mount, pixel_centers, require_pinhole, unproject
 from ..limits import require_choice
 from .classes import ClassTable
 from .flight import AXES, ActorTrack, Camera, RecordedFlight, poses_from, require_frames
-from .pictures import files_of, read_array, read_ids, read_rgb, require_depth, size_of
 
 POSES, CAMERA, ACTORS = "poses.csv", "camera.json", "actors.csv"
 POSE_COLUMNS = ["time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 
+from ..data.pictures import files_of, read_channels, read_ids, read_rgb, require_depth, size_of
 from ..errors import UserError, reason_of
 from ..geometry import front_mount, pinhole
 from ..limits import require_finite
@@ -19,7 +20,6 @@ from ..sim.annotation import FrontView
 from ..sim.sensors import Scan
 from .classes import ClassTable
 from .flight import Camera, RecordedFlight, poses_from, require_frames
-from .pictures import files_of, read_channels, read_ids, read_rgb, require_depth, size_of
 from .plain import folders_with
 
 FRONT, OTHERS = "lcam_front", ("back", "left", "right", "top", "bottom")

@@ -13,11 +13,11 @@ from PIL import Image
 from src.data.clip import Clip
 from src.data.doubt import AS_RECORDED, doubt_of, shares_that_stay
 from src.data.manifest import read_manifest
+from src.data.pictures import read_rgb
 from src.errors import UserError
 from src.ontology import FREE, UNKNOWN
 from src.recordings.annotate import Cut, clips_by_name, write_clips
 from src.recordings.clip import RecordedClip
-from src.recordings.pictures import read_rgb
 from src.sim.observation import Annotator
 from tests.recordings import foreign
 from tests.sessions import ROOT
@@ -202,7 +202,7 @@ def test_what_cannot_be_a_recording_is_refused_in_one_line(plain, clip):
     assert "depth/000003.npy: is 95x64" in after(lambda: np.save(depth, small), depth)
     zero = np.zeros_like(clip.aux("depth", 3))
     assert "depths are zero" in after(lambda: np.save(depth, zero), depth)
-    assert "it is empty" in after(lambda: rgb.write_bytes(b""), rgb)
+    assert "000003.png is empty" in after(lambda: rgb.write_bytes(b""), rgb)
     assert "is 95x64, and the first image" in after(lambda: replaced(rgb, image[:, 1:]), rgb)
 
     def poses_with(change):
@@ -241,7 +241,7 @@ def test_a_recording_shorter_than_a_clip_is_refused(plain):
     assert "lasts 8.0 s" in refused(plain)
 
 
-def test_grey_turned_and_transparent_images_are_read_and_deep_ones_refused(tmp_path):
+def test_grey_turned_transparent_and_deep_images_are_read(tmp_path):
     image = np.arange(4 * 6 * 3, dtype=np.uint8).reshape(4, 6, 3)
     path = tmp_path / "image.png"
     opaque = np.full((4, 6, 1), 7, np.uint8)
@@ -249,9 +249,8 @@ def test_grey_turned_and_transparent_images_are_read_and_deep_ones_refused(tmp_p
     assert (read_rgb(path, (6, 4)) == image).all()
     replaced(path, image[..., 0])
     assert (read_rgb(path, (6, 4)) == image[..., :1]).all()
-    replaced(path, image[..., 0].astype(np.uint16))
-    with pytest.raises(UserError, match="16 bits"):
-        read_rgb(path, (6, 4))
+    replaced(path, image[..., 0].astype(np.uint16) * 256)
+    assert (read_rgb(path, (6, 4)) == image[..., :1]).all()
 
     exif = Image.Exif()
     exif[0x0112] = 6  # to be turned clockwise

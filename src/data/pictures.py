@@ -1,15 +1,19 @@
-"""Images of a recording, read by value: colors, depth, ids. Every error names the file."""
+"""Images, read by value: colors, depth, ids. Every error names the file."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 from PIL import Image, ImageOps
 
-from ..errors import UserError
+from ..errors import UserError, reason_of
 
 Size = tuple[int, int]
 
+# EXIF's tag of the orientation, and the values of it that exchange width and height.
+ORIENTATION, ON_ITS_SIDE = 0x0112, (5, 6, 7, 8)
 # What PIL calls 16 bits a pixel, in either byte order.
 _DEEP = ("I;16", "I;16B", "I;16L", "I")
 
@@ -22,15 +26,19 @@ def files_of(folder: Path, *endings: str) -> list[Path]:
     return found
 
 
-def read_rgb(path: Path, size_pix: Size) -> UInt8[np.ndarray, "h w 3"]:
-    """Reads a color image, turned as its EXIF data say; grey becomes RGB, transparency is left out.
+def read_rgb(path: Path, size_pix: Size | None = None) -> UInt8[np.ndarray, "h w 3"]:
+    """Reads an image as RGB, turned as its EXIF data say: grey becomes RGB, transparency is left
+    out, and of 16 bits the higher ones are kept.
 
-    Raises `UserError` for 16-bit images, another size, and a file that cannot be read.
+    Raises `UserError` for fractions of grey, another size, and a file that cannot be read.
     """
     image = ImageOps.exif_transpose(_opened(path))
     if image.mode in _DEEP:
-        raise UserError(f"{path}: has 16 bits a pixel; give 8-bit images")
-    return np.asarray(_of_size(path, image, size_pix).convert("RGB"))
+        high = np.asarray(image).astype(np.int64) >> 8
+        image = Image.fromarray(high.clip(0, 255).astype(np.uint8))
+    elif image.mode == "F":
+        raise UserError(f"{path}: holds fractions of grey; convert it to 8 bits")
+    return np.array(_of_size(path, image, size_pix).convert("RGB"))
 
 
 def read_ids(path: Path, size_pix: Size) -> Int[np.ndarray, "h w"]:
@@ -72,8 +80,11 @@ def read_array(path: Path, size_pix: Size) -> Float[np.ndarray, "h w"]:
 
 
 def size_of(path: Path) -> Size:
-    """Returns width and height of a color image, turned as its EXIF data say."""
-    return ImageOps.exif_transpose(_opened(path)).size
+    """Returns width and height of an image that is turned upright, from its first bytes alone."""
+    with _begun(path) as image:
+        # Of a PNG, all would be read to find none.
+        lies = image.format != "PNG" and image.getexif().get(ORIENTATION) in ON_ITS_SIDE
+        return image.size[::-1] if lies else image.size
 
 
 def require_depth(path: Path, depth_m: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
@@ -88,18 +99,25 @@ def require_depth(path: Path, depth_m: Float[np.ndarray, "h w"]) -> Float[np.nda
 
 
 def _opened(path: Path) -> Image.Image:
+    with _begun(path) as image:
+        image.load()
+        return image
+
+
+@contextmanager
+def _begun(path: Path) -> Iterator[Image.Image]:
+    """Yields an image whose pixels are not read yet."""
     try:
-        with path.open("rb") as file:
-            image = Image.open(file)
-            image.load()
-            return image
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        reason = "it is empty" if path.is_file() and not path.stat().st_size else error
-        raise UserError(f"{path}: cannot be read as an image ({reason})") from error
+        with Image.open(path) as image:
+            yield image
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        is_empty = path.is_file() and not path.stat().st_size
+        why = "is empty" if is_empty else f"cannot be read as an image ({reason_of(error)})"
+        raise UserError(f"{path} {why}; remove it, or copy it again") from error
 
 
-def _of_size(path: Path, image: Image.Image, size_pix: Size) -> Image.Image:
-    if image.size != size_pix:
+def _of_size(path: Path, image: Image.Image, size_pix: Size | None) -> Image.Image:
+    if size_pix is not None and image.size != size_pix:
         ours, wanted = ("x".join(map(str, size)) for size in (image.size, size_pix))
         raise UserError(f"{path}: is {ours}, and the first image is {wanted}; give one size")
     return image
