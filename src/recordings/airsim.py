@@ -4,6 +4,7 @@ It must hold three images of one camera a row: scene (0), depth along the axis (
 ``.pfm``, and segmentation (5). Pause the simulator for every row, or its poses are out of step.
 """
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -133,16 +134,17 @@ def _files(path: Path, rows: list[str]) -> dict[str, list[Path]]:
 
 
 def _palette(folder: Path) -> dict[int, int]:
-    """Returns the id of each packed color of ``seg_rgbs.txt``: ``3<tab>[112, 105, 191]``."""
+    """Returns the id of each packed color of ``seg_rgbs.txt``, whose rows are ``3 [112, 105, 191]``
+    or, without the id, in the order of the ids."""
     for place in (folder, folder.parent):
         path = place / PALETTE
         if path.is_file():
-            try:
-                rows = [line.split("\t") for line in path.read_text().splitlines() if line.strip()]
-                colors = {int(n): [int(c) for c in rgb.strip(" []").split(",")] for n, rgb in rows}
-                return {int(_packed(np.array(rgb))): n for n, rgb in colors.items()}
-            except (OSError, ValueError, IndexError) as error:
-                raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
+            rows = [re.findall(r"\d+", line) for line in path.read_text().splitlines()]
+            rows = [list(map(int, row)) for row in rows if row]
+            if not rows or {len(row) for row in rows} - {3, 4}:
+                raise UserError(f"{path}: has rows of other than an id and three numbers")
+            ids = [row[0] if len(row) == 4 else n for n, row in enumerate(rows)]
+            return {int(_packed(np.array(row[-3:]))): n for n, row in zip(ids, rows)}
     raise UserError(f"{folder}: no {PALETTE} there; AirSim has it, it says which color is which id")
 
 

@@ -9,7 +9,9 @@ from PIL import Image
 
 from src.geometry import euler_from_rotation, front_mount, inverse, quat_from_euler
 from src.ontology import UNKNOWN
+from src.recordings.carla import POINT
 from src.recordings.flight import ActorTrack, Camera, RecordedFlight
+from src.sim.annotation import FrontView
 
 F = np.diag([1.0, -1.0, -1.0, 1.0])  # north, east, down
 M = np.diag([1.0, -1.0, 1.0, 1.0])  # left-handed
@@ -192,3 +194,33 @@ def write_airsim(clip, folder, kind=1):
 def folder_of(folder):
     folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+def points_of(clip, frame):
+    """What every fifth pixel with a class shows, in our world: what a LiDAR might have met."""
+    flight = Direct(clip, from_camera=True)
+    mount = flight.camera.body_from_camera, flight.camera.pix_from_camera
+    images = flight.depth_m(frame), flight.class_id(frame), flight.actor_id(frame)
+    rays = FrontView(flight.world_from_body[frame], *mount, *images).rays(5, np.inf)
+    return rays.points_m(np.isfinite(rays.hits.distance_m))
+
+
+def add_lidar(clip, folder):
+    """Adds a level LiDAR at the camera, turned by 90 degrees, to what CARLA recorded."""
+    flight = Direct(clip, from_camera=True)
+    (folder / "lidar").mkdir()
+    told = json.loads((folder / "frames.json").read_text())
+    for frame, row in enumerate(told["frames"]):
+        place_m = M[:3, :3] @ flight.world_from_body[frame, :3, 3].numpy()
+        row["lidar"] = {**dict(zip("xyz", place_m)), "roll": 0.0, "pitch": 0.0, "yaw": 90.0}
+        world = points_of(clip, frame) @ M[:3, :3] - place_m
+        # The sensor's x is the world's y (left-handed), and its y the world's -x.
+        local = np.stack([world[:, 1], -world[:, 0], world[:, 2]], axis=1)
+        images = flight.depth_m(frame), flight.class_id(frame), flight.actor_id(frame)
+        mount = flight.camera.body_from_camera, flight.camera.pix_from_camera
+        hits = FrontView(flight.world_from_body[frame], *mount, *images).rays(5, np.inf).hits
+        points = np.zeros(len(local), POINT)
+        points["x"], points["y"], points["z"] = local.T
+        points["tag"] = looked_up(CARLA_TAGS, hits.class_id[np.isfinite(hits.distance_m)])
+        (folder / "lidar" / f"{frame:06d}.bin").write_bytes(points.tobytes())
+    (folder / "frames.json").write_text(json.dumps(told))

@@ -1,5 +1,6 @@
 """One of our clips, recorded as others record, has the labels that our chain gives it directly."""
 
+import shutil
 from functools import partial
 
 import numpy as np
@@ -17,7 +18,7 @@ from src.data.pictures import read_rgb
 from src.errors import UserError
 from src.ontology import FREE, UNKNOWN
 from src.recordings.annotate import Cut, clips_by_name, write_clips
-from src.recordings.clip import RecordedClip
+from src.recordings.clip import RecordedClip, ground_of
 from src.sim.observation import Annotator
 from tests.recordings import foreign
 from tests.sessions import ROOT
@@ -75,6 +76,61 @@ def test_a_clip_recorded_elsewhere_has_the_labels_of_the_chain(clip, tmp_path, n
     share = (wanted != got)[known].mean()
     assert share <= DIFFERING[name]
     assert ((got < FREE).sum(axis=(1, 2, 3)) > 50).all()
+
+
+def one_clip(flight, clip, static=False, ground_m=0.0):
+    return RecordedClip(flight, 0, 1, clip.meta.capture_hz, ground_m, static)
+
+
+def test_further_cameras_and_a_lidar_add_what_they_see(clip, tmp_path):
+    """A second camera that looks where the first one does says the same; a LiDAR whose returns are
+    the camera's own points adds no surface elsewhere."""
+    alone, both = tmp_path / "alone/f", tmp_path / "both/f"
+    for folder in (alone, both):
+        foreign.write_tartanair(clip, folder)
+    shutil.copy(both / "pose_lcam_front.txt", both / "pose_lcam_left.txt")
+    for kind in ("depth", "seg"):
+        shutil.copytree(both / f"{kind}_lcam_front", both / f"{kind}_lcam_left")
+    [one], [two] = (
+        layout("tartanair", rate_hz=clip.meta.capture_hz).flights(folder.parent)
+        for folder in (alone, both)
+    )
+    assert [len(one.scans(0)), len(two.scans(0))] == [0, 1]
+    wanted, got = (labels_of(one_clip(each, clip, True), annotator(clip)) for each in (one, two))
+    assert (wanted != got).mean() < 0.001
+
+    foreign.write_carla(clip, tmp_path / "carla/f")
+    [bare] = layout("carla").flights(tmp_path / "carla")
+    foreign.add_lidar(clip, tmp_path / "carla/f")
+    [scanned] = layout("carla").flights(tmp_path / "carla")
+    scan = scanned.scans(0)[0]
+    points_m = scan.points_m(np.ones(len(scan.directions), bool))
+    true_m = foreign.points_of(clip, 0)
+    assert np.abs(points_m - true_m).max() < 0.01
+    wanted, got = (labels_of(one_clip(each, clip), annotator(clip)) for each in (bare, scanned))
+    assert (wanted != got).mean() < 0.002
+
+
+def test_the_ground_of_a_recording_is_found_in_its_images(clip):
+    flight = foreign.Direct(clip)
+    found_m = ground_of(flight)
+    assert abs(found_m) < 0.5
+    flight.world_from_body = flight.world_from_body.clone()
+    flight.world_from_body[:, 2, 3] += 120.0
+    assert ground_of(flight) == pytest.approx(found_m + 120.0)
+    # Its clips stand on the ground again.
+    heights_m = one_clip(flight, clip, ground_m=120.0).frames["altitude_m"]
+    assert heights_m.to_numpy() == pytest.approx(clip.frames["z_m"].to_numpy())
+
+
+def test_velocities_and_rates_come_from_the_poses(clip):
+    made = one_clip(foreign.Direct(clip), clip).frames
+    for names, tolerance in (("vx_mps vy_mps vz_mps", 0.6), ("wx_radps wy_radps wz_radps", 0.4)):
+        off = np.abs(made[names.split()].to_numpy() - clip.frames[names.split()].to_numpy())
+        assert np.median(off) < tolerance / 4
+        assert off[1:-1].max() < 3 * tolerance
+    same = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"]
+    assert np.allclose(made[same], clip.frames[same], atol=1e-9)
 
 
 # ------------------------------------------------------------------------------- wrong conventions
@@ -267,3 +323,30 @@ def test_pixels_without_a_class_hide_and_vote_for_nothing(clip, tmp_path):
     assert np.isfinite(made.aux("depth", 0)[walls]).all()
     for frame in range(0, len(clip), 10):
         assert not (made.semantics(frame) == 0).any()
+
+
+# As AirSim itself has written them, and as TartanAir's tools have the palette.
+AIRSIM_ROWS = """\
+VehicleName\tTimeStamp\tPOS_X\tPOS_Y\tPOS_Z\tQ_W\tQ_X\tQ_Y\tQ_Z\tImageFile
+PX4\t1726962106112\t-0.0859381\t-0.0884584\t-2.83123\t0.999988\t0.000118479\t-0.00453876\t0.00159355\t\
+img_PX4__0_1726962106110372500.png;img_PX4__1_1726962106110372500.pfm;img_PX4__5_1726962106110372500.png
+PX4\t1726962106953\t-0.132811\t-0.167176\t-5.46692\t0.99992\t0.00708\t-0.0102559\t0.00215091\t\
+img_PX4__0_1726962106950954700.png;img_PX4__1_1726962106950954700.pfm;img_PX4__5_1726962106950954700.png
+"""
+
+
+@pytest.mark.parametrize("palette", ["0, 0, 0\n153, 108, 6\n", "0\t[0, 0, 0]\n1\t[153, 108, 6]\n"])
+def test_rows_of_a_real_recording_are_understood(tmp_path, palette):
+    (tmp_path / "airsim_rec.txt").write_text(AIRSIM_ROWS)
+    (tmp_path / "seg_rgbs.txt").write_text(palette)
+    image = np.zeros((64, 96, 3), np.uint8)
+    for stamp in ("106110372500", "106950954700"):
+        foreign.save(tmp_path / "images", f"img_PX4__0_1726962{stamp}.png", image)
+    [flight] = layout("airsim").flights(tmp_path)
+
+    assert flight.ids == {0: 0, 153 << 16 | 108 << 8 | 6: 1}
+    assert np.diff(flight.time_s).tolist() == pytest.approx([0.841])
+    # Up is up, and what was to the right (east of north) is y < 0.
+    assert flight.world_from_body[:, 2, 3].tolist() == [2.83123, 5.46692]
+    assert flight.world_from_body[0, 1, 3].item() == 0.0884584
+    assert [path.name[:12] for path in flight.files["depth"]] == ["img_PX4__1_1"] * 2
