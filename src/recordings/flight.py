@@ -23,6 +23,8 @@ AXES = {
     "north_east_down": NORTH_EAST_DOWN,
 }
 
+# Points are thinned in cubes that are numbered so far.
+FARTHEST_M = 50_000.0
 # A quaternion that is longer or shorter is no rotation, or its columns are others.
 UNIT_TOLERANCE = 1e-2
 # The steps between frames may differ from their median by this share of it.
@@ -98,6 +100,11 @@ def poses_from(
     numbers = np.concatenate([position_m, quat_xyzw], axis=1)
     if len(bad := np.flatnonzero(~np.isfinite(numbers).all(axis=1))):
         raise UserError(f"{path}: row {bad[0]} of the poses is not finite; leave such frames out")
+    if (farthest_m := np.abs(position_m).max()) > FARTHEST_M:
+        raise UserError(
+            f"{path}: places are up to {farthest_m:.3g} m from the origin, and there may be "
+            f"{FARTHEST_M:g}; are they metres? Of map coordinates subtract the first place"
+        )
     off = np.abs(np.linalg.norm(quat_xyzw, axis=1) - 1)
     if off.max() > UNIT_TOLERANCE:
         row = int(off.argmax())

@@ -19,6 +19,7 @@ from ..data.pictures import files_of, read_array, read_ids, read_rgb, require_de
 from ..errors import UserError, reason_of
 from ..geometry import front_mount, pixel_centers, require_pinhole, unproject
 from ..limits import require_choice
+from ..ontology import OCCUPIED
 from .classes import ClassTable
 from .flight import AXES, ActorTrack, Camera, RecordedFlight, poses_from, require_frames
 
@@ -172,8 +173,14 @@ def _tracks_of(path: Path, frames: int) -> list[ActorTrack]:
     tracks = []
     for actor_id, rows in read_table(path, ACTOR_COLUMNS).groupby("actor_id"):
         first, at = rows.iloc[0], rows["frame"].to_numpy()
-        if at.min() < 0 or at.max() >= frames:
+        if at.dtype.kind != "i" or at.min() < 0 or at.max() >= frames:
             raise UserError(f"{path}: actor {actor_id} is in frame {at.max()} of {frames}")
+        # Compiled code counts votes by class, and would write beyond them.
+        if first["class_id"] not in OCCUPIED:
+            raise UserError(
+                f"{path}: class_id {first['class_id']} of actor {actor_id} is none of 0 to "
+                f"{len(OCCUPIED) - 1}; give its class in this project (src/ontology.py)"
+            )
         position_m, yaw_rad = np.full((frames, 3), np.nan), np.full(frames, np.nan)
         position_m[at] = rows[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
         yaw_rad[at] = rows["yaw_rad"].to_numpy(np.float64)

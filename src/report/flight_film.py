@@ -1,6 +1,7 @@
 """A flight as a looping picture: the camera with the plan in it, the truth, and the belief."""
 
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,13 @@ import torch
 from PIL import Image, ImageDraw
 
 from ..data.rates import STEP_HZ
+from ..formats.mcap import McapWriter
 from ..geometry import VoxelGrid, camera_from_occ, inverse, transform, world_from_occ
 from ..loop.flight import Moment
 from ..loop.perception import seen_by
 from ..loop.planner import Plan
 from ..loop.stage import Stage
+from ..models.frame import StreamFrame
 from ..ontology import CLASSES, FREE, UNKNOWN
 from ..results.render import Table
 from .animation import draw_scenes
@@ -40,6 +43,7 @@ class Film:
     def __init__(self, stage: Stage, grid: VoxelGrid, threshold: float) -> None:
         self._stage, self._grid, self._threshold = stage, grid, threshold
         self._scenes: list[VoxelScene] = []
+        self._frames: list[StreamFrame] = []
 
     def __call__(self, moment: Moment) -> None:
         frame, belief, grid = moment.frame, moment.belief, self._grid
@@ -61,10 +65,12 @@ class Film:
             frustum=camera,
         )
         self._scenes.append(scene)
+        self._frames.append(frame)
 
     def write(self, path: str | Path, row: Mapping[str, object]) -> None:
         """Writes the end of the flight as a GIF of at most 1 MB, which tells the time and, at the
-        end, the outcome in its ``row``; and beside it a page on which it turns, frame by frame."""
+        end, the outcome in its ``row``; beside it a page on which it turns, frame by frame; and the
+        whole of it as MCAP where foxglove-sdk is installed."""
         shown = self._scenes[-SHOWN:]
         hit = f", {row['hit']}".replace("_", " ") if row["hit"] else ""
         end = f"{row['time_s']:.1f} s: {row['outcome']}{hit}"
@@ -78,6 +84,16 @@ class Film:
         # Every second frame, with the last: a page of all would have ten megabytes.
         page = Path(path).with_suffix(".html")
         write_page(page, heading, {"Facts": [table]}, shown[::-2][::-1])
+        if find_spec("foxglove"):
+            self._record(Path(path).with_suffix(".mcap"))
+
+    def _record(self, path: Path) -> None:
+        first = self._frames[0]
+        camera = first.body_from_camera, first.pix_from_camera, self._scenes[0].frustum.size_pix
+        with McapWriter(path, self._grid, *camera) as recorder:
+            for frame, scene in zip(self._frames, self._scenes):
+                labels = {"truth": scene.truth, BELIEF.lower(): scene.predictions[BELIEF]}
+                recorder.add(frame.time_s, frame.world_from_body, labels, scene.image)
 
 
 def _with_plan(image: Pixels, plan: Plan, world_from_occ_: np.ndarray, camera: Frustum) -> Pixels:

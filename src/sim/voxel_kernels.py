@@ -77,7 +77,8 @@ def count_votes(
     points_m: Points,
     class_id: UInt8[np.ndarray, "n"],
 ) -> None:
-    """Adds one vote per point to its voxel and class; points outside the grid have none.
+    """Adds one vote per point to its voxel and class; points outside the grid have none, nor have
+    those without a class.
 
     Floor comes first and the bounds after it: a point just below the grid is outside.
     """
@@ -89,7 +90,8 @@ def count_votes(
                 place_m += occ_from_points[k, axis] * points_m[i, axis]
             cell[k] = np.floor((place_m - voxels.lower_m[k]) / voxels.side_m)
         x, y, z = cell
-        if 0 <= x < votes.shape[0] and 0 <= y < votes.shape[1] and 0 <= z < votes.shape[2]:
+        inside = 0 <= x < votes.shape[0] and 0 <= y < votes.shape[1] and 0 <= z < votes.shape[2]
+        if inside and class_id[i] < votes.shape[3]:
             votes[int(x), int(y), int(z), class_id[i]] += 1
 
 

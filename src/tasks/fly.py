@@ -51,8 +51,8 @@ def fly(cfg: DictConfig, films: bool, **_: object) -> None:
             missing = {path: job for path, job in wanted.items() if not path.exists()}
             deque(tracked(fleet.drawn(missing), "drawing", len(missing)), maxlen=0)
     print_scores({table["perception"].iloc[0]: {"": table}}, None, RESAMPLES)
-    for path in (folder / FLIGHTS, *sorted(folder.glob("*.gif")), *sorted(folder.glob("*.html"))):
-        if path.is_file():
+    for ending in (FLIGHTS, "*.gif", "*.html", "*.mcap"):
+        for path in sorted(folder.glob(ending)):
             say(path)
 
 

@@ -281,6 +281,9 @@ def test_what_cannot_be_a_recording_is_refused_in_one_line(plain, clip):
         lambda: pd.read_csv(poses).drop(columns="qw").to_csv(poses, index=False), poses
     )
 
+    far = poses_with(lambda table: table.update({"x_m": table.x_m + 4.6e6}))
+    assert "subtract the first place" in far
+
     assert "task.rate_hz" in refused(plain, cut=Cut(rate_hz=2.0))
     assert "is it of another layout" in refused(plain, "carla")
     assert "layout.axes" in refused(plain, axes="down")

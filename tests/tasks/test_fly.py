@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
+from mcap.reader import make_reader
 from omegaconf import OmegaConf
 from PIL import Image
 
@@ -68,6 +69,11 @@ def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
     for name in films_of(seen):
         with Image.open(f"{cfg.task.out}/{name}.gif") as film:
             assert film.n_frames == SHOWN
+        with open(f"{cfg.task.out}/{name}.mcap", "rb") as file:
+            counts = make_reader(file).get_summary().statistics.channel_message_counts
+        # Of every plan, in the order of their channels: tf, calibration, image, truth, belief.
+        plans = int(seen.set_index("flight").loc[films_of(seen)[name], "plans"])
+        assert [*counts.values()][1:] == [plans] * 4
     assert run(config(tmp_path, "perception=seen")).equals(seen)
     with pytest.raises(UserError, match=r"another configuration.*task.out"):
         run(config(tmp_path, "perception=truth"), out=f"{tmp_path}/one")
