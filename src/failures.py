@@ -116,8 +116,8 @@ def _of_run(cause: BaseException) -> str | None:
         return str(cause).strip().splitlines()[-1].removeprefix("src.errors.UserError: ")
     if isinstance(cause, ModuleNotFoundError) and cause.name in GENERATORS:
         return (
-            f"{cause.name} is not installed, and generating data needs it: give make setup, which "
-            "says where there is none; or point paths.dataset at a finished dataset"
+            f"{cause.name} is not installed, and this task needs it: give make setup, which says "
+            "where there is none, and what works without; training does, with paths.dataset=DIR"
         )
     if _lacks_memory(cause, (), SHARED_MEMORY) or _is_of_shared_memory(cause):
         return (

@@ -59,7 +59,7 @@ def test_an_end_is_one_line_and_a_status_although_the_program_asks_twice(
 
 def test_a_package_that_a_platform_lacks_is_named_and_any_other_one_is_a_bug():
     lacking = ModuleNotFoundError("No module named 'embreex'", name="embreex")
-    assert one_line(lacking).startswith("embreex is not installed, and generating data needs it")
+    assert one_line(lacking).startswith("embreex is not installed, and this task needs it")
     assert one_line(ModuleNotFoundError("No module named 'src.sin'", name="src.sin")) is None
 
 
