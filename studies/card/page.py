@@ -31,6 +31,12 @@ WHAT_IT_IS = (
     "*SkyShield: Occupancy as a Safety Interface for Low-Altitude UAV Autonomy*."
 )
 
+OF_A_RECORDING = (
+    "A semantic occupancy dataset for low-altitude UAV flight: front images of clips of 12 s, cut "
+    "from a recording, the attitude and place of every frame, and the occupied, free and unknown "
+    "voxels of the space ahead, labelled by SkyShield."
+)
+
 # Made with the simulator by another task; shown where they lie beside the card's own.
 PICTURES = {
     "weathers.jpg": "One frame under every weather",
@@ -54,7 +60,8 @@ def write_card(root: Path) -> None:
     draw_contact_sheet(root, statistics, figures / "contact_sheet.jpg")
     shown = clips["clip"][clips["weather"] == clips["weather"][0]]
     draw_flight(liveliest([Clip(root / name) for name in shown]), figures / "flight.gif")
-    metadata = croissant_of(root, manifest, WHAT_IT_IS.replace("*", ""), figures / "clips.csv")
+    what_it_is = OF_A_RECORDING if "source" in manifest else WHAT_IT_IS
+    metadata = croissant_of(root, manifest, what_it_is.replace("*", ""), figures / "clips.csv")
     write_text(root / CROISSANT, json.dumps(metadata, indent=1) + "\n")
 
     # Pictures of task=portraits may lie here as well.
@@ -63,11 +70,13 @@ def write_card(root: Path) -> None:
     text = TEMPLATE.read_text(encoding="utf-8")
     card = Template(text, undefined=StrictUndefined, trim_blocks=True).render(
         name=root.name,
-        what_it_is=WHAT_IT_IS,
+        what_it_is=what_it_is,
         extra={file: text for file, text in PICTURES.items() if file in pictures},
         overrides=map(shlex.quote, overrides_of(manifest)),
         manifest=manifest,
-        digest=DatasetSpec(manifest["scale"], manifest["sim"], manifest["generator"]).digest,
+        digest=DatasetSpec(
+            *(manifest[key] for key in ("scale", "sim", "generator")), manifest.get("source")
+        ).digest,
         statistics=statistics,
         totals=visible_totals(statistics),
         clips=clips,
@@ -90,6 +99,18 @@ def _span(form: str, values: pd.Series) -> str:
 def overrides_of(manifest: Mapping) -> list[str]:
     """The overrides that name this very dataset, whatever the defaults are."""
     sim, held_out = manifest["sim"], manifest["held_out"]
+    if "source" in manifest:
+        sides = [
+            each
+            for key in ("lower_m", "upper_m", "shape")
+            for each in _assignments(f"grid.{key}", sim["grid"][key])
+        ]
+        return [
+            "task=annotate",
+            "recording=DIR",
+            f"layout={manifest['source']['layout']['name']}",
+            *sides,
+        ]
     # The values of the weathers are files of the configuration, too many for a command line.
     settings = {f"sim.{key}": value for key, value in sim.items() if key != "weather"}
     settings |= {f"data.{part}_clips": held_out[part] for part in ("val", "test")}

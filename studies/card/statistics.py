@@ -103,7 +103,8 @@ def statistics_of(root: Path) -> Statistics:
     """
     manifest = read_manifest(root)
     # In the order in which they were planned: the manifest's keys are in alphabetical order.
-    towns = manifest["sim"]["towns"]
+    # Towns of a recording are its flights.
+    towns = manifest["sim"].get("towns") or sorted({c.partition("/")[0] for c in manifest["clips"]})
     clip_ids = sorted(manifest["clips"], key=lambda clip: towns.index(clip.partition("/")[0]))
 
     if missing := missing_clips(root, clip_ids):

@@ -19,9 +19,10 @@ def card(cfg: DictConfig, pipeline: str | None = None) -> None:
     """
     # A dataset that is named by paths.dataset has settings of its own.
     root = root_of(cfg)
-    sim = OmegaConf.to_container(cfg.sim, resolve=True) | read_manifest(root)["sim"]
+    manifest = read_manifest(root)
+    sim = OmegaConf.to_container(cfg.sim, resolve=True) | manifest["sim"]
     try:
-        if pipeline:
+        if pipeline and "source" not in manifest:
             from src.sim.plan import plan_clips
 
             module, _, name = pipeline.rpartition(".")
