@@ -73,6 +73,7 @@ def read_array(path: Path, size_pix: Size) -> Float[np.ndarray, "h w"]:
             raise UserError(f"{path}: is {image.mode}; depth in a png has 16 bits, in millimetres")
         raw = np.asarray(image).astype(np.float32)
         array = np.where(raw == 65535, np.inf, raw / 1000)
+
     if array.shape != size_pix[::-1]:
         wanted = f"{size_pix[0]}x{size_pix[1]}"
         raise UserError(f"{path}: is {'x'.join(map(str, array.shape[::-1]))}, images are {wanted}")

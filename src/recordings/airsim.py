@@ -89,10 +89,12 @@ class AirSimLayout:
             table[QUAT_XYZW].to_numpy(np.float64),
             "north_east_down",
         )
+
         files = _files(path, table["ImageFile"].tolist())
         size_pix = size_of(files["rgb"][0])
         mount = front_mount(tuple(map(float, self.position_m)), np.deg2rad(self.pitch_deg))
         camera = Camera(pinhole(*size_pix, np.deg2rad(self.fov_deg)), mount, size_pix)
+
         # Milliseconds.
         time_s = table["TimeStamp"].to_numpy(np.float64) / 1000
         own = folder.name, folder, time_s, poses, camera
@@ -105,6 +107,7 @@ def _read(path: Path) -> pd.DataFrame:
         table = pd.read_csv(path, sep="\t", float_precision="round_trip")
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
+
     wanted = ["TimeStamp", *PLACE, *QUAT_XYZW, "ImageFile"]
     if missing := [name for name in wanted if name not in table]:
         raise UserError(f"{path}: has no column {missing[0]}; it is tab-separated, as AirSim's own")
@@ -124,6 +127,7 @@ def _files(path: Path, rows: list[str]) -> dict[str, list[Path]]:
                 files.setdefault(kind, []).append(path.parent / "images" / name)
         if any(len(of_kind) != row + 1 for of_kind in files.values()):
             raise UserError(f"{path}: row {row} lists not one image of each kind ({names})")
+
     depth = "depth" in files or "range" in files
     if not (depth and {"rgb", "class"} <= files.keys()):
         raise UserError(
@@ -140,6 +144,7 @@ def _palette(folder: Path) -> dict[int, int]:
         path = place / PALETTE
         if path.is_file():
             rows = [re.findall(r"\d+", line) for line in path.read_text().splitlines()]
+
             rows = [list(map(int, row)) for row in rows if row]
             if not rows or {len(row) for row in rows} - {3, 4}:
                 raise UserError(f"{path}: has rows of other than an id and three numbers")

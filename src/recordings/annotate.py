@@ -39,6 +39,7 @@ class Cut:
                 f"{flight.folder}: lasts {len(flight.time_s) / recorded_hz:.1f} s, and a clip has "
                 f"{CLIP_SECONDS:g} s; record longer"
             )
+
         ground_m = ground_of(flight) if self.ground_m is None else self.ground_m
         if ground_m is None:
             raise UserError(
@@ -56,6 +57,7 @@ def _stride(recorded_hz: float, wanted_hz: float | None) -> tuple[int, float]:
     ratio = recorded_hz / rate_hz if rate_hz > 0 else 0.0
     stride = round(ratio)
     of_clip = CLIP_SECONDS * rate_hz
+
     even = stride > 0 and math.isclose(ratio, stride, rel_tol=0.01)
     if not even or not math.isclose(of_clip, round(of_clip), rel_tol=0.001):
         raise UserError(
@@ -78,6 +80,7 @@ def clips_by_name(
         name = re.sub(r"[^\w-]", "_", "-".join(parts))
         for number, clip in enumerate(cut.clips(flight)):
             found[f"{name}/clip{number:02d}"] = clip
+
     first = next(iter(found.values()))
     for clip in found.values():
         for what, ours, theirs in (
@@ -115,6 +118,7 @@ def _write_clip(root: Path, annotator: Annotator, clip_id: str, clip: RecordedCl
         body_from_camera=clip.camera.body_from_camera,
         grid=annotator.grid,
     )
+
     with ClipWriter(root / clip_id, meta) as writer:
         seen = annotator.observe(clip)
         for frame, view in enumerate(seen.views):

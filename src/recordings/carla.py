@@ -66,11 +66,13 @@ class CarlaFlight(RecordedFlight):
         raw = path.read_bytes()
         if len(raw) % POINT.itemsize:
             raise UserError(f"{path}: is no list of points of {POINT.itemsize} bytes each")
+
         points = np.frombuffer(raw, POINT)
         # Sensor-local and left-handed, hits only.
         local_m = np.stack([points["x"], -points["y"], points["z"]], axis=1).astype(np.float64)
         away_m = transform(world_from_lidar, local_m) - world_from_lidar[:3, 3]
         distance_m = np.linalg.norm(away_m, axis=1)
+
         class_id = self.classes.of(path, points["tag"].astype(np.int64)[None])[0][0]
         kept = (distance_m > 0) & (class_id != UNKNOWN)
         directions = away_m[kept] / distance_m[kept, None]

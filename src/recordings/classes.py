@@ -62,6 +62,7 @@ class ClassTable:
             ((str(word).lower(), name) for name, listed in self.table.items() for word in listed),
             key=lambda each: -len(each[0]),
         )
+
         ids: dict[str, list[int]] = {}
         for their_id, their_name in self.names.items():
             found = next((name for word, name in words if _is_in(word, their_name)), None)
@@ -81,6 +82,7 @@ class ClassTable:
             raise UserError(
                 f"{path}: class {their_ids.max()} is no id; are these colors, or depth?"
             )
+
         ours = self._map[their_ids]
         if (strange := their_ids[ours == _NOT_LISTED]).size:
             several = np.unique(strange)

@@ -115,6 +115,7 @@ class RecordedClip:
             number = self.frame_of(frame)
             images = self.flight.depth_m(number), self.flight.class_id(number)
             depth_m, class_id = map(self.cut, images)
+
             recorded = self.flight.actor_id(number)
             if recorded is None:
                 actor_id = np.zeros(class_id.shape, dtype=np.int32)
@@ -144,6 +145,7 @@ class RecordedClip:
         hits = scan.hits
         actor_id = hits.actor_id.copy()
         actor_id[hits.class_id >= FREE] = -1
+
         moved = Scan(origin_m, scan.directions, hits)
         chosen = np.isfinite(hits.distance_m) & np.isin(hits.class_id, MOVING) & (not self.static)
         if chosen.any():
@@ -202,6 +204,7 @@ def ground_of(flight: RecordedFlight) -> float | None:
         points_m = rays.points_m(rays.hits.class_id == GROUND)
         away_m = np.linalg.norm((points_m - rays.origin_m)[:, :2], axis=1)
         heights_m.append(points_m[away_m < GROUND_WITHIN_M, 2])
+
     joined_m = np.concatenate(heights_m)
     return float(np.median(joined_m)) if len(joined_m) else None
 
@@ -212,6 +215,7 @@ def _actor_of(track: ActorTrack, frames: slice, clip: RecordedClip) -> SceneActo
     there = np.isfinite(position_m).all(axis=1)
     if not there.any():
         return None
+
     position_m[:, 2] -= clip.ground_m
     steps = np.arange(len(there))
     for axis in range(3):

@@ -105,6 +105,7 @@ def poses_from(
             f"{path}: places are up to {farthest_m:.3g} m from the origin, and there may be "
             f"{FARTHEST_M:g}; are they metres? Of map coordinates subtract the first place"
         )
+
     off = np.abs(np.linalg.norm(quat_xyzw, axis=1) - 1)
     if off.max() > UNIT_TOLERANCE:
         row = int(off.argmax())
@@ -120,10 +121,12 @@ def require_rate(path: Path, time_s: Float[np.ndarray, "n"]) -> float:
     """Returns the frames a second. Raises `UserError` for times that are not evenly apart."""
     if len(bad := np.flatnonzero(~np.isfinite(time_s))):
         raise UserError(f"{path}: the time of row {bad[0]} is not finite; correct it")
+
     steps_s = np.diff(time_s)
     if len(steps_s) == 0 or (steps_s <= 0).any():
         row = int(np.argmax(steps_s <= 0)) + 1 if len(steps_s) else 0
         raise UserError(f"{path}: the time of row {row} is not later than the one before; sort it")
+
     step_s = float(np.median(steps_s))
     off = np.abs(steps_s - step_s)
     if off.max() > RATE_TOLERANCE * step_s:

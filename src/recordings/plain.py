@@ -116,6 +116,7 @@ def folders_with(folder: Path, *names: str) -> list[Path]:
     """
     if not folder.is_dir():
         raise UserError(f"recording: {folder} is no folder; name that of the recording")
+
     places = [folder, *sorted(path for path in folder.glob("*") if path.is_dir())]
     places += sorted(path for path in folder.glob("*/*") if path.is_dir())
     found = [place for place in places if any((place / name).exists() for name in names)]
@@ -132,6 +133,7 @@ def read_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
         table = pd.read_csv(path, float_precision="round_trip")
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
+
     if missing := [name for name in columns if name not in table]:
         raise UserError(f"{path}: has no column {missing[0]}; it needs {', '.join(columns)}")
     numbers = table[[name for name in columns if name != "type"]]
@@ -162,6 +164,7 @@ def _camera_of(path: Path, size_pix: tuple[int, int]) -> Camera:
             f"{path}: cannot be read ({reason_of(error)}); it holds pix_from_camera, 3x3, and may "
             "hold position_m and pitch_deg of the mount"
         ) from error
+
     require_pinhole(f"{path}: pix_from_camera", pix_from_camera)
     return Camera(pix_from_camera, mount, size_pix)
 
@@ -175,12 +178,14 @@ def _tracks_of(path: Path, frames: int) -> list[ActorTrack]:
         first, at = rows.iloc[0], rows["frame"].to_numpy()
         if at.dtype.kind != "i" or at.min() < 0 or at.max() >= frames:
             raise UserError(f"{path}: actor {actor_id} is in frame {at.max()} of {frames}")
+
         # Compiled code counts votes by class, and would write beyond them.
         if first["class_id"] not in OCCUPIED:
             raise UserError(
                 f"{path}: class_id {first['class_id']} of actor {actor_id} is none of 0 to "
                 f"{len(OCCUPIED) - 1}; give its class in this project (src/ontology.py)"
             )
+
         position_m, yaw_rad = np.full((frames, 3), np.nan), np.full(frames, np.nan)
         position_m[at] = rows[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
         yaw_rad[at] = rows["yaw_rad"].to_numpy(np.float64)

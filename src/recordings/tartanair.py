@@ -50,6 +50,7 @@ class TartanAirFlight(RecordedFlight):
     def scans(self, frame: int) -> list[Scan]:
         mount = self.camera.body_from_camera, self.camera.pix_from_camera
         nobody = np.zeros(self.camera.size_pix[::-1], dtype=np.int32)
+
         return [
             FrontView(
                 self.poses[camera][frame],

@@ -77,6 +77,7 @@ def _spec_of(cfg: DictConfig, folder: Path, clip: RecordedClip, cut: Cut) -> Dat
     sim = OmegaConf.to_container(cfg.sim, resolve=True)
     shaping = {key: sim[key] for key in SHAPING}
     shaping |= {"grid": sim["grid"], "image": {"width": width, "height": height}}
+
     source = {
         "layout": OmegaConf.to_container(cfg.layout, resolve=True),
         "cut": vars(cut),
