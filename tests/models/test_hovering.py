@@ -44,7 +44,7 @@ def test_a_hovering_uav_is_served_as_well_as_by_the_current_image_alone():
     maker = Hovering(sim, None)
     seen = maker.observe(plan_clips(sim)[0], lambda frame, image, rendering: images.append(image))
 
-    poses, last = poses_of(seen.frames), range(30, 60)
+    poses, last = poses_of(seen.recording.frames), range(30, 60)
     labels = [torch.from_numpy(maker.label(seen, n).semantics)[None] for n in last]
 
     scores = {}
