@@ -9,15 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from jaxtyping import Float, UInt8
 
 from ..data.pictures import read_array, read_channels, read_rgb, require_depth, size_of
-from ..errors import UserError, reason_of
+from ..errors import UserError
 from ..geometry import front_mount, pinhole
 from .classes import ClassTable
 from .flight import Camera, RecordedFlight, poses_from
-from .plain import along_axis, folders_with
+from .plain import along_axis, folders_with, read_table
 
 TABLE, PALETTE = "airsim_rec.txt", "seg_rgbs.txt"
 PLACE = ["POS_X", "POS_Y", "POS_Z"]
@@ -82,7 +81,7 @@ class AirSimLayout:
 
     def _flight(self, folder: Path) -> AirSimFlight:
         path = folder / TABLE
-        table = _read(path)
+        table = read_table(path, ["TimeStamp", *PLACE, *QUAT_XYZW, "ImageFile"], sep="\t")
         poses = poses_from(
             path,
             table[PLACE].to_numpy(np.float64),
@@ -100,20 +99,6 @@ class AirSimLayout:
         own = folder.name, folder, time_s, poses, camera
         ids = _palette(folder)
         return AirSimFlight(*own, files, ClassTable(self.classes), ids)
-
-
-def _read(path: Path) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(path, sep="\t", float_precision="round_trip")
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
-
-    wanted = ["TimeStamp", *PLACE, *QUAT_XYZW, "ImageFile"]
-    if missing := [name for name in wanted if name not in table]:
-        raise UserError(f"{path}: has no column {missing[0]}; it is tab-separated, as AirSim's own")
-    if table.empty:
-        raise UserError(f"{path}: has no rows")
-    return table
 
 
 def _files(path: Path, rows: list[str]) -> dict[str, list[Path]]:

@@ -7,6 +7,7 @@
 """
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +23,14 @@ from ..ontology import ACTOR_TYPES, UNKNOWN
 from ..sim.scene import ScanHits
 from ..sim.sensors import Scan
 from .classes import ClassTable
-from .flight import LEFT_HANDED, ActorTrack, Camera, RecordedFlight, require_frames
+from .flight import (
+    LEFT_HANDED,
+    ActorTrack,
+    Camera,
+    RecordedFlight,
+    require_frames,
+    require_places,
+)
 from .plain import folders_with
 
 FRAMES = "frames.json"
@@ -102,7 +110,8 @@ class CarlaLayout:
 def _flight(folder: Path, table: ClassTable) -> CarlaFlight:
     path = folder / FRAMES
     told = _read(path)
-    version = tuple(int(part) for part in str(told["version"]).split(".")[:3])
+    # Such as 0.9.15-dirty.
+    version = tuple(map(int, re.findall(r"\d+", str(told["version"]))[:3]))
     if version < FIRST_VERSION:
         raise UserError(
             f"{path}: is of CARLA {told['version']}, whose tags are not those since 0.9.14; "
@@ -124,15 +133,15 @@ def _flight(folder: Path, table: ClassTable) -> CarlaFlight:
     try:
         time_s = np.array([float(each["time_s"]) for each in frames])
         poses = torch.stack([matrix_of(each["camera"]) for each in frames])
+        hfov_rad = np.deg2rad(float(told["fov_deg"]))
         lidar = [matrix_of(each["lidar"]).numpy() for each in frames] if "lidar" in files else []
         tracks = _tracks(frames)
     except (KeyError, TypeError, ValueError) as error:
         raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
 
+    require_places(path, poses.flatten(1).numpy())
     size_pix = size_of(files["rgb"][0])
-    camera = Camera(
-        pinhole(*size_pix, np.deg2rad(told["fov_deg"])), front_mount((0.0, 0.0, 0.0)), size_pix
-    )
+    camera = Camera(pinhole(*size_pix, hfov_rad), front_mount((0.0, 0.0, 0.0)), size_pix)
     own = folder.name, folder, time_s, poses, camera
     return CarlaFlight(*own, files, table, lidar, tracks=tracks)
 

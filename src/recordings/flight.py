@@ -97,15 +97,7 @@ def poses_from(
 
     ``axes`` names theirs. Raises `UserError` with the file for what is no number or no rotation.
     """
-    numbers = np.concatenate([position_m, quat_xyzw], axis=1)
-    if len(bad := np.flatnonzero(~np.isfinite(numbers).all(axis=1))):
-        raise UserError(f"{path}: row {bad[0]} of the poses is not finite; leave such frames out")
-    if (farthest_m := np.abs(position_m).max()) > FARTHEST_M:
-        raise UserError(
-            f"{path}: places are up to {farthest_m:.3g} m from the origin, and there may be "
-            f"{FARTHEST_M:g}; are they metres? Of map coordinates subtract the first place"
-        )
-
+    require_places(path, np.concatenate([position_m, quat_xyzw], axis=1))
     off = np.abs(np.linalg.norm(quat_xyzw, axis=1) - 1)
     if off.max() > UNIT_TOLERANCE:
         row = int(off.argmax())
@@ -115,6 +107,18 @@ def poses_from(
         )
     pose = rigid(rotation_from_quat(torch.tensor(quat_xyzw)), torch.tensor(position_m))
     return AXES[axes] @ pose @ AXES[axes]
+
+
+def require_places(path: Path, rows: Float[np.ndarray, "n k"]) -> None:
+    """Raises `UserError` for poses that are not finite, and for places too far away; their numbers
+    stand in a row a frame."""
+    if len(bad := np.flatnonzero(~np.isfinite(rows).all(axis=1))):
+        raise UserError(f"{path}: row {bad[0]} of the poses is not finite; leave such frames out")
+    if (farthest_m := np.abs(rows).max()) > FARTHEST_M:
+        raise UserError(
+            f"{path}: places are up to {farthest_m:.3g} m from the origin, and there may be "
+            f"{FARTHEST_M:g}; are they metres? Of map coordinates subtract the first place"
+        )
 
 
 def require_rate(path: Path, time_s: Float[np.ndarray, "n"]) -> float:

@@ -27,6 +27,8 @@ POSES, CAMERA, ACTORS = "poses.csv", "camera.json", "actors.csv"
 POSE_COLUMNS = ["time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
 ACTOR_COLUMNS = ["frame", "actor_id", "type", "class_id", "x_m", "y_m", "z_m", "yaw_rad"]
 ACTOR_COLUMNS += ["length_m", "width_m", "height_m"]
+# Columns that hold words.
+WORDS = ("type", "ImageFile")
 DEPTHS = ("axis", "ray")
 
 
@@ -127,16 +129,16 @@ def folders_with(folder: Path, *names: str) -> list[Path]:
     return found
 
 
-def read_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
+def read_table(path: Path, columns: Sequence[str], sep: str = ",") -> pd.DataFrame:
     """Reads a CSV. Raises `UserError` with the file for one that lacks columns or rows."""
     try:
-        table = pd.read_csv(path, float_precision="round_trip")
+        table = pd.read_csv(path, sep=sep, float_precision="round_trip")
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
 
     if missing := [name for name in columns if name not in table]:
         raise UserError(f"{path}: has no column {missing[0]}; it needs {', '.join(columns)}")
-    numbers = table[[name for name in columns if name != "type"]]
+    numbers = table[[name for name in columns if name not in WORDS]]
     if not all(kind.kind in "iuf" for kind in numbers.dtypes):
         raise UserError(f"{path}: holds words where there should be numbers; correct it")
     if table.empty:

@@ -1,5 +1,6 @@
 """One of our clips, recorded as others record, has the labels that our chain gives it directly."""
 
+import json
 import shutil
 from functools import partial
 
@@ -289,6 +290,34 @@ def test_what_cannot_be_a_recording_is_refused_in_one_line(plain, clip):
     assert "layout.axes" in refused(plain, axes="down")
     assert "layout.classes.cars" in refused(plain, classes={"cars": [5]})
     assert "listed twice" in refused(plain, classes={"car": [1]})
+
+
+def test_what_carla_and_airsim_cannot_have_told_is_refused_in_one_line(clip, tmp_path):
+    foreign.write_carla(clip, tmp_path / "carla/f")
+    path = tmp_path / "carla/f/frames.json"
+    told = json.loads(path.read_text())
+
+    def carla(**changes):
+        path.write_text(json.dumps({**told, **changes}))
+        return refused(tmp_path / "carla", "carla")
+
+    first, *others = told["frames"]
+    lost = {**first, "camera": {**first["camera"], "x": float("nan")}}
+    assert "row 0 of the poses is not finite" in carla(frames=[lost, *others])
+    assert "cannot be read" in carla(frames=[{"time_s": 0.0}, *others])
+    assert "cannot be read" in carla(fov_deg="wide")
+    assert "has 0 poses" in carla(frames=[])
+    assert "not those since 0.9.14" in carla(version="0.9.13")
+    path.write_text(json.dumps({**told, "version": "0.9.15-dirty"}))
+    assert layout("carla").flights(tmp_path / "carla")
+
+    foreign.write_airsim(clip, tmp_path / "airsim/f")
+    path = tmp_path / "airsim/f/airsim_rec.txt"
+    text = path.read_text()
+    path.write_text(text.replace("POS_X", "X"))
+    assert "no column POS_X" in refused(tmp_path / "airsim", "airsim")
+    path.write_text(text.replace("Drone\t0.0\t", "Drone\tnoon\t"))
+    assert "holds words" in refused(tmp_path / "airsim", "airsim")
 
 
 def test_a_recording_shorter_than_a_clip_is_refused(plain):
