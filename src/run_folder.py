@@ -41,7 +41,7 @@ LABEL = ("name", "recipe_name", "group")
 KEYS = {
     # Where, how fast and what to do: no part of what shapes a run.
     "place": (
-        *("paths", "ckpt_path", "task", "overwrite", *LABEL, "threads"),
+        *("paths", "ckpt_path", "task", "overwrite", "calibrated", *LABEL, "threads"),
         *("predictions", "dataset", "layout", "logger"),
         *("callbacks.progress", "callbacks.preview"),
         *("data.workers", *(f"sim.{key}" for key in NOT_SHAPING)),

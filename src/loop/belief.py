@@ -1,6 +1,7 @@
 """What is believed about the space ahead, and how it is gathered into a map of the world."""
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,33 @@ class Belief(NamedTuple):
         return cls((semantics != FREE).astype(np.float32), known, movable, semantics)
 
 
+@dataclass(frozen=True)
+class Fusion:
+    """What a probability is worth as evidence, in a map that adds up log-odds.
+
+    ``neutral`` is the probability that says nothing: 0.5, or less for a UAV that shall be warned by
+    less. ``half_m`` is the distance from the UAV at which evidence counts half: it counts
+    ``1 / (1 + distance / half_m)``. Raises `UserError` for settings out of range.
+    """
+
+    neutral: float = 0.5
+    half_m: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not 0 < self.neutral < 1:
+            raise UserError(f"task.fusion.neutral: {self.neutral}; give a number between 0 and 1")
+        if not self.half_m > 0:
+            raise UserError(f"task.fusion.half_m: {self.half_m}; give a distance above 0, or .inf")
+
+    def evidence(
+        self, occupied: Float[np.ndarray, "n"], distance_m: Float[np.ndarray, "n"]
+    ) -> Float[np.ndarray, "n"]:
+        """Returns what is added to log-odds, for probabilities at distances from the UAV."""
+        sure = np.clip(occupied, 1 - SUREST, SUREST)
+        odds = np.log(sure / (1 - sure)) - np.float32(math.log(self.neutral / (1 - self.neutral)))
+        return odds / (1 + (distance_m / self.half_m)).astype(np.float32)
+
+
 class BeliefMap:
     """Log-odds of occupied in the cells of a lattice that lies still in the world around the UAV.
 
@@ -48,8 +76,15 @@ class BeliefMap:
     cells, of the side of the beliefs' voxels.
     """
 
-    def __init__(self, shape: tuple[int, int, int], cell_m: float, forget_s: float) -> None:
+    def __init__(
+        self,
+        shape: tuple[int, int, int],
+        cell_m: float,
+        forget_s: float,
+        fusion: Fusion | None = None,
+    ) -> None:
         self.cell_m, self.forget_s = cell_m, forget_s
+        self.fusion = fusion or Fusion()
         self.log_odds = np.zeros(shape, dtype=np.float32)
         self.seen, self.movable = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
         self.first: np.ndarray | None = None
@@ -79,8 +114,9 @@ class BeliefMap:
         arrays = np.asarray(belief.occupied, np.float32), belief.known, belief.movable
         _gather(held, self.movable, *arrays, Lattice.of(grid), world_from_occ, lattice)
         told = held >= 0
-        sure = np.clip(held[told], 1 - SUREST, SUREST)
-        evidence = self.log_odds[told] + np.log(sure / (1 - sure))
+        centers_m = (np.argwhere(told) + 0.5) * self.cell_m + self.lower_m
+        distance_m = np.linalg.norm(centers_m - world_from_occ[:3, 3], axis=1)
+        evidence = self.log_odds[told] + self.fusion.evidence(held[told], distance_m)
         self.log_odds[told] = np.clip(evidence, LEAST, MOST)
         self.seen |= told
 

@@ -10,6 +10,7 @@ from hydra.utils import instantiate
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..sim.traffic import TrafficConfig
+from .belief import Fusion
 from .camera import FlightCamera
 from .flight import Rules, Watch, fly
 from .mission import Mission
@@ -20,8 +21,8 @@ from .twin import Twin
 
 W = TypeVar("W", bound=Watch | None)
 
-# The planner's threshold while missions are selected.
-CHOOSING = 0.5
+# The planner's settings while missions are selected.
+CHOOSING = {"threshold": 0.5, "stops_in_known": False, "keeps_stops": False}
 ROUTE = tuple(field.name for field in fields(Mission))
 
 # The latest stage of this process, and what it was made of.
@@ -68,8 +69,9 @@ class Campaign:
         self.traffic = TrafficConfig(**{**sim["traffic"], "uav_gap_m": 0.0})
         self.missions = instantiate(config["mission"])
         self.planner = instantiate(config["planner"])
-        # Missions are the same for every threshold.
-        same = {"threshold": CHOOSING} if "threshold" in config["planner"] else {}
+        self.fusion = Fusion(**task["fusion"])
+        # Missions are the same for every threshold, and however a UAV flies on what it knows.
+        same = {key: each for key, each in CHOOSING.items() if key in config["planner"]}
         self.chooser = instantiate(config["planner"], **same)
 
         self.perception = instantiate(config["perception"], _partial_=True)(grid=self.grid)
@@ -118,7 +120,8 @@ class Campaign:
         stage = self._stage(job.mission, draws)
         twin, watcher = Twin(self.grid, self.planner, self.rules, stage.truth), make(stage)
         watches = [twin] if watcher is None else [twin, watcher]
-        flown = self._fly(stage, self.pilot, self.planner, watches=watches, draws=draws)
+        options = {"watches": watches, "draws": draws, "fusion": self.fusion}
+        flown = self._fly(stage, self.pilot, self.planner, **options)
 
         row = row_of(stage, flown, self.planner.threshold) | twin.row()
         of_job = {"stratum": job.stratum, "perception": self.pilot.name}

@@ -15,7 +15,7 @@ from ..geometry import world_from_occ
 from ..limits import require_at_least, require_finite
 from ..models.frame import StreamFrame
 from .airframe import POSITION, STEP_HZ, Airframe, States
-from .belief import Belief, BeliefMap
+from .belief import Belief, BeliefMap, Fusion
 from .camera import FlightCamera
 from .obstacles import REACH_M, Nearest
 from .perception import Perception
@@ -97,14 +97,15 @@ def fly(
     rules: Rules,
     watches: Sequence[Watch] = (),
     draws: bool = False,
+    fusion: Fusion | None = None,
 ) -> Flown:
     """Flies a mission. The same arguments give the same flight, bit for bit.
 
     ``watches`` are called with every moment at which a plan was made. There are images where the
-    perception wants them, or it ``draws``.
+    perception wants them, or it ``draws``. ``fusion`` says what a belief is worth to the map.
     """
     pilot = _Pilot(stage, planner, airframe, rules)
-    believed = BeliefMap(rules.map_cells, perception.grid.voxel_m, rules.forget_s)
+    believed = BeliefMap(rules.map_cells, perception.grid.voxel_m, rules.forget_s, fusion)
     perception.begin(stage.truth, stage.mission.flight)
 
     with camera.on(stage, perception.wants_image or draws) as look:
@@ -132,6 +133,7 @@ class _Pilot:
         self._wind = airframe.wind(mission.rng("wind"), round((rules.late_s + 1) * STEP_HZ))
 
         self.outcome: str | None = None
+        self._plan: Plan | None = None
         self._states: list[States] = []
         self._flown_steps, self._halts = 0, 0
         self._nearest = Nearest(REACH_M, 255, 0)
@@ -150,7 +152,7 @@ class _Pilot:
         along_m = mission.along(self._motion.position_m)
         target_m = mission.at(np.array(min(along_m + self._rules.look_ahead_m, mission.length_m)))
         motion = self._motion
-        plan = self._planner(motion, believed, target_m)
+        plan = self._planned(motion, believed, target_m)
         self._halts += not plan.clear
 
         references = self._references(plan, target_m)
@@ -164,6 +166,18 @@ class _Pilot:
         self._yaw_rad = references[-1, 9]
         self._judge(mission.along(self.state[POSITION]))
         return motion, target_m, plan
+
+    def _planned(self, motion: Motion, believed: BeliefMap, target_m: Vector) -> Plan:
+        """Returns the planner's plan. One that keeps its stops goes on with the last plan where
+        nothing new is admissible and the rest of that is: the promised stop comes at its end."""
+        plan, rest = self._planner(motion, believed, target_m), None
+        if self._plan is not None:
+            rest = self._plan.after(1 / self._rules.plan_hz)
+        if rest is not None and not plan.clear and getattr(self._planner, "keeps_stops", False):
+            [price_m] = self._planner.prices([rest], motion, believed, target_m)
+            plan = rest if math.isfinite(price_m) else plan
+        self._plan = plan
+        return plan
 
     def _references(self, plan: Plan, target_m: Vector) -> np.ndarray:
         """Returns the plan at every step, and the yaw, which turns to where the UAV goes."""

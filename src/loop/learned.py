@@ -23,12 +23,13 @@ class Learned(Perception):
     """The network of a checkpoint, as it would run in flight.
 
     It knows what the camera sees, up to the surfaces that it believes in. ``image`` are the
-    settings of the images. Raises `UserError` without a checkpoint, and for one with another grid
-    or other images.
+    settings of the images. Raises `UserError` without a checkpoint, for one with another grid or
+    other images, and for one that holds no calibration where it shall be ``calibrated``.
     """
 
     checkpoint: str | None
     image: Mapping
+    calibrated: bool = False
     wants_image = True
     _stream: SkyOccStream = field(init=False, repr=False)
 
@@ -40,7 +41,7 @@ class Learned(Perception):
                 f"sim.image: {dict(self.image)}; {self.checkpoint} was trained with {trained}; "
                 "give the scale that it was trained at"
             )
-        self._stream = SkyOccStream.of(checkpoint.path)
+        self._stream = SkyOccStream.of(checkpoint.path, calibrated=self.calibrated)
 
     def begin(self, truth: TrueOccupancy, flight: str) -> None:
         self._stream.reset()

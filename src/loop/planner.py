@@ -30,6 +30,12 @@ REACH_CELLS = 6
 # Slower ends cost the way that is lost until the UAV is as fast as it likes again.
 PICKS_UP_MPS2 = 2.0
 
+# Durations of stops, as multiples of that of a constant deceleration.
+STOPS = (1.3, 1.8, 2.5)
+
+# The camera sees nothing so near to the UAV.
+BLIND_M = 1.5
+
 Unknown = Literal["free", "costly", "occupied"]
 
 
@@ -63,6 +69,15 @@ class Plan(NamedTuple):
         rows[2] = np.where(beyond_s > 0, 0.0, rows[2])
         return np.concatenate(rows, axis=1)
 
+    def after(self, passed_s: float) -> "Plan | None":
+        """Returns the rest of the plan, ``None`` where less than half of that time is left."""
+        left_s = self.duration_s - passed_s
+        if left_s < passed_s / 2:
+            return None
+        # (t + passed)^k, written out.
+        moved = [[math.comb(k, n) * passed_s ** max(k - n, 0) for k in range(6)] for n in range(6)]
+        return self._replace(coefficients=np.array(moved) @ self.coefficients, duration_s=left_s)
+
 
 class Planner(Protocol):
     """Returns a `Plan` from a motion, by a map, towards a place. ``prices`` are what plans cost by
@@ -89,13 +104,18 @@ class QuinticPlanner:
     and stays farthest from everything is taken.
 
     ``threshold`` is the probability from which a cell counts as occupied: the one knob. Cells of
-    which nothing is known are ``unknown``: free, occupied or, for a price, free. Raises `UserError`
-    for settings out of range.
+    which nothing is known are ``unknown``: free, occupied or, for a price, free. With
+    ``stops_in_known`` a primitive, and the way to stop after it, must lie in cells that were seen,
+    farther than `BLIND_M` from where the UAV is: so it is as fast as it sees far. With
+    ``keeps_stops`` the way to stop is that of the hardest stop that it has, and not the shorter one
+    of ``brake_mps2``. Raises `UserError` for settings out of range.
     """
 
     cruise_mps: float = 6.0
     threshold: float = 0.5
     unknown: Unknown = "costly"
+    stops_in_known: bool = False
+    keeps_stops: bool = False
     radius_m: float = 0.3
     margin_m: float = 0.1
     acceleration_mps2: float = 6.0
@@ -154,7 +174,9 @@ class QuinticPlanner:
 
         need_m = self.radius_m + self.margin_m + belief.cell_m * math.sqrt(3) / 2
         most = (1.15 * self.cruise_mps, self.acceleration_mps2) if limited else (math.inf, math.inf)
-        limits = *most, self.brake_mps2, need_m
+        # A stop takes longer than one of constant deceleration.
+        brake_mps2 = self.brake_mps2 / (STOPS[0] if self.keeps_stops else 1.0)
+        limits = *most, brake_mps2, need_m, BLIND_M if self.stops_in_known else math.inf
         unknown = self.unknown_price if self.unknown == "costly" else 0.0
         prices = self.cruise_mps, self.height, self.closeness, unknown, self.jerk, self.detour
         return _judge(ends, *motion, target_m, field_m, belief.seen, *lattice, limits, prices)
@@ -175,7 +197,7 @@ class QuinticPlanner:
             np.radians((-50, -25, 0, 25, 50)) + course_rad,
             np.array((-0.3, 0.0, 0.3)) + slope_rad,
             np.zeros(1),
-            max(speed_mps / self.brake_mps2, 0.3) * np.array((1.3, 1.8, 2.5)),
+            max(speed_mps / self.brake_mps2, 0.3) * np.array(STOPS),
         )
         bearing, slope, speeds, durations_s = np.concatenate([flights, halts]).T
         ways = np.stack(
@@ -234,7 +256,7 @@ def _judge(
     Clearance is not computed for rejected primitives that do not stop.
     """
     costs, clearances = np.full(len(ends), np.inf), np.zeros(len(ends))
-    fastest, hardest, brake, need = limits
+    fastest, hardest, brake, need, blind = limits
     cruise, of_height, of_closeness, of_unknown, of_jerk, of_detour = prices
     # Where the UAV is too near already, it must get away.
     here = distance_at(field, (position - lower) / cell)
@@ -264,9 +286,11 @@ def _judge(
             if not possible and pace > 0:
                 break
 
-            clearance = distance_at(field, index)
+            clearance, gone = distance_at(field, index), apart(place, position)
             nearest = min(nearest, clearance)
-            if clearance < min(need, first + 0.5 * apart(place, position)):
+            if clearance < min(need, first + 0.5 * gone):
+                possible = False
+            if gone > blind and not _is_seen(seen, index):
                 possible = False
             step = duration / SAMPLES
             price += of_jerk * dot(jerk, jerk) * step
@@ -285,6 +309,8 @@ def _judge(
             clearance = distance_at(field, index)
             nearest = min(nearest, clearance)
             if clearance < need:
+                possible = False
+            if blind < np.inf and not _is_seen(seen, index):
                 possible = False
         clearances[n] = nearest
         if possible:

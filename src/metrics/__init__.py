@@ -7,6 +7,7 @@ from .calibration import Calibration
 from .count_metric import CountMetric
 from .object_miss import ObjectMiss
 from .occupancy import KARMeanIoU, OccupancyScores
+from .occupied_calibration import OccupiedCalibration
 from .plan_regret import PlanRegret
 from .primitive_miss import PrimitiveMiss
 from .ray_iou import CameraRayIoU, RayIoU

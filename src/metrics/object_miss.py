@@ -87,6 +87,8 @@ class ObjectMiss(VoxelMetric):
         near[box] = inside.numpy()
         around = F.within(self.tolerance_m / self.grid.voxel_m)
         objects = np.zeros((self.num_classes, 2), np.int64)
-        seen = codes.cpu().contiguous().numpy()
-        count_objects(seen, near, around, self.free_index, self.ground_index, objects)
-        return torch.from_numpy(objects)
+        codes = codes.cpu().contiguous().numpy()
+        said = ~np.isin(codes & 15, (self.free_index, self.ground_index))
+        arrays = codes, said.astype(np.int16), near
+        count_objects(*arrays, around, self.free_index, self.ground_index, objects)
+        return torch.from_numpy(objects[:, ::-1].copy())

@@ -21,7 +21,7 @@ from .protocol import Protocol
 
 # The metrics of conf/suite/default.yaml; any other one is a user's own.
 STANDARD = ("occupancy", "breakdown", "safety", "primitives", "plans", "objects", "rays")
-STANDARD += ("calibration",)
+STANDARD += ("calibration", "occupied")
 
 
 class GroundTruth(TypedDict, total=False):
@@ -35,6 +35,7 @@ class GroundTruth(TypedDict, total=False):
     camera_from_occ: Float[Tensor, "b 4 4"]
     pix_from_camera: Float[Tensor, "b 3 3"]
     size_pix: tuple[int, int]
+    occupied: Float[Tensor, "b X Y Z"]  # the probability, where there are no logits
 
 
 # What a metric may ask for, by the names of the arguments of its `frame_counts`.
@@ -95,6 +96,7 @@ class ScoreSuite(nn.Module):
             logits = preds
         if logits is not None:
             batch["logits"] = logits
+            batch["occupied"] = 1 - logits.float().softmax(dim=1)[:, FREE]
 
         for metric in self.by_clip.values():
             required, wanted = _inputs(metric.metric)

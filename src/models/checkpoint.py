@@ -15,6 +15,8 @@ from torch import Tensor, nn
 
 from ..atomic import replacing
 from ..errors import UserError, reason_of, way_out_of
+from ..geometry import VoxelGrid
+from .calibrator import Calibrator
 from .network import SkyOcc
 from .weights import ORIGIN, UNREADABLE
 
@@ -47,7 +49,8 @@ class Origin:
     are the voxels of each class in the training labels. ``voxel_prior`` and ``height_prior`` are
     what these predict where nobody looks (`VoxelPrior`), the second from ``lowest_layer`` upwards.
     ``backbone`` holds arguments of the image encoder that replace those in ``config``: with them it
-    is built without the files that its training began with.
+    is built without the files that its training began with. ``calibration`` holds the arguments of
+    a `Calibrator`, once task=calibrate has fitted one.
     """
 
     config: dict
@@ -58,6 +61,7 @@ class Origin:
     height_prior: UInt8[Tensor, "X Y K"]
     lowest_layer: int
     backbone: dict = field(default_factory=dict)
+    calibration: dict = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -80,19 +84,26 @@ class Checkpoint:
                 "with configuration and priors in it; train again, or use the code that wrote it"
             )
 
-        # The backbone's arguments are the one fact that a file need not have.
-        if wrong := {each.name for each in fields(Origin)} ^ {"backbone", *facts}:
+        # Facts with a default are those that a file need not have.
+        optional = {"backbone", "calibration"}
+        if wrong := {each.name for each in fields(Origin)} ^ {*optional, *facts}:
             raise UserError(
                 f"ckpt_path: {path} does not hold what format {FORMAT} has, but lacks or adds "
                 f"{', '.join(sorted(wrong))}; use the code that wrote it, or train again"
             )
         return cls(Path(path), content["state_dict"], Origin(**facts), content["epoch"] + 1)
 
-    def network(self) -> SkyOcc:
+    def network(self, calibrated: bool = False) -> SkyOcc:
         """Returns the network, in evaluation. Needs no dataset, and no file but this one.
 
-        Raises `UserError` where a class that the configuration names is gone or has changed.
+        Raises `UserError` where a class that the configuration names is gone or has changed, and
+        where it shall be ``calibrated`` and the file holds no calibration.
         """
+        if calibrated and not self.origin.calibration:
+            raise UserError(
+                f"calibrated: {self.path} holds no calibration; run task=calibrate, which writes a "
+                "checkpoint that does"
+            )
         # Without the files that the training began with: what became of them is in this one.
         model = self.origin.config["model"]
         model = {**model, "backbone": {**model["backbone"], **self.origin.backbone}}
@@ -107,6 +118,9 @@ class Checkpoint:
             ) from error
 
         load_weights(nn.ModuleDict({"network": network}), self.state, self.path)
+        if calibrated:
+            grid = VoxelGrid(**self.origin.config["grid"])
+            network.calibrator = Calibrator.of(grid, self.origin.calibration)
         return network.eval()
 
 

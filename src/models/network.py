@@ -115,6 +115,8 @@ class SkyOcc(nn.Module):
             )
         self.ground, self.sight, self.evidence = ground, sight, evidence
         self.history, self.history_grad = history, history_grad
+        # Of a trained network, whose logits it maps; a checkpoint may hold one.
+        self.calibrator: nn.Module | None = None
 
         for parameter in self.parameters():
             if parameter.ndim == 4:
@@ -240,7 +242,9 @@ class SkyOcc(nn.Module):
         logits = self.decoder(pillars)
         if evidence is not None:
             logits = logits + self.evidence.logits(evidence, tuple(logits.shape[2:4]))
-        return logits if self.ground is None else self.ground(logits, batch["height_m"])
+        if self.ground is not None:
+            logits = self.ground(logits, batch["height_m"])
+        return logits if self.calibrator is None else self.calibrator(logits)
 
     def _told(self, batch: Mapping[str, Tensor]) -> Float[Tensor, "b 1 dim"] | None:
         return None if self.metadata is None else self.metadata(batch)[:, None]

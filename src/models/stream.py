@@ -72,14 +72,16 @@ class SkyOccStream:
         self._without_past_s: list[float] | None = [] if self.reach_s else None
 
     @classmethod
-    def of(cls, path: str | Path, tolerance_s: float = 0.02) -> "SkyOccStream":
+    def of(
+        cls, path: str | Path, tolerance_s: float = 0.02, calibrated: bool = False
+    ) -> "SkyOccStream":
         """Returns a stream of a checkpoint's network, at the history step of its training.
 
         Raises `UserError` as `Checkpoint` does.
         """
         checkpoint = Checkpoint.read(path)
         step_s = checkpoint.origin.config["data"]["history_step_s"]
-        return cls(checkpoint.network(), step_s, tolerance_s)
+        return cls(checkpoint.network(calibrated), step_s, tolerance_s)
 
     def reset(self) -> None:
         """Drops the history."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 
+import numpy as np
 import torch
 
 from ..data.rates import STEP_HZ
@@ -45,6 +46,7 @@ class FrameScores:
         chain = camera_from_occ(torch.from_numpy(frame.world_from_body), frame.body_from_camera)
         arrays = {
             **{"preds": belief.semantics, "semantics": truth, "mask": seen, "visible": seen},
+            "occupied": np.asarray(belief.occupied, np.float32),
             "velocity_mps": matrix[:3, :3].T @ frame.velocity_mps,
         }
         scored = {name: torch.from_numpy(array) for name, array in arrays.items()}

@@ -38,7 +38,7 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
     require_at_least(1, "task", {"frames": frames}, "frames")
     session = Session(cfg)
     checkpoint = session.checkpoint("export")
-    network, config = checkpoint.network(), checkpoint.origin.config
+    network, config = checkpoint.network(cfg.calibrated), checkpoint.origin.config
     folder, step_s = session.folder.path / "export", config["data"]["history_step_s"]
 
     flight = made_up_flight(config["sim"], frames, step_s)

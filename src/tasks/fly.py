@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from ..data.manifest import NOT_SHAPING, TOWNS
 from ..errors import UserError
 from ..limits import require_count
-from ..loop.campaign import ROUTE, Campaign, Job
+from ..loop.campaign import CHOOSING, ROUTE, Campaign, Job
 from ..loop.mission import ROOM_M, in_the_open
 from ..provenance import digest_of
 from ..results.files import write_table
@@ -29,6 +29,8 @@ MISSIONS = "missions.csv"
 RESAMPLES = 1000
 # What says which missions there are: those that a UAV with perfect knowledge completes.
 CAMPAIGN = "src.loop.campaign"
+# Of the task: what shapes flights.
+SHAPING = ("grid", "rules", "fusion", "missions", "looks_on", "scored")
 OF_MISSIONS = ("mission", "planner", "airframe")
 
 
@@ -145,8 +147,9 @@ def _missions(config: Mapping, fleet: Fleet) -> pd.DataFrame:
 def _of_missions(config: Mapping) -> dict[str, object]:
     """Returns the settings that say which missions there are."""
     keys = {key: dict(config[key]) for key in OF_MISSIONS}
-    # They are chosen with one threshold.
-    keys["planner"].pop("threshold", None)
+    # They are chosen with one of each.
+    for key in CHOOSING:
+        keys["planner"].pop(key, None)
     keys |= {key: config["task"][key] for key in ("grid", "rules")}
     return keys | {"traffic": config["sim"]["traffic"]}
 
@@ -192,7 +195,7 @@ def _require_same(folder: Path, config: Mapping) -> None:
 def _shaping(config: Mapping) -> dict[str, object]:
     """Returns all that shapes flights."""
     sim = {key: value for key, value in config["sim"].items() if key not in NOT_SHAPING}
-    task = {key: config["task"][key] for key in ("grid", "rules", "missions", "looks_on", "scored")}
+    task = {key: config["task"][key] for key in SHAPING}
     parts = {key: config[key] for key in ("perception", *OF_MISSIONS)}
     if config["task"]["scored"]:
         parts |= {key: config[key] for key in ("metric", "suite")}

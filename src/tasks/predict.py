@@ -35,7 +35,7 @@ def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = No
         raise UserError(f"{data.root}: no clip of the {part} frames is there; run task=generate")
 
     folder = Path(cfg.predictions or session.folder.path / "predictions" / part)
-    network = checkpoint.network()
+    network = checkpoint.network(cfg.calibrated)
     require_heights(network, data)
     scores_of = predictor(network, trainer)
     facts = {"name": cfg.name, "part": part, "held_out": held_out_clips(data.split)}

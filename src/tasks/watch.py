@@ -176,7 +176,7 @@ class _Watcher:
         self.velocity_mps = watched.log.velocities_at(watched.times_s)
         self.facts = {"video": str(watched.footage.path), "checkpoint": str(checkpoint.path)}
 
-        network = checkpoint.network().to(kind_of_device(cfg.trainer.accelerator))
+        network = checkpoint.network(cfg.calibrated).to(kind_of_device(cfg.trainer.accelerator))
         heights_m = torch.from_numpy(self.world_from_body[:, 2, 3].copy())
         require_height("poses: height_m", heights_m, network.heights_m)
         step_s = config["data"]["history_step_s"]

@@ -65,8 +65,8 @@ def test_a_metric_is_fed_where_the_batch_has_what_it_needs_and_forgotten_if_only
     assert suite.scores()["nll"] == pytest.approx(np.log(9), abs=1e-5)
 
     suite.update(preds, {key: truth[key] for key in ("clip", "semantics", "velocity_mps")})
-    assert suite.forget_partly_fed() == ["rays", "calibration"]
-    assert suite.counts().keys() == SUITE["metrics"].keys() - {"rays", "calibration"}
+    assert suite.forget_partly_fed() == ["rays", "calibration", "occupied"]
+    assert suite.counts().keys() == SUITE["metrics"].keys() - {"rays", "calibration", "occupied"}
     assert "nll" not in suite.scores()
 
 

@@ -91,10 +91,10 @@ def sweep(codes, logits, paths, ball, radius, free_index, met, known, said, log_
 
 
 @njit(nogil=True)
-def count_objects(codes, near, around, free_index, ground_index, objects):
-    """Counts in ``objects`` [class, whether missed] those with a voxel that is ``near``
-    (`ObjectMiss`). ``around`` are the offsets of all voxels in which a prediction counts, unless it
-    is of the ground or there truly is something else."""
+def count_objects(codes, level, near, around, free_index, ground_index, objects):
+    """Counts in ``objects`` [class, level] those with a voxel that is ``near`` (`ObjectMiss`), by
+    the highest ``level`` of a voxel at one of the offsets ``around``, unless there truly is
+    something else."""
     done = np.zeros(codes.shape, np.bool_)
     for first in np.ndindex(codes.shape):
         true = codes[first] >> 4
@@ -103,12 +103,12 @@ def count_objects(codes, near, around, free_index, ground_index, objects):
         if true in (free_index, ground_index):
             continue
 
-        is_seen = False
+        highest = 0
         done[first] = True
         waiting = [first]
         while waiting:
             x, y, z = waiting.pop()
-            is_seen = is_seen or _says(codes, around, x, y, z, true, free_index, ground_index)
+            highest = max(highest, _highest(codes, level, around, x, y, z, true, free_index))
             for i in range(max(x - 1, 0), min(x + 2, codes.shape[0])):
                 for j in range(max(y - 1, 0), min(y + 2, codes.shape[1])):
                     for k in range(max(z - 1, 0), min(z + 2, codes.shape[2])):
@@ -117,21 +117,19 @@ def count_objects(codes, near, around, free_index, ground_index, objects):
                             done[i, j, k] = True
                             waiting.append((i, j, k))
 
-        objects[true, 0 if is_seen else 1] += 1
+        objects[true, highest] += 1
 
 
 @njit
-def _says(codes, around, x, y, z, own, free_index, ground_index):
-    """Tells whether a voxel near this one, which is truly of its class or free, is predicted."""
+def _highest(codes, level, around, x, y, z, own, free_index):
+    """Returns the highest level near a voxel, where the truth is of its class or free."""
+    highest = 0
     for offset in around:
         i, j, k = x + offset[0], y + offset[1], z + offset[2]
         code = codes[i, j, k] if _holds(codes.shape, i, j, k) else UNCOUNTED
-        true, predicted = code >> 4, code & 15
-        if code == UNCOUNTED or (true != own and true != free_index):
-            continue
-        if predicted != free_index and predicted != ground_index:
-            return True
-    return False
+        if code != UNCOUNTED and (code >> 4 == own or code >> 4 == free_index):
+            highest = max(highest, level[i, j, k])
+    return highest
 
 
 @njit
