@@ -1,15 +1,17 @@
 """Predicted labels on disk: ``<clip>/occupancy.npz`` with a ``semantics_<frame>`` for each frame.
 
 The layout is that of a dataset's own labels. Class scores may lie beside them, in ``logits.npz``
-as ``logits_<frame>``, floats [C, X, Y, Z]. ``predictions.json`` says whose they are.
+as ``logits_<frame>``, floats [C, X, Y, Z], and in ``knowledge.npz``, as ``knowledge_<frame>``, what
+the camera sees of each voxel (`src.knowledge`). ``predictions.json`` says whose they are.
 """
 
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from operator import itemgetter
+from operator import attrgetter
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -23,11 +25,19 @@ from ..ontology import NUM_CLASSES
 from .files import BROKEN, array_of, fault_of, files_below, open_npz
 
 FACTS = "predictions.json"
-LABELS, LOGITS = "occupancy.npz", "logits.npz"
+LABELS, LOGITS, KNOWLEDGE = "occupancy.npz", "logits.npz", "knowledge.npz"
 MOST_NAMED = 3
 Sample = tuple[str, int]
-# A clip, the number of a frame, its labels [X, Y, Z], and class scores [C, X, Y, Z] if any.
-PredictedFrame = tuple[str, int, Tensor, Tensor | None]
+
+
+class PredictedFrame(NamedTuple):
+    """A clip, the number of a frame, its labels, and class scores and knowledge if any."""
+
+    clip: str
+    frame: int
+    labels: UInt8[Tensor, "X Y Z"]
+    logits: Float[Tensor, "C X Y Z"] | None = None
+    knowledge: UInt8[np.ndarray, "X Y Z"] | None = None
 
 
 def save_predictions(folder: Path, facts: dict, frames: Iterable[PredictedFrame]) -> None:
@@ -40,7 +50,7 @@ def save_predictions(folder: Path, facts: dict, frames: Iterable[PredictedFrame]
         raise UserError(f"{folder}: exists already; delete it, or choose another folder")
 
     with replacing_folder(folder) as new:
-        for clip, of_clip in groupby(frames, key=itemgetter(0)):
+        for clip, of_clip in groupby(frames, key=attrgetter("clip")):
             (new / clip).mkdir(parents=True, exist_ok=True)
             _save_clip(new / clip, of_clip)
         (new / FACTS).write_text(json.dumps(facts, indent=1) + "\n")
@@ -48,15 +58,19 @@ def save_predictions(folder: Path, facts: dict, frames: Iterable[PredictedFrame]
 
 def _save_clip(folder: Path, frames: Iterable[PredictedFrame]) -> None:
     """Writes a clip's archives, each of them at once; logits with half precision."""
-    labels, logits = {}, {}
-    for _, frame, labels_of_frame, logits_of_frame in frames:
-        labels[f"semantics_{frame:06d}"] = labels_of_frame.cpu().numpy().astype(np.uint8)
-        if logits_of_frame is not None:
-            logits[f"logits_{frame:06d}"] = logits_of_frame.cpu().numpy().astype(np.float16)
+    archives: dict[str, dict[str, np.ndarray]] = {LABELS: {}, LOGITS: {}, KNOWLEDGE: {}}
+    for each in frames:
+        number, labels = f"{each.frame:06d}", each.labels.cpu().numpy().astype(np.uint8)
+        archives[LABELS][f"semantics_{number}"] = labels
+        if each.logits is not None:
+            logits = each.logits.cpu().numpy().astype(np.float16)
+            archives[LOGITS][f"logits_{number}"] = logits
+        if each.knowledge is not None:
+            archives[KNOWLEDGE][f"knowledge_{number}"] = each.knowledge
 
-    np.savez_compressed(folder / LABELS, **labels)
-    if logits:
-        np.savez_compressed(folder / LOGITS, **logits)
+    for name, arrays in archives.items():
+        if arrays or name == LABELS:
+            np.savez_compressed(folder / name, **arrays)
 
 
 @dataclass

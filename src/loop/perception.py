@@ -8,12 +8,12 @@ import torch
 
 from ..data.rates import STEP_HZ
 from ..errors import UserError
-from ..geometry import VoxelGrid, camera_from_occ, pixel_centers, world_from_occ
+from ..geometry import VoxelGrid, camera_from_occ, world_from_occ
+from ..knowledge import seen
 from ..models.frame import StreamFrame
 from ..ontology import CAR, FREE, GENERAL, LARGE_VEHICLE, VRU
-from ..voxels import rays_in_grid
 from .belief import Belief
-from .true_occupancy import TrueOccupancy, in_sight
+from .true_occupancy import TrueOccupancy
 from .vectors import Voxels
 
 MOVABLE = (LARGE_VEHICLE, CAR, VRU)
@@ -74,13 +74,7 @@ class Truth(Perception):
 
 
 def seen_by(frame: StreamFrame, grid: VoxelGrid, occupied: Voxels) -> Voxels:
-    """Returns the voxels in front of the camera that no occupied one hides: those that a ray
-    passes through every second pixel of every second row."""
+    """Returns the voxels in a frame's view that no occupied one hides (`src.knowledge`)."""
     height, width = frame.image.shape[-2:]
-    pix = pixel_centers(width, height)[::2, ::2].reshape(-1, 2)
-    world_from_body, body_from_camera, pix_from_camera = map(
-        torch.as_tensor, (frame.world_from_body, frame.body_from_camera, frame.pix_from_camera)
-    )
-    chain = camera_from_occ(world_from_body, body_from_camera)
-    origin, directions = rays_in_grid(pix, chain, pix_from_camera, grid)
-    return in_sight(occupied, origin.numpy(), np.ascontiguousarray(directions.numpy()))
+    mount = torch.as_tensor(frame.world_from_body), torch.as_tensor(frame.body_from_camera)
+    return seen(occupied, camera_from_occ(*mount), frame.pix_from_camera, (width, height), grid)

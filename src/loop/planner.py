@@ -33,9 +33,6 @@ PICKS_UP_MPS2 = 2.0
 # Durations of stops, as multiples of that of a constant deceleration.
 STOPS = (1.3, 1.8, 2.5)
 
-# The camera sees nothing so near to the UAV.
-BLIND_M = 1.5
-
 Unknown = Literal["free", "costly", "occupied"]
 
 
@@ -105,8 +102,8 @@ class QuinticPlanner:
 
     ``threshold`` is the probability from which a cell counts as occupied: the one knob. Cells of
     which nothing is known are ``unknown``: free, occupied or, for a price, free. With
-    ``stops_in_known`` a primitive, and the way to stop after it, must lie in cells that were seen,
-    farther than `BLIND_M` from where the UAV is: so it is as fast as it sees far. With
+    ``stops_in_known`` a primitive, and the way to stop after it, must not leave the cells that were
+    seen: so it is as fast as it sees far. With
     ``keeps_stops`` the way to stop is that of the hardest stop that it has, and not the shorter one
     of ``brake_mps2``. Raises `UserError` for settings out of range.
     """
@@ -176,7 +173,7 @@ class QuinticPlanner:
         most = (1.15 * self.cruise_mps, self.acceleration_mps2) if limited else (math.inf, math.inf)
         # A stop takes longer than one of constant deceleration.
         brake_mps2 = self.brake_mps2 / (STOPS[0] if self.keeps_stops else 1.0)
-        limits = *most, brake_mps2, need_m, BLIND_M if self.stops_in_known else math.inf
+        limits = *most, brake_mps2, need_m, self.stops_in_known
         unknown = self.unknown_price if self.unknown == "costly" else 0.0
         prices = self.cruise_mps, self.height, self.closeness, unknown, self.jerk, self.detour
         return _judge(ends, *motion, target_m, field_m, belief.seen, *lattice, limits, prices)
@@ -256,7 +253,7 @@ def _judge(
     Clearance is not computed for rejected primitives that do not stop.
     """
     costs, clearances = np.full(len(ends), np.inf), np.zeros(len(ends))
-    fastest, hardest, brake, need, blind = limits
+    fastest, hardest, brake, need, in_known = limits
     cruise, of_height, of_closeness, of_unknown, of_jerk, of_detour = prices
     # Where the UAV is too near already, it must get away.
     here = distance_at(field, (position - lower) / cell)
@@ -267,7 +264,7 @@ def _judge(
     for n in range(len(ends)):
         duration, end, end_velocity = ends[n, 0], ends[n, 1:4], ends[n, 4:]
         c = _quintic(position, velocity, acceleration, ends[n])
-        price, nearest, possible = 0.0, np.inf, True
+        price, nearest, possible, entered = 0.0, np.inf, True, False
         pace = np.sqrt(dot(end_velocity, end_velocity))
         for s in range(1, SAMPLES + 1):
             t = duration * s / SAMPLES
@@ -286,16 +283,18 @@ def _judge(
             if not possible and pace > 0:
                 break
 
-            clearance, gone = distance_at(field, index), apart(place, position)
+            clearance, is_seen = distance_at(field, index), _is_seen(seen, index)
             nearest = min(nearest, clearance)
-            if clearance < min(need, first + 0.5 * gone):
+            if clearance < min(need, first + 0.5 * apart(place, position)):
                 possible = False
-            if gone > blind and not _is_seen(seen, index):
+            # It begins where the camera has not seen, and once it has left that it stays out.
+            entered = entered or is_seen
+            if in_known and entered and not is_seen:
                 possible = False
             step = duration / SAMPLES
             price += of_jerk * dot(jerk, jerk) * step
             price += of_closeness * max(0.0, 1.0 - (clearance - need) / 1.5) ** 2 * step
-            if of_unknown > 0 and not _is_seen(seen, index):
+            if of_unknown > 0 and not is_seen:
                 price += of_unknown * step
 
         if not possible and pace > 0:
@@ -310,7 +309,7 @@ def _judge(
             nearest = min(nearest, clearance)
             if clearance < need:
                 possible = False
-            if blind < np.inf and not _is_seen(seen, index):
+            if in_known and not _is_seen(seen, index):
                 possible = False
         clearances[n] = nearest
         if possible:

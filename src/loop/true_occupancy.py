@@ -9,11 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ..geometry import VoxelGrid, inverse
-from ..jit import njit
 from ..ontology import FREE
 from ..sim.scene import Scene
 from ..sim.voxel_kernels import Lattice, count_votes, elect
-from ..voxels import advance, enter, is_inside
 from .vectors import Matrix, Numbers, Points, Semantics, Triangles, Vector, Voxels, numbered
 
 # Surfaces have a point on every piece of this side: no voxel that one passes through its middle is
@@ -128,18 +126,3 @@ def points_on(triangles_m: Triangles) -> tuple[Points, Numbers]:
     across = (piece / pieces[at].clip(1))[:, None]
     way = (1 - across) * (u - apex)[face] + across * (v - apex)[face]
     return apex[face] + share * way, face
-
-
-@njit(error_model="numpy")
-def in_sight(occupied: Voxels, origin: Vector, directions: Points) -> Voxels:
-    """Returns the voxels that rays pass, up to and with the first occupied one; all in grid
-    coordinates. The voxel that a ray begins in hides nothing."""
-    seen = np.zeros(occupied.shape, dtype=np.bool_)
-    for n in range(len(directions)):
-        ray = enter(occupied.shape, origin, directions[n])
-        while is_inside(occupied.shape, ray):
-            seen[ray.cell] = True
-            if occupied[ray.cell] and ray.axis >= 0:
-                break
-            ray = advance(ray)
-    return seen

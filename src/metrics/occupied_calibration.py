@@ -167,6 +167,6 @@ def level_of(occupied: Float[Tensor, "*n"]) -> Int64[Tensor, "*n"]:
     return place.clamp(0, BINS - 1).long()
 
 
-def edges() -> Float[Tensor, "bins-1"]:
+def edges() -> Float[Tensor, "edges"]:
     """Returns the probabilities between the bins."""
     return torch.sigmoid(torch.linspace(-MOST, MOST, BINS - 1, dtype=torch.float64))

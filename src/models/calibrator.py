@@ -1,7 +1,7 @@
 """Calibrated logits: scaled and shifted so that a probability is a frequency on validation."""
 
 from collections.abc import Mapping
-from typing import Literal, get_args
+from typing import Literal
 
 import torch
 from jaxtyping import Float, Int64
@@ -10,7 +10,6 @@ from torch.nn.functional import cross_entropy
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
-from ..limits import require_choice
 from ..ontology import NUM_CLASSES
 from .tensors import Logits, Scalar
 
@@ -27,13 +26,11 @@ class Calibrator(nn.Module):
 
     ``"temperature"`` has one scale and no shift, ``"vector"`` a scale and a shift for each class,
     and ``"distance"`` these at each of some distances from the UAV, linear in between. ``scale``
-    and ``shift`` [distances, 9] are what `fitted` found. Raises `UserError` for another kind or
-    numbers that are not finite.
+    and ``shift`` [distances, 9] are what `fitted` found. Raises `UserError` for what is not finite.
     """
 
     def __init__(self, grid: VoxelGrid, kind: Kind, scale: list, shift: list) -> None:
         super().__init__()
-        require_choice("task.kind", kind, get_args(Kind))
         at_knots = torch.tensor([scale, shift], dtype=torch.float64)
         if not at_knots.isfinite().all():
             raise UserError("calibration: holds numbers that are not finite; run task=calibrate")
@@ -72,10 +69,9 @@ def fitted(
 ) -> dict:
     """Returns the arguments of the `Calibrator` with the least NLL of these voxels, as plain data.
 
-    The NLL is convex in all of its numbers, so there is one answer. Raises `UserError` for another
-    kind, no voxel, and logits that are not finite.
+    The NLL is convex in all of its numbers, so there is one answer. Raises `UserError` for no
+    voxel, and for logits that are not finite.
     """
-    require_choice("task.kind", kind, get_args(Kind))
     if not len(logits):
         raise UserError("calibration: validation has no known voxel; give data with val_clips")
     if not logits.isfinite().all():

@@ -1,6 +1,7 @@
 """task=calibrate: fits a checkpoint's probabilities to the frequencies on validation."""
 
 from pathlib import Path
+from typing import get_args
 
 import pandas as pd
 import torch
@@ -15,9 +16,9 @@ from ..data.batch import Batch
 from ..data.datamodule import SkyShieldData
 from ..data.truth import truth_of
 from ..errors import UserError
-from ..limits import require_count
+from ..limits import require_choice, require_count
 from ..metrics.count_metric import CountMetric
-from ..models.calibrator import Calibrator, fitted
+from ..models.calibrator import Calibrator, Kind, fitted
 from ..models.checkpoint import read_content
 from ..models.weights import ORIGIN
 from ..ontology import FREE
@@ -39,6 +40,7 @@ def calibrate(cfg: DictConfig, kind: str, voxels: int) -> Path:
     those that are known. The table has validation, which was fitted, and test. Raises `UserError`
     as `Session.checkpoint` does, where there is no validation frame, and as `fitted` does.
     """
+    require_choice("task.kind", kind, get_args(Kind))
     require_count("task.voxels", voxels)
     session = Session(cfg)
     trainer, checkpoint, data = session.trainer, session.checkpoint("calibrate"), session.data

@@ -3,24 +3,35 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import torch
+from jaxtyping import Float, UInt8
 from omegaconf import DictConfig
+from torch import Tensor
 
+from ..data.batch import Batch
 from ..data.datamodule import SkyShieldData
 from ..data.predictions import PredictedFrame, Predictions, save_predictions
 from ..data.split import PARTS, held_out_clips
+from ..data.truth import truth_of
 from ..errors import UserError
+from ..knowledge import knowledge as known_of
 from ..limits import require_choice
+from ..ontology import FREE
 from ..terminal import say, tracked
 from .model import require_heights
 from .session import Session
 from .trainer import predictor
 
 
-def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = None) -> None:
+def predict(
+    cfg: DictConfig, part: str, logits: bool, knowledge: bool = False, animation: str | None = None
+) -> None:
     """Writes ``predictions`` (null: ``predictions/<part>`` under the run) and prints where.
 
-    Clips that are not on the disk any more are left out. An ``animation`` is a GIF of one flight of
+    With ``logits`` the class scores lie beside the labels, with ``knowledge`` what the camera sees
+    of each voxel, if things are where they are predicted. Clips that are not on the disk any more
+    are left out. An ``animation`` is a GIF of one flight of
     the part, with its predictions beside the labels. Raises `UserError` without a checkpoint, for
     one of another model, where no clip is left, where the folder exists, and for an animation that
     is no GIF.
@@ -42,10 +53,12 @@ def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = No
 
     def frames() -> Iterator[PredictedFrame]:
         for batch in tracked(data.in_order(part), f"predicting {part}"):
-            scores = scores_of(batch)
+            scores = scores_of(batch).cpu()
+            known = _knowledge(data, batch, scores) if knowledge else [None] * len(scores)
             for n, (clip, frame) in enumerate(zip(batch["clip"], batch["frame"])):
                 labels = scores[n].argmax(dim=0).to(torch.uint8)
-                yield clip, int(frame), labels, scores[n] if logits else None
+                kept = scores[n] if logits else None
+                yield PredictedFrame(clip, int(frame), labels, kept, known[n])
 
     # The folder appears under its name when all frames are in it.
     save_predictions(folder, facts | session.facts(network), frames())
@@ -54,6 +67,16 @@ def predict(cfg: DictConfig, part: str, logits: bool, animation: str | None = No
         say(animation)
     missing = f"; {len(data.missing)} clips are not there" if data.missing else ""
     say(f"{folder}: {len(data.split[part])} frames{missing}")
+
+
+def _knowledge(
+    data: SkyShieldData, batch: Batch, scores: Float[Tensor, "b 9 X Y Z"]
+) -> list[UInt8[np.ndarray, "X Y Z"]]:
+    truth = truth_of(batch)
+    occupied = (scores.argmax(dim=1) != FREE).numpy()
+    cameras = zip(truth["camera_from_occ"], truth["pix_from_camera"])
+    size_pix = truth["size_pix"]
+    return [known_of(each, *camera, size_pix, data.grid) for each, camera in zip(occupied, cameras)]
 
 
 def _draw(data: SkyShieldData, part: str, predictions: Predictions, path: str) -> None:

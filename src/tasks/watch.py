@@ -248,7 +248,7 @@ class _Watcher:
                 known = {"prediction": scene.truth}
                 recorder.add(times_s[n], self.world_from_body[n], known, scene.image)
             self.done += 1
-            yield self.watched.name, n, labels, None
+            yield PredictedFrame(self.watched.name, n, labels)
 
     def _frame(self, n: int, image: UInt8[Tensor, "3 h w"]) -> StreamFrame:
         world_from_body, clip = self.world_from_body[n], self.watched.name

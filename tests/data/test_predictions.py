@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from src.data.predictions import Predictions, save_predictions
+from src.data.predictions import PredictedFrame, Predictions, save_predictions
 from src.errors import UserError
 
 SHAPE = (4, 3, 2)
@@ -27,7 +27,8 @@ def folder(tmp_path):
     frames = []
     for clip, frame in SAMPLES:
         logits = torch.nn.functional.one_hot(labels_at(frame).long(), 9).movedim(-1, 0)
-        frames.append((clip, frame, labels_at(frame), 3.0 * logits))
+        sure = {"logits": 3.0 * logits, "knowledge": labels_at(frame).numpy() % 3}
+        frames.append(PredictedFrame(clip, frame, labels_at(frame), **sure))
     save_predictions(tmp_path / "run" / "test", {"name": "mine"}, frames)
     return tmp_path / "run" / "test"
 
@@ -46,6 +47,8 @@ def test_what_was_written_is_read(folder):
     for clip, frame in SAMPLES:
         assert torch.equal(predictions.labels(clip, frame), labels_at(frame))
         assert torch.equal(predictions.logits(clip, frame).argmax(0), labels_at(frame).long())
+        with np.load(folder / clip / "knowledge.npz") as known:
+            assert (known[f"knowledge_{frame:06d}"] == labels_at(frame).numpy() % 3).all()
     (folder / "town/clip01/logits.npz").unlink()
     assert predictions.logits("town/clip01", 0) is None
 
@@ -59,7 +62,7 @@ def test_a_folder_is_not_written_to_where_there_is_one_nor_read_where_there_is_n
 
 def test_after_a_failure_nothing_is_left(tmp_path):
     def frames():
-        yield "town/clip00", 0, labels_at(0), None
+        yield PredictedFrame("town/clip00", 0, labels_at(0))
         raise RuntimeError("of the model")
 
     with pytest.raises(RuntimeError):

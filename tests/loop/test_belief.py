@@ -5,7 +5,7 @@ import pytest
 
 from src.errors import UserError
 from src.geometry import VoxelGrid
-from src.loop.belief import Belief, BeliefMap
+from src.loop.belief import MOST, Belief, BeliefMap, Fusion
 
 GRID = VoxelGrid((0.0, -5.0, -5.0), (10.0, 5.0, 5.0), (20, 20, 20))
 SHAPE = (48, 48, 24)
@@ -73,3 +73,29 @@ def test_what_is_no_probability_is_refused(wrong):
     belief = BeliefMap(SHAPE, 0.5, 0.5)
     with pytest.raises(UserError, match="belief"):
         belief.update(believed([(0, 0, 0)], probability=wrong), GRID, at(0.0), 0.2)
+
+
+def test_evidence_counts_half_at_its_distance_and_nothing_where_it_is_neutral():
+    probabilities, distances_m = np.array([0.3, 0.6, 0.6]), np.array([0.0, 0.0, 10.0])
+    plain = Fusion().evidence(probabilities, distances_m)
+    assert plain == pytest.approx(np.log([0.3 / 0.7, 1.5, 1.5]), abs=1e-6)
+    near, far = Fusion(half_m=10.0).evidence(probabilities, distances_m)[1:]
+    assert far == pytest.approx(near / 2)
+    wary = Fusion(neutral=0.3).evidence(probabilities, distances_m)
+    assert wary[0] == pytest.approx(0.0, abs=1e-6)
+    assert wary[1] > plain[1]
+
+
+def test_a_far_voxel_is_believed_later_than_a_near_one():
+    belief, said = BeliefMap(SHAPE, 0.5, 0.5, Fusion(half_m=2.0)), believed()
+    said.occupied[:] = 0.9
+    belief.update(said, GRID, at(0.0), 0.2)
+    near, far = (belief.probability_near(np.array([x_m, 0.25, 0.25]), 0.3) for x_m in (1.0, 9.0))
+    assert 0.5 < far < near < 1 / (1 + np.exp(-MOST))
+
+
+@pytest.mark.parametrize("key", ["neutral", "half_m"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
+def test_a_fusion_that_makes_no_sense_is_refused(key, value):
+    with pytest.raises(UserError, match=f"task.fusion.{key}"):
+        Fusion(**{key: value})

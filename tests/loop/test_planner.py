@@ -111,3 +111,60 @@ def test_the_threshold_says_what_counts_as_occupied():
 def test_settings_out_of_range_are_refused(setting):
     with pytest.raises(UserError, match=next(iter(setting))):
         QuinticPlanner(**setting)
+
+
+# ------------------------------------------------------------------------ stops, known and kept
+
+
+def seen_until(x_m):
+    belief = known_map()
+    centers_m = (np.arange(80) + 0.5) * 0.5 + belief.lower_m[0]
+    belief.seen[centers_m > x_m] = False
+    return belief
+
+
+@pytest.mark.parametrize("edge_m", [17.0, 19.5, 22.0])
+def test_it_is_as_fast_as_it_can_stop_in_space_that_it_has_seen(edge_m):
+    belief, motion = seen_until(edge_m), AT_CRUISE
+    planner = QuinticPlanner(stops_in_known=True, keeps_stops=True)
+    careless = QuinticPlanner(keeps_stops=True)
+    for _ in range(40):
+        plan = planner(motion, belief, TARGET_M)
+        motion = Motion(*plan.at(np.array([0.2]))[0].reshape(3, 3))
+        # Within the cell in which the last one that was seen ends.
+        assert motion.position_m[0] < edge_m + 0.25
+    assert motion.position_m[0] > edge_m - 2.5
+
+    motion = AT_CRUISE
+    for _ in range(15):
+        plan = careless(motion, belief, TARGET_M)
+        motion = Motion(*plan.at(np.array([0.2]))[0].reshape(3, 3))
+    assert motion.position_m[0] > edge_m + 1
+
+
+def test_where_all_is_seen_it_flies_as_ever():
+    plans = [
+        QuinticPlanner(stops_in_known=known)(AT_CRUISE, known_map(wall), TARGET_M)
+        for known in (False, True)
+    ]
+    assert (plans[0].coefficients == plans[1].coefficients).all()
+
+
+def test_the_rest_of_a_plan_is_the_same_way():
+    plan = QuinticPlanner()(AT_CRUISE, known_map(wall), TARGET_M)
+    rest = plan.after(0.2)
+    times_s = np.linspace(0, rest.duration_s, 20)
+    assert rest.duration_s == pytest.approx(plan.duration_s - 0.2)
+    assert np.allclose(rest.at(times_s), plan.at(times_s + 0.2))
+    assert plan.after(plan.duration_s - 0.05) is None
+
+
+def test_a_stop_takes_no_longer_than_was_planned_for():
+    """Straight ahead, the hardest stop that it has is as long as the way that it kept clear."""
+    for keeps, longer_m in ((True, 0.0), (False, 0.3 * 36 / 8)):
+        planner = QuinticPlanner(keeps_stops=keeps)
+        ends, stops = planner._ends(AT_CRUISE, TARGET_M)
+        shortest_m = np.linalg.norm(ends[stops, 1:4] - HERE_M, axis=1).min()
+        # A wall just behind what is kept clear: the plan is as fast as ever.
+        promised_m = 36 / (2 * 4.0) * (1.3 if keeps else 1.0)
+        assert shortest_m == pytest.approx(promised_m + longer_m)

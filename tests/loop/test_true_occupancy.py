@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from src.geometry import VoxelGrid
-from src.loop.true_occupancy import SPACING_M, TrueOccupancy, in_sight, points_on
+from src.loop.true_occupancy import SPACING_M, TrueOccupancy, points_on
 from src.ontology import BUILDING, CAR, FREE
 from src.sim.assets import upright
 from src.sim.scene import Scene, parts_of
@@ -48,14 +48,3 @@ def test_actors_are_where_they_are_at_the_step():
         semantics, moving = truth.at(step, np.eye(4), GRID)
         assert (moving == (semantics == CAR)).all()
         assert np.argwhere(moving)[:, 0].mean() == pytest.approx(2 * x_m - 0.5, abs=0.6)
-
-
-def test_what_an_occupied_voxel_hides_is_not_in_sight():
-    occupied = np.zeros((10, 1, 1), dtype=bool)
-    occupied[4] = True
-    seen = in_sight(occupied, np.array([0.5, 0.5, 0.5]), np.array([[1.0, 0.0, 0.0]]))
-    assert seen[:, 0, 0].tolist() == [True] * 5 + [False] * 5
-    # The camera's own voxel would hide all.
-    occupied[0] = True
-    again = in_sight(occupied, np.array([0.5, 0.5, 0.5]), np.array([[1.0, 0.0, 0.0]]))
-    assert (again == seen).all()

@@ -10,7 +10,7 @@ from PIL import Image, ImageSequence
 
 from src.data import actors
 from src.data.clip import Clip
-from src.data.predictions import Predictions, save_predictions
+from src.data.predictions import PredictedFrame, Predictions, save_predictions
 from src.ontology import BUILDING, UNKNOWN
 from src.report import animation
 from src.report.animation import IMAGE_PIX, VOXEL_PIX, draw_flight
@@ -38,7 +38,9 @@ def predicted(clips, tmp_path):
     def predictions(samples):
         labels = [clips[name].semantics(n) for name, n in samples]
         labels = [np.where(each == UNKNOWN, np.uint8(BUILDING), each) for each in labels]
-        frames = ((*sample, torch.from_numpy(each), None) for sample, each in zip(samples, labels))
+        frames = (
+            PredictedFrame(*sample, torch.from_numpy(each)) for sample, each in zip(samples, labels)
+        )
         save_predictions(tmp_path / "mine", {}, frames)
         return Predictions(tmp_path / "mine")
 

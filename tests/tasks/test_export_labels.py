@@ -10,7 +10,7 @@ import torch
 from PIL import Image
 
 from src.data.clip import Clip
-from src.data.predictions import Predictions, save_predictions
+from src.data.predictions import PredictedFrame, Predictions, save_predictions
 from src.data.truth import SkyShieldTruth, truth_at
 from src.errors import UserError
 from src.formats import LABEL_FORMATS
@@ -44,7 +44,7 @@ def predictions(dataset, tmp_path_factory):
             labels = source.truth(clip, frame)["semantics"][0]
             guess = torch.randint(0, len(CLASSES), labels.shape, generator=rng)
             is_wrong = (labels == UNKNOWN) | (torch.rand(labels.shape, generator=rng) < 0.3)
-            yield clip, frame, torch.where(is_wrong, guess, labels).byte(), None
+            yield PredictedFrame(clip, frame, torch.where(is_wrong, guess, labels).byte())
 
     folder = tmp_path_factory.mktemp("predicted") / "mine"
     save_predictions(folder, {"name": "mine"}, frames())

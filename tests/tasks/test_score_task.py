@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import torch
 
-from src.data.predictions import FACTS, save_predictions
+from src.data.predictions import FACTS, PredictedFrame, save_predictions
 from src.data.truth import SkyShieldTruth
 from src.errors import UserError
 from src.ontology import BUILDING, CLASSES, FREE, UNKNOWN
@@ -36,7 +36,8 @@ def write_predictions(dataset, folder, change=lambda labels: labels, facts=None,
     def frames():
         for clip, frame in source.samples:
             labels = source.truth(clip, frame)["semantics"][0]
-            yield clip, frame, change(torch.where(labels == UNKNOWN, FREE, labels).byte()), None
+            labels = torch.where(labels == UNKNOWN, FREE, labels).byte()
+            yield PredictedFrame(clip, frame, change(labels))
 
     save_predictions(folder, facts or {"name": folder.name}, frames())
     return folder

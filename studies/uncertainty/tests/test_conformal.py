@@ -1,0 +1,66 @@
+"""The guarantee holds on exchangeable maps, and what cannot give one is refused."""
+
+import numpy as np
+import pytest
+
+from src.errors import UserError
+from studies.uncertainty.conformal import controlled, free_of, halves, losses_of
+
+
+def drawn(maps, shift=0.0, seed=0):
+    """Maps whose objects warn at some level; a shift makes all warnings weaker."""
+    rng, found = np.random.default_rng(seed), {}
+    for n in range(maps):
+        middle = rng.normal(120 - shift, 15)
+        levels = np.clip(rng.normal(middle, 20, 30), 0, 201).astype(int)
+        free = np.clip(rng.normal(40, 20, 500), 0, 201).astype(int)
+        found[f"park-{n}"] = np.stack([np.bincount(each, minlength=202) for each in (levels, free)])
+    return found
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.1, 0.3])
+def test_new_maps_lose_no_more_than_was_promised(alpha):
+    losses = []
+    for seed in range(60):
+        level = controlled(losses_of(drawn(40, seed=2 * seed)), alpha)
+        losses.append(losses_of(drawn(40, seed=2 * seed + 1))[:, level].mean())
+    assert np.mean(losses) <= alpha
+    assert np.mean(losses) > alpha - 0.06
+
+
+def test_where_warnings_are_weaker_the_promise_breaks():
+    level = controlled(losses_of(drawn(40)), 0.1)
+    assert losses_of(drawn(40, shift=40.0, seed=1))[:, level].mean() > 0.2
+
+
+def test_the_threshold_is_the_largest_one_that_keeps_the_promise():
+    losses = np.tile([0.0, 0.02, 0.05, 0.2, 1.0], (19, 1))
+    assert controlled(losses, 0.1) == 2
+    assert controlled(losses, 0.0501) == 0
+
+
+def test_an_object_is_missed_below_the_threshold_and_not_at_it():
+    found = np.zeros((2, 5), int)
+    found[0, 3], found[1, 1] = 2, 4
+    assert losses_of({"park-1": found}).tolist() == [[0, 0, 0, 0, 1]]
+    assert free_of({"park-1": found}).tolist() == [0, 0, 1, 1, 1]
+    assert (losses_of({"park-1": np.zeros((2, 5), int)}) == 0).all()
+
+
+def test_halves_of_exchangeable_maps_cover_what_was_wanted():
+    row = halves(drawn(200), 0.1)
+    assert 0.88 < row["coverage"] < 0.92
+
+
+@pytest.mark.parametrize(
+    ("losses", "alpha", "told"),
+    [
+        (np.zeros((8, 3)), 0.1, "needs 9 maps or more, and here are 8"),
+        (np.zeros((50, 3)), 0.0, "between 0 and 1"),
+        (np.zeros((50, 3)), 1.0, "between 0 and 1"),
+        (np.full((50, 3), np.nan), 0.1, "NaN"),
+    ],
+)
+def test_what_can_promise_nothing_is_refused(losses, alpha, told):
+    with pytest.raises(UserError, match=told):
+        controlled(losses, alpha)
