@@ -15,7 +15,6 @@ from ..atomic import replacing
 from ..data.batch import Batch
 from ..data.datamodule import SkyShieldData
 from ..data.truth import truth_of
-from ..errors import UserError
 from ..limits import require_choice, require_count
 from ..metrics.count_metric import CountMetric
 from ..models.calibrator import Calibrator, Kind, fitted
@@ -38,14 +37,12 @@ def calibrate(cfg: DictConfig, kind: str, voxels: int) -> Path:
 
     ``kind`` is that of `Calibrator`. Of each validation frame so many ``voxels`` are drawn, from
     those that are known. The table has validation, which was fitted, and test. Raises `UserError`
-    as `Session.checkpoint` does, where there is no validation frame, and as `fitted` does.
+    as `Session.checkpoint` and `fitted` do.
     """
     require_choice("task.kind", kind, get_args(Kind))
     require_count("task.voxels", voxels)
     session = Session(cfg)
     trainer, checkpoint, data = session.trainer, session.checkpoint("calibrate"), session.data
-    if not data.split["val"]:
-        raise UserError(f"{data.root}: has no validation frame; a calibration is fitted on these")
     network = checkpoint.network()
     logits_of = predictor(network, trainer)
     facts = fitted(kind, *_drawn(data, logits_of, voxels, cfg.seed))
