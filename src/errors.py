@@ -4,6 +4,7 @@ import difflib
 import errno
 from collections.abc import Iterable
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 
 # What to do where the system does not let a file be read, which says nothing about its bytes.
@@ -16,6 +17,7 @@ READING = {
     errno.ENFILE: MORE_FILES,
     errno.ENOMEM: "free some memory and run it again",
 }
+POINTER = b"version https://git-lfs"
 MAY_BE_SOUND = "the file may be sound: look after the disk or the network, and run it again"
 
 
@@ -35,13 +37,33 @@ def reason_of(error: Exception) -> str:
     return " ".join((str(error) or type(error).__name__).split()).partition(". ")[0][:200]
 
 
-def way_out_of(error: BaseException, damaged: str) -> str:
+def way_out_of(error: BaseException, damaged: str, path: Path | None = None) -> str:
     """Returns what to do about a file that cannot be read; ``damaged`` where its bytes are wrong,
-    or where there is none. Only then may a message advise to delete anything."""
-    code = error.errno if isinstance(error, OSError) else None
-    if code in (None, errno.ENOENT):
-        return damaged
-    return READING.get(code, MAY_BE_SOUND)
+    or where there is none. Only then may a message advise to delete anything.
+
+    With the file's ``path`` a pointer of Git LFS in its place is told.
+    """
+    if is_of_the_system(error):
+        return READING.get(error.errno, MAY_BE_SOUND)
+    return "it is a pointer of Git LFS: git lfs pull" if is_pointer(path) else damaged
+
+
+def is_of_the_system(error: BaseException | None) -> bool:
+    """Tells whether an error, or one that it comes from, says nothing about the bytes of a file."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno not in (None, errno.ENOENT):
+            return True
+        error = error.__cause__
+    return False
+
+
+def is_pointer(path: Path | None) -> bool:
+    """Tells whether a file only names the one that Git LFS would fetch."""
+    try:
+        with open(path or "", "rb") as file:
+            return file.read(64).lstrip(b"\xef\xbb\xbf").startswith(POINTER)
+    except OSError:
+        return False
 
 
 def closest(name: str, known: Iterable[str]) -> str:

@@ -3,6 +3,7 @@
 import errno
 import logging
 import os
+import re
 import shutil
 import sys
 import warnings
@@ -35,7 +36,8 @@ DISK = {
 # Packages that only the generation of data needs, and that not every platform has.
 GENERATORS = ("pybullet", "embreex")
 # In a file's name, these end what Hydra takes for a value.
-QUOTED = "=~ ()&;"
+QUOTED = "=~ ()[]{}&;#!' or an accent"
+PLAIN = re.compile(r"[\w./:,+@%-]*", re.ASCII)
 MERGING = (
     ": what stands there is of another kind; choose an option of its group whose value is of this "
     "kind first, as loss/class_weights=manual for class weights"
@@ -158,8 +160,10 @@ def _of_files(cause: BaseException) -> str | None:
     if isinstance(cause, OverrideParseException):
         key, _, value = cause.override.partition("=")
         way_out = "write key=value, and lists without spaces"
-        if set(value) & {*QUOTED} and value[:1] not in ("[", "{"):
+        if value[:1] not in ("[", "{") and not PLAIN.fullmatch(value):
             way_out = f"a value with one of {QUOTED} wants quotes, as in '{key}=\"{value}\"'"
+        elif value[:1] == "[" and not PLAIN.fullmatch(value.strip("[]")):
+            way_out = f'a word with one of {QUOTED} wants quotes, as in \'{key}=["a=1","~/b"]\''
         return f"{cause.override!r}: cannot be read; {way_out}"
     if isinstance(cause, yaml.MarkedYAMLError) and cause.problem_mark:
         mark = cause.problem_mark

@@ -26,6 +26,8 @@ Array = Tensor | np.ndarray
 
 # Nearer than this, in front of the lens, a point counts as not in the image.
 MIN_DEPTH_M = 0.1
+# A calibrated center further from the middle, as a share of a side, is that of another image size.
+MIDDLE_SHARE, SKEWED = 0.25, 0.01
 # Attitude filters in float32 leave rotations that are not orthonormal to the last digits.
 ROTATION_TOLERANCE = 1e-3
 
@@ -215,6 +217,22 @@ def require_pinhole(name: str, pix_from_camera: Float[Tensor, "*batch 3 3"]) -> 
         raise UserError(
             f"{name}: must have positive focal lengths in pixels on its diagonal, and 0, 0, 1 as "
             "its last row"
+        )
+
+
+def require_middle(
+    name: str, pix_from_camera: Float[Tensor, "3 3"], size_pix: tuple[int, int]
+) -> None:
+    """Raises `UserError` for a principal point far from the middle of an image, or a skew: of a
+    camera of another size, or of no pixels."""
+    middle = pix_from_camera[:2, 2] / torch.tensor(size_pix).to(pix_from_camera)
+    skew = pix_from_camera[[0, 1], [1, 0]] / pix_from_camera[0, 0]
+    if (abs(middle - 0.5) > MIDDLE_SHARE).any() or (abs(skew) > SKEWED).any():
+        cx, cy = pix_from_camera[:2, 2].tolist()
+        raise UserError(
+            f"{name}: cx={cx:g}, cy={cy:g} is far from the middle of {size_pix[0]}x{size_pix[1]} "
+            "pixels, or its axes are skew; scale a calibration of another size by the ratio of the "
+            "widths"
         )
 
 

@@ -14,7 +14,7 @@ import yaml
 from .atomic import replacing
 from .data.manifest import NOT_SHAPING, OFF
 from .dotted import differences
-from .errors import UserError
+from .errors import UserError, is_of_the_system, way_out_of
 from .locks import locked, telling
 from .provenance import digest_of
 from .used_code import code_of, different_file, targets_of
@@ -226,6 +226,9 @@ def read_config(path: Path, consequence: str) -> dict:
         reason = "it does not say where its run lies"
     except (OSError, ValueError, yaml.YAMLError) as error:
         reason = " ".join(str(getattr(error, "strerror", None) or error).split())
+        if is_of_the_system(error):
+            way_out = way_out_of(error, "")
+            raise UserError(f"{path}: cannot be read ({reason}); {way_out}") from error
     raise UserError(f"{path}: cannot be read ({reason}), {consequence}")
 
 

@@ -108,6 +108,8 @@ def _composed(*words: str) -> DictConfig:
 
 def _require_values(cfg: DictConfig) -> None:
     """Checks values of which no class of this project says what they may be."""
+    if not isinstance(cfg.name, str):
+        raise UserError(f"name: {cfg.name!r} is no word; quote it twice: 'name=\"{cfg.name}\"'")
     # Or the run's folder would lie elsewhere, or be that of all runs of the scale.
     if not cfg.name or cfg.name.startswith(".") or {"/", "\\"} & {*cfg.name}:
         raise UserError(
@@ -188,12 +190,19 @@ def do_task(cfg: DictConfig, hydra: DictConfig) -> object:
 
 def expand_home(cfg: DictConfig) -> None:
     """Lets paths begin with ``~``, which a shell leaves as it is behind an equals sign."""
-    of_paths = OmegaConf.to_container(cfg.paths)
-    named = {f"paths.{key}": value for key, value in of_paths.items()}
-    named |= {key: cfg[key] for key in ("ckpt_path", "predictions", "dataset")}
-    for key, value in named.items():
-        if str(value).startswith("~"):
-            OmegaConf.update(cfg, key, str(Path(value).expanduser()))
+    home = str(Path.home())
+
+    def expanded(value: object) -> object:
+        if isinstance(value, dict):
+            return {key: expanded(each) for key, each in value.items()}
+        if isinstance(value, list):
+            return [expanded(each) for each in value]
+        is_path = isinstance(value, str) and (value == "~" or value.startswith("~/"))
+        return home + value[1:] if is_path else value
+
+    for key, value in OmegaConf.to_container(cfg).items():
+        if (found := expanded(value)) != value:
+            cfg[key] = found
 
 
 def add_named_weathers(cfg: DictConfig, hydra: DictConfig) -> None:

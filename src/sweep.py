@@ -103,6 +103,8 @@ def launcher_failure(error: Exception) -> UserError:
     first, *lines = f"{type(error).__name__}: {error}".splitlines()
     # Of a process elsewhere: the last line of its traceback, or what its scheduler says.
     causes = [line.strip() for line in lines if CAUSE.search(line) and "job.stderr" not in line]
+    if "UncompletedJobError" in first and not causes:
+        causes = ["killed (out of memory?), or its time was over"]
     reason = one_line(error) or ": ".join([first.rstrip(": "), *causes[-1:]])
     if not isinstance(error, OSError):
         reason = f"hydra/launcher: {reason}"

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UserError, way_out_of
+from ..errors import UserError, is_pointer, way_out_of
 
 # What numpy, pandas, PIL, json and zipfile raise over a file that is not what was written.
 BROKEN = (OSError, ValueError, TypeError, KeyError, RuntimeError, EOFError)
@@ -27,9 +27,8 @@ def reading(path: Path) -> Iterator[Path]:
     except BROKEN as error:
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())
         again = f"delete the folder {path.parent} and run task=generate to make that clip again"
-        raise UserError(
-            f"{path}: cannot be read ({reason or type(error).__name__}); {way_out_of(error, again)}"
-        ) from error
+        reason, way_out = reason or type(error).__name__, way_out_of(error, again, path)
+        raise UserError(f"{path}: cannot be read ({reason}); {way_out}") from error
 
 
 def open_npz(path: Path) -> np.lib.npyio.NpzFile:
@@ -37,10 +36,12 @@ def open_npz(path: Path) -> np.lib.npyio.NpzFile:
     instead, and `OSError`."""
     with open(path, "rb") as file:
         head = file.read(24)
-    if head.startswith(b"version https://git-lfs"):
+    if is_pointer(path):
         raise ValueError("it is a pointer of Git LFS; git lfs pull fetches the file")
     if head.startswith(b"\x93NUMPY"):
         raise ValueError("it is a single array of numpy.save; write it with numpy.savez")
+    if not head.startswith(b"PK"):
+        raise ValueError("it is no npz archive; write it with numpy.savez")
     return np.load(path, allow_pickle=False)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from ..errors import UserError, reason_of
+from ..errors import UserError, reason_of, way_out_of
 from ..geometry import quat_from_euler, rigid, rotation_from_quat
 from ..limits import require_choice
 from ..terminal import say
@@ -21,6 +21,8 @@ IMAGE = "image"
 FLIPS = {"enu": (1.0, 1.0, 1.0), "ned": (1.0, -1.0, -1.0)}
 # What two clocks, or a CSV's last digits, may be apart; a longer time without a pose is told.
 CLOCK_S, GAP_S = 1e-6, 0.5
+# Of poses that are farther apart the clock is in doubt.
+SLOWEST_S = 2.0
 LENGTH_TOLERANCE = 0.01
 # A velocity is that of so much time before and after.
 MEAN_S = 0.1
@@ -144,9 +146,11 @@ def _columns(path: Path) -> pd.DataFrame:
     """Reads a table whose columns have the names of this file. Raises `UserError` for a file that
     is none, and names all columns that are missing at once."""
     try:
+        # A comma, a semicolon or a tab: the first line tells.
         table = pd.read_csv(path, skipinitialspace=True, dtype={IMAGE: str})
     except (OSError, ValueError) as error:
-        raise UserError(f"poses: {path} cannot be read ({reason_of(error)}); give a CSV") from error
+        way_out = way_out_of(error, "give a CSV", path)
+        raise UserError(f"poses: {path} cannot be read ({reason_of(error)}); {way_out}") from error
     table.columns = [name.strip() for name in table.columns]
     there = {*table.columns}
     table = table.rename(columns={a: b for a, b in ALIASES.items() if b not in there})
@@ -163,7 +167,8 @@ def _columns(path: Path) -> pd.DataFrame:
             if not {f"{angle}_rad", f"{angle}_deg"} & {*table.columns}
         ]
     if lacks:
-        raise UserError(f"poses: {path} lacks {'; '.join(lacks)}")
+        between = "; separate columns by commas" if ";" in table.columns[0] else ""
+        raise UserError(f"poses: {path} lacks {'; '.join(lacks)}{between}")
     return table
 
 
@@ -212,6 +217,11 @@ def _in_order(table: pd.DataFrame, path: Path) -> pd.DataFrame:
     if len(table) > len(once):
         say(f"{path}: {len(table) - len(once)} lines are there twice and count once")
     gaps_s = np.diff(once["time_s"])
+    if (step_s := float(np.median(gaps_s))) > SLOWEST_S:
+        raise UserError(
+            f"poses: {path}: most poses are {step_s:g} s apart; is time_s in seconds? Give a pose "
+            f"every {SLOWEST_S:g} s or more often"
+        )
     if (gaps_s > GAP_S).any():
         at_s = once["time_s"].iloc[int(np.argmax(gaps_s))]
         say(

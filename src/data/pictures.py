@@ -1,5 +1,6 @@
 """Images, read by value: colors, depth, ids. Every error names the file."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,11 +20,24 @@ _DEEP = ("I;16", "I;16B", "I;16L", "I")
 
 
 def files_of(folder: Path, *endings: str) -> list[Path]:
-    """Returns a folder's files with one of the endings, by name. Raises `UserError` for none."""
-    found = sorted(path for path in folder.glob("*") if path.name.endswith(endings))
+    """Returns a folder's files with one of the endings, by name, in which a number counts as one.
+    Raises `UserError` for none."""
+    found = [path for path in folder.glob("*") if path.name.endswith(endings)]
     if not found:
         raise UserError(f"{folder}: holds no *{' or *'.join(endings)}")
-    return found
+    return sorted(found, key=in_order)
+
+
+def in_order(path: Path) -> tuple[str | int, ...]:
+    """Returns a key that sorts 9 before 10, however many zeros there are."""
+    parts = re.split(r"(\d+)", path.stem)
+    return (*(int(part) if part.isdigit() else part for part in parts), path.name)
+
+
+def number_of(path: Path) -> int | None:
+    """Returns the last number in a file's name; None without one."""
+    numbers = re.findall(r"\d+", path.stem)
+    return int(numbers[-1]) if numbers else None
 
 
 def read_rgb(path: Path, size_pix: Size | None = None) -> UInt8[np.ndarray, "h w 3"]:

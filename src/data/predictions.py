@@ -169,5 +169,5 @@ class Predictions:
             return array_of(self._open[1], array)
         except BROKEN as error:
             self._open = None
-            way_out = way_out_of(error, "predict it again")
+            way_out = way_out_of(error, "predict it again", path)
             raise UserError(f"{path}: {array} cannot be read ({error}); {way_out}") from error

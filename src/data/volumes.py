@@ -10,12 +10,14 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from ..atomic import replacing
+from ..errors import UserError, reason_of, way_out_of
 from ..parallax import Parallax
 from ..provenance import digest_of
 from ..terminal import tracked
 from ..used_code import code_of
 from ..worker_pool import default_workers, mapped
 from .clip import Clip, recorded_sums
+from .files import BROKEN
 
 FOLDER = "parallax"
 
@@ -29,8 +31,16 @@ def volume_of(
     path = file_of(parallax, clip)
     # What is kept is of a whole clip.
     if seen == [frame for frame in past if frame >= 0] and path.is_file():
-        return torch.from_numpy(np.load(path, mmap_mode="r")[now].copy())
+        return torch.from_numpy(_kept(path, now).copy())
     return computed_volume(parallax, clip, [*seen, now])
+
+
+def _kept(path: Path, now: int) -> UInt8[np.ndarray, "bins h w"]:
+    try:
+        return np.load(path, mmap_mode="r")[now]
+    except (*BROKEN, IndexError) as error:
+        way_out = way_out_of(error, "delete it, and it is computed again", path)
+        raise UserError(f"{path}: cannot be read ({reason_of(error)}); {way_out}") from error
 
 
 def keep_volumes(parallax: Parallax, clips: Sequence[Clip]) -> None:

@@ -161,11 +161,9 @@ def _recording(init: Callable[..., None]) -> Callable[..., None]:
         signature = inspect.signature(init)
         bound = signature.bind(self, *arguments, **options)
         bound.apply_defaults()
-        # What a constructor only hands on, the next one has by name.
-        handed_on = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-        named = [each for each in signature.parameters.values() if each.kind not in handed_on][1:]
         made = self.__dict__.setdefault(MADE, {})
-        made[init.__qualname__] = {each.name: _plain(bound.arguments[each.name]) for each in named}
+        named = list(signature.parameters)[1:]
+        made[init.__qualname__] = {name: _plain(bound.arguments[name]) for name in named}
         init(self, *arguments, **options)
 
     return recording
@@ -188,6 +186,9 @@ def _plain(argument: Any) -> Any:
         return vars(argument)[MADE]
     if isinstance(argument, Mapping):
         return {str(key): _plain(each) for key, each in argument.items()}
+    if isinstance(argument, np.ndarray | Tensor):
+        # In text, long ones are cut.
+        return [str(argument.dtype), _plain(argument.tolist())]
     if isinstance(argument, list | tuple):
         return [_plain(each) for each in argument]
     if isinstance(argument, VoxelGrid):

@@ -147,7 +147,7 @@ def read_content(path: Path) -> dict[str, Any]:
             f"ckpt_path: no checkpoint {path}; give best, last or an existing file"
         ) from None
     except UNREADABLE as error:
-        way_out = way_out_of(error, "give another one, or delete it to start anew")
+        way_out = way_out_of(error, "give another one, or delete it to start anew", path)
         raise UserError(
             f"ckpt_path: {path} is no readable checkpoint ({reason_of(error)}); {way_out}"
         ) from error

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from ..data.batch import ego_motion
 from ..errors import UserError
-from ..geometry import Array, require_pinhole, require_rigid, tensor_of
+from ..geometry import Array, require_middle, require_pinhole, require_rigid, tensor_of
 from .checkpoint import Checkpoint
 from .export import ExportedStep
 from .frame import StreamFrame
@@ -23,6 +23,8 @@ from .network import SkyOcc
 
 # So many frames without a past one are no beginning of a flight.
 FRAMES_TO_TELL = 10
+# Of the axis of a front camera along the body's, and of anything that flies here.
+LEAST_AHEAD, FASTEST_MPS = 0.3, 100.0
 SHAPES = {
     "world_from_body": (4, 4),
     "velocity_mps": (3,),
@@ -66,6 +68,8 @@ class SkyOccStream:
         self.parallax = network.parallax
         ages_s = () if self.parallax is None else self.parallax.ages_s
         self.reach_s = max(len(self.ages) * history_step_s, *ages_s, 0)
+        # Of the images of the training, where that is known.
+        self.size_pix: tuple[int, int] | None = None
         self.past: list[Past] = []
         self.clip = ""
         # Times of this clip, until a past frame fits, or until it is told that none does.
@@ -80,8 +84,10 @@ class SkyOccStream:
         Raises `UserError` as `Checkpoint` does.
         """
         checkpoint = Checkpoint.read(path)
-        step_s = checkpoint.origin.config["data"]["history_step_s"]
-        return cls(checkpoint.network(calibrated), step_s, tolerance_s)
+        config = checkpoint.origin.config
+        stream = cls(checkpoint.network(calibrated), config["data"]["history_step_s"], tolerance_s)
+        stream.size_pix = tuple(config["sim"]["image"][side] for side in ("width", "height"))
+        return stream
 
     def reset(self) -> None:
         """Drops the history."""
@@ -97,6 +103,12 @@ class SkyOccStream:
         below the ground or too high for the network.
         """
         frame = sound(frame)
+        if self.size_pix not in (None, size_pix := tuple(frame.image.shape[:0:-1])):
+            theirs, ours = ("x".join(map(str, size)) for size in (size_pix, self.size_pix))
+            raise UserError(
+                f"image: {theirs} pixels, and the network knows {ours}; src.lens.undistorted gives "
+                "its image of any camera"
+            )
         require_height("world_from_body", frame.world_from_body[2, 3], self.network.heights_m)
         logits, pillars = self.network.step(*self.arguments(frame))[:2]
         self._tell_of_no_past(frame)
@@ -211,11 +223,19 @@ def sound(frame: StreamFrame) -> StreamFrame:
     require_rigid("world_from_body", numbers["world_from_body"])
     require_rigid("body_from_camera", numbers["body_from_camera"])
     require_pinhole("pix_from_camera", numbers["pix_from_camera"])
+    if numbers["body_from_camera"][0, 2] < LEAST_AHEAD:
+        raise UserError(
+            "body_from_camera: the camera does not look ahead; its z axis is forward (OpenCV), the "
+            "body's is x: take geometry.front_mount, or the inverse of what you gave"
+        )
+    if (speed_mps := float(numbers["velocity_mps"].norm())) > FASTEST_MPS:
+        raise UserError(f"velocity_mps: {speed_mps:g} m/s; give metres a second")
 
     image = _tensor(frame.image)
     if image.dtype != torch.uint8 or image.ndim != 3 or len(image) != 3:
         kind = f"{str(image.dtype).removeprefix('torch.')} {list(image.shape)}"
         raise UserError(f"image: {kind}; give uint8 [3, height, width]")
+    require_middle("pix_from_camera", numbers["pix_from_camera"], (image.shape[2], image.shape[1]))
     return frame._replace(image=image, **numbers)
 
 

@@ -70,7 +70,7 @@ def read_encoder(path: Path) -> tuple[dict[str, Tensor], dict]:
             state = {own: state[name] for own, name in named.items()}
         return state, origin
     except UNREADABLE as error:
-        way_out = way_out_of(error, "give another one")
+        way_out = way_out_of(error, "give another one", path)
         raise UserError(
             f"model.backbone.weights: {path} is no readable file of weights ({reason_of(error)}); "
             f"{way_out}"

@@ -12,7 +12,7 @@ from ..errors import UserError
 from ..sim.observation import Annotator, actor_table
 from ..terminal import tracked
 from ..worker_pool import mapped
-from .clip import RecordedClip, ground_of
+from .clip import GROUND_WITHIN_M, RecordedClip, ground_of
 from .flight import RecordedFlight, require_rate
 
 
@@ -43,8 +43,9 @@ class Cut:
         ground_m = ground_of(flight) if self.ground_m is None else self.ground_m
         if ground_m is None:
             raise UserError(
-                f"task.ground_m: no frame of {flight.folder} shows ground near it; give the height "
-                "of the ground in the recording's world"
+                f"task.ground_m: no frame of {flight.folder} shows ground within "
+                f"{GROUND_WITHIN_M:g} m of it; is its depth in metres (in a png: millimetres)? If "
+                "it is, give the height of the ground in the recording's world"
             )
         starts = range(0, len(flight.time_s) - of_clip + 1, of_clip)
         settings = stride, rate_hz, ground_m, self.static

@@ -36,6 +36,9 @@ from .plain import folders_with
 FRAMES = "frames.json"
 # What the three bytes of a depth image reach.
 FAR_M = 1000.0
+FORM = "docs/own_data.md has an example"
+# CARLA's walkers have their origin in the middle of their body.
+WALKERS, NO_OFFSET = ("pedestrian",), {"x": 0.0, "y": 0.0, "z": 0.0}
 SKY_M = 999.0
 # Tags changed here.
 FIRST_VERSION = (0, 9, 14)
@@ -127,17 +130,24 @@ def _flight(folder: Path, table: ClassTable) -> CarlaFlight:
     if (folder / "lidar").is_dir():
         files["lidar"] = files_of(folder / "lidar", ".bin")
     frames = told["frames"]
-    for paths in files.values():
-        require_frames(path, paths, len(frames))
+    require_frames(path, files.values(), len(frames))
 
+    place = "fov_deg"
     try:
-        time_s = np.array([float(each["time_s"]) for each in frames])
-        poses = torch.stack([matrix_of(each["camera"]) for each in frames])
         hfov_rad = np.deg2rad(float(told["fov_deg"]))
-        lidar = [matrix_of(each["lidar"]).numpy() for each in frames] if "lidar" in files else []
+        time_s, poses, lidar = np.zeros(len(frames)), [], []
+        for number, each in enumerate(frames):
+            place = f"frame {number}"
+            time_s[number] = float(each["time_s"])
+            poses.append(matrix_of(each["camera"]))
+            if "lidar" in files:
+                lidar.append(matrix_of(each["lidar"]).numpy())
+        place, poses = "actors", torch.stack(poses)
         tracks = _tracks(frames)
-    except (KeyError, TypeError, ValueError) as error:
-        raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
+    except KeyError as error:
+        raise UserError(f"{path}: {place}: lacks {error.args[0]}; {FORM}") from error
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{path}: {place}: {reason_of(error)}; {FORM}") from error
 
     require_places(path, poses.flatten(1).numpy())
     size_pix = size_of(files["rgb"][0])
@@ -148,7 +158,9 @@ def _flight(folder: Path, table: ClassTable) -> CarlaFlight:
 
 def matrix_of(told: Mapping[str, float]) -> torch.Tensor:
     """Returns our world from an actor's or sensor's own frame, of a transform as CARLA tells it:
-    ``x y z`` in metres, ``roll pitch yaw`` in degrees, left-handed."""
+    ``x y z`` in metres, ``roll pitch yaw`` in degrees, left-handed; or these in a ``location`` and
+    a ``rotation``."""
+    told = {**told, **told.get("location", {}), **told.get("rotation", {})}
     angles = [np.deg2rad(float(told[name])) for name in ("roll", "pitch", "yaw")]
     # Mirrored in y, as its place is: roll stays, pitch and yaw turn the other way.
     signed = torch.tensor(angles, dtype=torch.float64) * torch.tensor([1.0, -1.0, -1.0])
@@ -167,16 +179,20 @@ def _tracks(frames: Sequence[Mapping]) -> list[ActorTrack]:
     tracks = []
     for actor_id, by_frame in sorted(rows.items()):
         first = next(iter(by_frame.values()))
+        kind = str(first["type"])
         size_m = tuple(2 * float(first["extent"][name]) for name in "xyz")
         position_m = np.full((len(frames), 3), np.nan)
         yaw_rad = np.full(len(frames), np.nan)
         for number, actor in by_frame.items():
-            world_from_actor = matrix_of(actor).numpy()
-            middle = actor.get("box", {"x": 0.0, "y": 0.0, "z": 0.0})
+            world_from_actor = matrix_of(actor.get("transform", actor)).numpy()
+            # Where a vehicle's origin is, half of it would be below the road.
+            middle = actor.get("box", NO_OFFSET if kind in WALKERS else None)
+            if middle is None:
+                raise ValueError(f"actor {actor_id} lacks box, its bounding box's location")
+            middle = middle.get("location", middle)
             local_m = np.array([[middle["x"], -middle["y"], middle["z"] - size_m[2] / 2]])
             position_m[number] = transform(world_from_actor, local_m)[0]
             yaw_rad[number] = np.arctan2(world_from_actor[1, 0], world_from_actor[0, 0])
-        kind = str(first["type"])
         tracks.append(ActorTrack(actor_id, kind, _class_of(kind), size_m, position_m, yaw_rad))
     return tracks
 

@@ -1,7 +1,7 @@
 """A flight as somebody's simulator recorded it, in this project's frames and units."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
+from ..data.pictures import number_of
 from ..errors import UserError
 from ..geometry import rigid, rotation_from_quat
 from ..sim.sensors import Scan
@@ -142,10 +143,19 @@ def require_rate(path: Path, time_s: Float[np.ndarray, "n"]) -> float:
     return round((len(time_s) - 1) / float(time_s[-1] - time_s[0]), 3)
 
 
-def require_frames(path: Path, files: Sequence[Path], rows: int) -> None:
-    """Raises `UserError` where there is not a file for every row of a table of poses."""
-    if len(files) != rows:
-        raise UserError(
-            f"{path}: has {rows} poses, and {files[0].parent if files else path.parent} has "
-            f"{len(files)} images; every frame needs both"
-        )
+def require_frames(path: Path, files: Collection[Sequence[Path]], rows: int) -> None:
+    """Raises `UserError` where some folder has not a file for every row of a table of poses, and
+    where files of one row have names of different numbers. ``files`` are those of each folder."""
+    for of_folder in files:
+        if len(of_folder) != rows:
+            raise UserError(
+                f"{path}: has {rows} poses, and {of_folder[0].parent} has {len(of_folder)} images; "
+                "every frame needs both"
+            )
+    for of_row in zip(*files):
+        if len({number_of(each) for each in of_row}) > 1:
+            named = ", ".join(f"{each.parent.name}/{each.name}" for each in of_row)
+            raise UserError(
+                f"{path.parent}: {named} would be one frame; give what belongs to one frame the "
+                "same number"
+            )

@@ -102,8 +102,7 @@ class PlainLayout:
         }
         if (folder / "instance").is_dir():
             files["instance"] = files_of(folder / "instance", ".png")
-        for paths in files.values():
-            require_frames(path, paths, len(table))
+        require_frames(path, files.values(), len(table))
 
         camera = _camera_of(folder / CAMERA, size_of(files["rgb"][0]))
         tracks = _tracks_of(folder / ACTORS, len(table))
@@ -132,12 +131,15 @@ def folders_with(folder: Path, *names: str) -> list[Path]:
 def read_table(path: Path, columns: Sequence[str], sep: str = ",") -> pd.DataFrame:
     """Reads a CSV. Raises `UserError` with the file for one that lacks columns or rows."""
     try:
-        table = pd.read_csv(path, sep=sep, float_precision="round_trip")
+        table = pd.read_csv(path, sep=sep, float_precision="round_trip", skipinitialspace=True)
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
 
+    table.columns = [str(name).strip() for name in table.columns]
     if missing := [name for name in columns if name not in table]:
-        raise UserError(f"{path}: has no column {missing[0]}; it needs {', '.join(columns)}")
+        between = "; separate them by commas" if ";" in table.columns[0] else ""
+        needed = ", ".join(columns)
+        raise UserError(f"{path}: has no column {missing[0]}; it needs {needed}{between}")
     numbers = table[[name for name in columns if name not in WORDS]]
     if not all(kind.kind in "iuf" for kind in numbers.dtypes):
         raise UserError(f"{path}: holds words where there should be numbers; correct it")

@@ -104,8 +104,7 @@ class TartanAirLayout:
             for camera in (FRONT, *others)
             for kind in (("image", "depth", "seg") if camera == FRONT else ("depth", "seg"))
         }
-        for paths in files.values():
-            require_frames(folder / f"pose_{FRONT}.txt", paths, len(front))
+        require_frames(folder / f"pose_{FRONT}.txt", files.values(), len(front))
 
         table = ClassTable(self.classes, _names_of(folder))
         self.unmatched += [name for name in table.unmatched if name not in self.unmatched]

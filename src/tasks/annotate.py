@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from hashlib import sha256
 from pathlib import Path
 
 from hydra.utils import instantiate
@@ -22,6 +23,8 @@ from ..used_code import code_of
 from ..worker_pool import default_workers
 
 LOCK = ".lock"
+# Files that somebody corrects: their sizes may stay.
+TABLES = (".csv", ".json", ".txt")
 # Settings of ``sim`` that shape the labels of a recording, too.
 SHAPING = ("range_m", "camera_stride", "lidar_hz")
 
@@ -89,10 +92,12 @@ def _spec_of(cfg: DictConfig, folder: Path, clip: RecordedClip, cut: Cut) -> Dat
 
 
 def _listing(folder: Path) -> str:
-    """Returns a digest of the names and sizes of all files of a recording."""
-    found = [
-        (str(Path(place, name).relative_to(folder)), os.path.getsize(Path(place, name)))
-        for place, _, names in os.walk(folder)
-        for name in names
-    ]
+    """Returns a digest of the names of all files of a recording, of the sizes of its images, and of
+    what its tables hold."""
+    found = []
+    for place, _, names in os.walk(folder):
+        for path in (Path(place, name) for name in names):
+            is_table = path.suffix in TABLES
+            held = sha256(path.read_bytes()).hexdigest() if is_table else path.stat().st_size
+            found.append((str(path.relative_to(folder)), held))
     return digest_of(sorted(found))

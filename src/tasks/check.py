@@ -16,7 +16,7 @@ from ..data.clip import AUX, SUMS, Clip, recorded_sums, sha256_of, unfinished
 from ..data.doubt import AS_RECORDED, doubt_of, shares_that_stay
 from ..data.files import differing_files
 from ..data.manifest import MANIFEST, read_manifest
-from ..errors import UserError
+from ..errors import UserError, is_of_the_system, way_out_of
 from ..report.check_sheet import draw_check_sheet
 from ..terminal import say, tracked
 from ..worker_pool import default_workers, mapped
@@ -141,13 +141,21 @@ def _doubt(findings: Findings, root: Path, clip_ids: Sequence[str]) -> None:
 
 def _check_clip(root: Path, clip_id: str, sums_sha256: str | None) -> tuple[list[str], Counter]:
     """Returns the problems of a clip, given the manifest's digest of its sums, and how its labels
-    agree with the depth, where there is one. An unreadable file is a problem."""
+    agree with the depth, where there is one. An unreadable file is a problem.
+
+    Raises `UserError` where the system does not let a file be read, which then may be sound.
+    """
     folder, agreement = root / clip_id, Counter()
     try:
         problems = list(problems_of(folder))
         if sums_sha256 is not None and sha256_of(folder / SUMS) != sums_sha256:
             problems.append(f"{folder / SUMS}: is not the one in the manifest")
+    except OSError as error:
+        way_out = way_out_of(error, "run it again")
+        raise UserError(f"{error.filename or folder}: {error.strerror}; {way_out}") from error
     except UserError as error:
+        if is_of_the_system(error):
+            raise
         problems = [str(error)]
 
     if not problems and (folder / AUX).is_file():

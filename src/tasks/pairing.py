@@ -110,7 +110,8 @@ class FormatPairing:
 
         self.grid = VoxelGrid(**truth["grid"])
         self._truth = LabelFolder(of, root, truth["class_map"], self.grid)
-        theirs = (layout | layout_beside(folder, of.name))["class_map"]
+        # Without a word of their own, predictions have the ids of the labels.
+        theirs = (truth | layout_beside(folder, of.name))["class_map"]
         self._predictions = LabelFolder(of, folder, theirs, self.grid, predicted=True)
         self._velocity_mps = self._velocities(truth["velocity_mps"], root)
 

@@ -17,7 +17,16 @@ from ..data.flight_log import FlightLog
 from ..data.footage import Pictures, Video, footage_of
 from ..data.predictions import FACTS, PredictedFrame, save_predictions
 from ..errors import UserError
-from ..geometry import VoxelGrid, camera_from_occ, front_mount, in_image, pinhole, project, yaw_of
+from ..geometry import (
+    VoxelGrid,
+    camera_from_occ,
+    front_mount,
+    in_image,
+    pinhole,
+    project,
+    require_middle,
+    yaw_of,
+)
 from ..lens import Lens, undistorted
 from ..limits import require_finite
 from ..models.checkpoint import Checkpoint
@@ -32,8 +41,6 @@ from .trainer import kind_of_device
 
 PREDICTIONS, FILM, RECORDING = "predictions", "watch.gif", "watch.mcap"
 FILM_FRAMES, FILM_BYTES = 75, 4_000_000
-# A calibrated center further from the middle, as a share of a side, is that of another image size.
-CENTER_SHARE = 0.25
 # Of the network's view: less than this is not worth a line.
 UNSEEN_SHARE = 0.001
 # A frame of a history may be so far from its time, if the camera is not slower.
@@ -130,6 +137,9 @@ def _lens(camera: Mapping, size_pix: tuple[int, int]) -> Lens:
     """Returns the lens that ``task.camera`` describes, for images of a size."""
     width, height = size_pix
     names = "fx", "fy", "cx", "cy"
+    for name in (*names, "hfov_deg"):
+        if not isinstance(camera[name], int | float | None):
+            raise UserError(f"task.camera.{name}: {camera[name]!r} is no number")
     given = [camera[name] for name in names if camera[name] is not None]
     distortion = tuple(camera["distortion"])
     if camera["hfov_deg"] is not None and not given:
@@ -141,11 +151,8 @@ def _lens(camera: Mapping, size_pix: tuple[int, int]) -> Lens:
         raise UserError("task.camera: give hfov_deg, or else all of fx, fy, cx, cy in pixels")
 
     fx, fy, cx, cy = given
-    if abs(cx / width - 0.5) > CENTER_SHARE or abs(cy / height - 0.5) > CENTER_SHARE:
-        raise UserError(
-            f"task.camera: cx={cx}, cy={cy} is far from the middle of {width}x{height} pixels; "
-            "scale a calibration of another size by the ratio of the widths"
-        )
+    matrix = torch.tensor([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], dtype=torch.float64)
+    require_middle("task.camera", matrix, size_pix)
     return Lens((fx, fy), (cx + OPENCV_PIX, cy + OPENCV_PIX), distortion)
 
 

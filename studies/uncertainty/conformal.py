@@ -2,8 +2,8 @@
 
     python -m studies.uncertainty.conformal FOLDER [NAME=FOLDER ...] [--alpha 0.1] [--out FILE]
 
-``FOLDER`` has flights with scores (``task=fly task.scored=true task.looks_on=true``). Conformal risk
-control (Angelopoulos et al., 2024) chooses the largest threshold on the probability of
+``FOLDER`` has flights with scores (``task=fly task.scored=true task.looks_on=true``). Conformal
+risk control (Angelopoulos et al., 2024) chooses the largest threshold on the probability of
 occupied with which the expected share of objects that are missed in the tube is at most ``alpha``.
 The unit is the map: flights of one map are not exchangeable with those of others. Rows of the
 table: 100 random halves of the maps, calibrated on one and tested on the other; all maps of towns

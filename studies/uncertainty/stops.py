@@ -7,6 +7,7 @@ Flies the missions of ``task=fly`` once as the planner is configured, and once w
 next plan stops, and until the UAV stands, its way is compared with that.
 """
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from omegaconf import OmegaConf
 from src.loop.campaign import Campaign, Job
 from src.loop.flight import Moment
 from src.loop.planner import STOPS, Plan, QuinticPlanner
+from src.loop.stage import Stage
 from src.results.files import write_table
 from src.terminal import say, tracked
 from studies.settings import composed, run
@@ -47,10 +49,10 @@ class Stops:
             pace = np.linalg.norm(last.at(np.array([last.duration_s]))[0, 3:6])
             rest_m = length_m(last, self._step_s, last.duration_s)
             self._promised_m, self._flown_m = rest_m + pace**2 / (2 * self._brake_mps2), 0.0
-        if self._promised_m is not None:
-            if np.linalg.norm(moment.motion.velocity_mps) < AT_REST_MPS:
-                self.longer_m.append(self._flown_m - self._promised_m)
-                self._promised_m = None
+        speed_mps = np.linalg.norm(moment.motion.velocity_mps)
+        if self._promised_m is not None and speed_mps < AT_REST_MPS:
+            self.longer_m.append(self._flown_m - self._promised_m)
+            self._promised_m = None
 
 
 def length_m(plan: Plan, from_s: float, until_s: float) -> float:
@@ -59,18 +61,21 @@ def length_m(plan: Plan, from_s: float, until_s: float) -> float:
     return float(np.linalg.norm(np.diff(places_m, axis=0), axis=1).sum())
 
 
+def _stops_of(campaign: Campaign, stage: Stage) -> Stops:
+    return Stops(campaign.planner, campaign.rules.plan_hz)
+
+
 def main(*overrides: str, out: Path = OUT) -> None:
     rows = []
     for keeps in (False, True):
         words = ["task=fly", *overrides, f"planner.keeps_stops={str(keeps).lower()}"]
         config = OmegaConf.to_container(composed(words), resolve=True)
         campaign = Campaign(config)
+        watch = partial(_stops_of, campaign)
         missions = pd.read_csv(config["task"]["missions"]).to_dict("records")
         longer_m: list[float] = []
         for mission in tracked(missions, f"flying, keeps_stops={keeps}"):
-            _, stops = campaign.watched(
-                Job.of(mission), lambda _: Stops(campaign.planner, campaign.rules.plan_hz)
-            )
+            _, stops = campaign.watched(Job.of(mission), watch)
             longer_m += stops.longer_m
         row = {"keeps_stops": keeps, "flights": len(missions), "stops": len(longer_m)}
         row["largest_m"] = round(max(longer_m, default=np.nan), 3)

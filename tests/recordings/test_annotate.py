@@ -304,8 +304,8 @@ def test_what_carla_and_airsim_cannot_have_told_is_refused_in_one_line(clip, tmp
     first, *others = told["frames"]
     lost = {**first, "camera": {**first["camera"], "x": float("nan")}}
     assert "row 0 of the poses is not finite" in carla(frames=[lost, *others])
-    assert "cannot be read" in carla(frames=[{"time_s": 0.0}, *others])
-    assert "cannot be read" in carla(fov_deg="wide")
+    assert "frame 0: lacks camera" in carla(frames=[{"time_s": 0.0}, *others])
+    assert "fov_deg: could not convert" in carla(fov_deg="wide")
     assert "has 0 poses" in carla(frames=[])
     assert "not those since 0.9.14" in carla(version="0.9.13")
     path.write_text(json.dumps({**told, "version": "0.9.15-dirty"}))
