@@ -146,13 +146,23 @@ def test_a_shared_memory_that_is_too_small_is_told_so():
 
 
 @pytest.mark.parametrize(
-    "override", ["ckpt_path=runs/a/epoch=3-step=100.ckpt", "ckpt_path=~/x.ckpt"]
+    "override",
+    [
+        *("ckpt_path=runs/a/epoch=3-step=100.ckpt", "ckpt_path=~/x.ckpt"),
+        *("ckpt_path=runs/josé/x.ckpt", "ckpt_path=a#b.ckpt", "ckpt_path=runs/[1]/x.ckpt"),
+    ],
 )
 def test_a_value_that_hydra_cannot_read_is_told_to_be_quoted(override):
     error = caught(OverridesParser.create().parse_overrides, [override])
     value = override.partition("=")[2]
     assert f"""'ckpt_path="{value}"'""" in one_line(error)
     assert OverridesParser.create().parse_override(f'ckpt_path="{value}"').value() == value
+
+
+def test_words_of_a_list_want_quotes_too():
+    error = caught(OverridesParser.create().parse_overrides, ["task.runs=[~/a,~/b]"])
+    way_out = one_line(error).partition("as in '")[2].rstrip("'")
+    assert OverridesParser.create().parse_override(way_out).value() == ["a=1", "~/b"]
 
 
 KNOBS = ("data.batch_size", "trainer.accumulate_grad_batches", "model.checkpointing=true")

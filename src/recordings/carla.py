@@ -143,7 +143,7 @@ def _flight(folder: Path, table: ClassTable) -> CarlaFlight:
             if "lidar" in files:
                 lidar.append(matrix_of(each["lidar"]).numpy())
         place, poses = "actors", torch.stack(poses)
-        tracks = _tracks(frames)
+        tracks = tracks_of(frames)
     except KeyError as error:
         raise UserError(f"{path}: {place}: lacks {error.args[0]}; {FORM}") from error
     except (TypeError, ValueError) as error:
@@ -168,7 +168,7 @@ def matrix_of(told: Mapping[str, float]) -> torch.Tensor:
     return rigid(rotation_from_euler(*signed), LEFT_HANDED[:3, :3] @ place_m)
 
 
-def _tracks(frames: Sequence[Mapping]) -> list[ActorTrack]:
+def tracks_of(frames: Sequence[Mapping]) -> list[ActorTrack]:
     """Returns the boxes of all actors. ``box`` is a box's middle in its actor's frame: a walker's
     origin is in the middle of its body, a vehicle's on the road."""
     rows: dict[int, dict[int, Mapping]] = {}

@@ -145,3 +145,14 @@ def test_times_outside_the_poses_are_refused_with_both_spans(read):
     for times_s in ([-0.1, 5.0], [0.0, 11.95]):
         with pytest.raises(UserError, match=r"flight\.mp4 has images from .* s, and .*11\.900 s;"):
             log.require_span(np.array(times_s), "flight.mp4")
+
+
+def test_a_clock_in_milliseconds_is_asked_for_seconds(read):
+    with pytest.raises(UserError, match=r"^poses: .* 100 s apart; is time_s in seconds"):
+        read(TRUE.assign(time_s=TRUE.time_s * 1000))
+
+
+def test_semicolons_are_told(tmp_path):
+    TRUE.to_csv(tmp_path / "poses.csv", index=False, sep=";")
+    with pytest.raises(UserError, match="separate columns by commas"):
+        FlightLog.read(tmp_path / "poses.csv")

@@ -81,3 +81,14 @@ def test_a_strict_history_hides_the_past_from_parallax_too(clip):
 def test_an_age_between_frames_is_refused(clip):
     with pytest.raises(UserError, match=r"^data\.parallax\.ages_s: \[0\.3\].*0\.2 s.*parallax=off"):
         sample_of(clip, 5, Parallax([0.3]))
+
+
+def test_a_broken_file_of_them_is_named_with_the_way_out(clip):
+    parallax = Parallax(AGES_S)
+    keep_volumes(parallax, [clip])
+    path = file_of(parallax, clip)
+    whole = path.read_bytes()
+    for broken in (b"", whole[:200], whole[: len(whole) // 2]):
+        path.write_bytes(broken)
+        with pytest.raises(UserError, match=rf"^{path}: cannot be read .*; delete it, and it"):
+            sample_of(clip, 12, parallax)

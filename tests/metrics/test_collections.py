@@ -221,3 +221,33 @@ def test_every_class_that_a_metric_names_is_asked_for():
     with pytest.raises(UserError, match="ground_index: which of the 12 classes"):
         ObjectMiss(GRID, **others)
     assert SafetyScores(GRID, **others, thin_index=3).thin_index == 3
+
+
+class Below(CountMetric):
+    """A metric of a user's own, whose constructor hands on or holds whatever it is given."""
+
+    def __init__(self, grid, table=None, **options):
+        super().__init__({"voxels": ()})
+        self.table = torch.ones(300) if table is None else torch.as_tensor(table)
+        self.below = options.get("below", 9)
+
+    def frame_counts(self, preds):
+        return {
+            "voxels": ((preds < self.below) * self.table[preds.long()]).flatten(1).sum(1).long()
+        }
+
+    def scores(self, counts):
+        return {"voxels": counts["voxels"]}
+
+
+@pytest.mark.parametrize("kind", ["options", "tensor", "array"])
+def test_an_own_metric_s_counts_are_those_of_its_arguments(kind):
+    """Long arrays are alike in text, which leaves out their middle."""
+    table = torch.ones(3000)
+    table[1500] = 7.0
+    table = table.numpy() if kind == "array" else table
+    other = {"below": 3} if kind == "options" else {"table": table}
+    plain = {} if kind == "options" else {"table": torch.ones(3000)}
+    marks = [set(Below(GRID, **each).metric_state) for each in (plain, other, other)]
+    assert marks[0] != marks[1]
+    assert marks[1] == marks[2]

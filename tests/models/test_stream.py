@@ -5,7 +5,7 @@ import torch
 
 from src.data.dataset import OccupancyDataset, velocity_world_mps
 from src.errors import UserError
-from src.geometry import VoxelGrid, rigid
+from src.geometry import VoxelGrid, front_mount, inverse, pinhole, rigid
 from src.models.frame import StreamFrame
 from src.models.ground import above_ground
 from src.models.stream import SHAPES, SkyOccStream
@@ -97,7 +97,7 @@ def test_a_stream_of_images_of_two_sizes_is_refused(clips):
     stream(frame_of(clips, "town/a", 0))
     frame = frame_of(clips, "town/a", 1)
     with pytest.raises(UserError, match=r"^image: 96x64, 96x32 .* one size"):
-        stream(frame._replace(image=frame.image[:, :32]))
+        stream(frame._replace(image=frame.image[:, :32], pix_from_camera=pinhole(96, 32, 1.5)))
 
 
 @pytest.mark.parametrize(("clip", "number"), [("town/b", 10), ("town/a", 9)])
@@ -141,6 +141,12 @@ def test_arrays_and_single_precision_will_do(clips, network, stream):
         ("body_from_camera", torch.diag(torch.tensor([2.0, 2, 2, 1])), "no rotation"),
         ("pix_from_camera", torch.diag(torch.tensor([-48.0, 48, 1])), "focal lengths"),
         ("pix_from_camera", torch.diag(torch.tensor([48.0, 48, 2])), "last row"),
+        ("pix_from_camera", torch.tensor([[0.5, 0, 0.5], [0, 0.5, 0.5], [0, 0, 1]]), "far from"),
+        ("pix_from_camera", torch.tensor([[480.0, 0, 480], [0, 480, 320], [0, 0, 1]]), "far from"),
+        ("pix_from_camera", torch.tensor([[48.0, 5, 48], [0, 48, 32], [0, 0, 1]]), "skew"),
+        ("body_from_camera", torch.eye(4), "does not look ahead"),
+        ("body_from_camera", inverse(front_mount((0.3, 0.0, 0.0))), "does not look ahead"),
+        ("velocity_mps", torch.tensor([300.0, 0.0, 0.0]), "metres a second"),
         ("time_s", float("inf"), "not finite"),
         ("time_s", float("nan"), "not finite"),
     ],
@@ -197,3 +203,13 @@ def test_it_says_nothing_where_past_frames_come_in_time(clips, network, rate_hz,
     for number in range(30):
         stream(frame_of(clips, "town/a", 0, time_s=number / rate_hz))
     assert not recwarn.list
+
+
+def test_images_of_another_size_than_the_training_s_are_refused(clips, stream):
+    stream.size_pix = (96, 64)
+    frame = frame_of(clips, "town/a", 0)
+    stream(frame)
+    other = {"image": frame.image[:, :32], "pix_from_camera": pinhole(96, 32, 1.5)}
+    wide = frame_of(clips, "town/a", 1, **other)
+    with pytest.raises(UserError, match=r"^image: 96x32 pixels, and the network knows 96x64"):
+        stream(wide)

@@ -3,10 +3,12 @@
 import json
 import shutil
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
@@ -15,11 +17,13 @@ from PIL import Image
 from src.data.clip import Clip
 from src.data.doubt import AS_RECORDED, doubt_of, shares_that_stay
 from src.data.manifest import read_manifest
-from src.data.pictures import read_rgb
+from src.data.pictures import files_of, read_rgb
 from src.errors import UserError
 from src.ontology import FREE, UNKNOWN
 from src.recordings.annotate import Cut, clips_by_name, write_clips
+from src.recordings.carla import matrix_of, tracks_of
 from src.recordings.clip import RecordedClip, ground_of
+from src.recordings.flight import require_frames
 from src.sim.observation import Annotator
 from tests.recordings import foreign
 from tests.sessions import ROOT
@@ -185,6 +189,10 @@ def test_a_sound_recording_is_not_suspected(clip, tmp_path):
     shares = shares_that_stay(written(clip, tmp_path))
     assert shares[AS_RECORDED] == max(shares.values()) > 0.3
     assert doubt_of(shares) == ""
+    # Of frames that do not belong together so few stay, and no convention mends it.
+    assert "do images, depth and poses of one frame belong together" in doubt_of(
+        dict.fromkeys(shares, 0.13)
+    )
 
 
 @pytest.mark.parametrize("suspect", WRONG)
@@ -382,3 +390,36 @@ def test_rows_of_a_real_recording_are_understood(tmp_path, palette):
     assert flight.world_from_body[:, 2, 3].tolist() == [2.83123, 5.46692]
     assert flight.world_from_body[0, 1, 3].item() == 0.0884584
     assert [path.name[:12] for path in flight.files["depth"]] == ["img_PX4__1_1"] * 2
+
+
+def test_files_are_paired_by_their_numbers(tmp_path):
+    """Without zeros in front, 10 would come before 9."""
+    folder = tmp_path / "rgb"
+    folder.mkdir()
+    for number in range(12):
+        (folder / f"{number}.png").touch()
+    assert [path.stem for path in files_of(folder, ".png")] == [str(n) for n in range(12)]
+
+    rows = [[Path(f"rgb/{n:04d}.png") for n in range(3)], []]
+    rows[1] = [Path(f"depth/d{n}.npy") for n in range(3)]
+    require_frames(Path("f/poses.csv"), rows, 3)
+    rows[1] = [Path(f"depth/d{n}.npy") for n in (0, 2, 3)]
+    with pytest.raises(UserError, match=r"rgb/0001\.png, depth/d2\.npy would be one frame"):
+        require_frames(Path("f/poses.csv"), rows, 3)
+
+
+def test_carla_s_transforms_may_be_nested_and_its_vehicles_want_their_box():
+    flat = {"x": 3.0, "y": 4.0, "z": 1.0, "roll": 0.0, "pitch": 5.0, "yaw": 90.0}
+    nested = {
+        "location": {name: flat[name] for name in "xyz"},
+        "rotation": {name: flat[name] for name in ("roll", "pitch", "yaw")},
+    }
+    assert torch.equal(matrix_of(flat), matrix_of(nested))
+
+    actor = {"id": 7, "type": "car", **flat, "extent": {"x": 2.0, "y": 1.0, "z": 0.8}}
+    with pytest.raises(ValueError, match="actor 7 lacks box"):
+        tracks_of([{"actors": [actor]}])
+    boxes = [{"x": 0.0, "y": 0.0, "z": 0.8}, {"location": {"x": 0.0, "y": 0.0, "z": 0.8}}]
+    flat_box, nested_box = (tracks_of([{"actors": [actor | {"box": each}]}])[0] for each in boxes)
+    assert (flat_box.position_m == nested_box.position_m).all()
+    assert flat_box.position_m[0, 2] == pytest.approx(1.0)

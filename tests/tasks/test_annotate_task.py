@@ -6,6 +6,7 @@ import pytest
 from src.data.clip import Clip, recorded_sums
 from src.data.manifest import read_manifest
 from src.recordings import annotate
+from src.tasks.annotate import _listing
 from tests.recordings import foreign
 
 WORDS = ("task=annotate", "recording=rec", "layout=plain", "scale=tiny", "sim.workers=1")
@@ -92,3 +93,13 @@ def test_what_is_no_recording_is_refused(here, run_py):
         "recording=rec", "layout=plain", "task.test_clips=[c/clip00]"
     )
     assert not (here / "data").exists()
+
+
+def test_a_corrected_table_is_another_recording(tmp_path):
+    """Of the same size: a header whose columns have changed places."""
+    (tmp_path / "poses.csv").write_text("qx,qy,qz,qw")
+    (tmp_path / "000000.png").write_bytes(b"1234")
+    before = _listing(tmp_path)
+    assert _listing(tmp_path) == before
+    (tmp_path / "poses.csv").write_text("qw,qx,qy,qz")
+    assert _listing(tmp_path) != before

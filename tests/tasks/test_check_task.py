@@ -1,5 +1,7 @@
 """task=check as its user meets it: every flipped byte is found, and mended clip by clip."""
 
+import errno
+import os
 import shutil
 from itertools import cycle
 
@@ -141,3 +143,22 @@ def test_colors_lie_on_their_objects(tmp_path):
             assert (is_tinted[0] | is_tinted[1]).mean() > least, (frame, name)
         sky = (np.abs(image - SKY_RGB).max(axis=-1) < 12) & (np.abs(image - tint).max(axis=-1) > 9)
         assert sky.mean() < 0.03
+
+
+@pytest.mark.parametrize("name", [SUMS, "occupancy.npz"])
+def test_what_the_system_does_not_let_be_read_is_not_mended(root, config, monkeypatch, name):
+    """Such a clip may be sound: a passing fault of a disk would cost it."""
+    clip = next(root.glob(f"*/*/{SUMS}")).parent
+    before = {path: path.stat().st_ino for path in clip.iterdir()}
+
+    def refusing(path, *arguments, **options):
+        if str(path) == str(clip / name):
+            raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+        return opened(path, *arguments, **options)
+
+    opened = open
+    monkeypatch.setattr("builtins.open", refusing)
+    monkeypatch.setattr("io.open", refusing)
+    with pytest.raises(UserError, match="may be sound"):
+        check(config, sheets=False, mend=True)
+    assert {path: path.stat().st_ino for path in clip.iterdir()} == before
