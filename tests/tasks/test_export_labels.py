@@ -174,6 +174,11 @@ def test_an_exported_prediction_has_exactly_the_scores_of_the_original(
     }
     pd.testing.assert_series_equal(theirs, ours.loc[theirs.index])
 
+    # Without a word of their own, predictions have the ids of the labels.
+    (mine / LAYOUT).unlink()
+    again, _ = results_of(dataset, mine, *words)
+    pd.testing.assert_frame_equal(again[columns], rows[columns])
+
 
 # ----------------------------------------------------------------------------------- MCAP, PLY
 
