@@ -25,7 +25,12 @@ def spec_of(cfg: DictConfig) -> DatasetSpec:
 
 
 def root_of(cfg: DictConfig) -> Path:
-    """Returns ``paths.dataset``, or the folder that is named after all that shapes the data."""
+    """Returns ``paths.dataset``, or the folder that is named after all that shapes the data.
+
+    Raises `UserError` for the key ``dataset``, of labels to score against, in its place.
+    """
+    if cfg.dataset is not None:
+        raise UserError("dataset: names labels to score or to export; give paths.dataset=DIR here")
     return Path(cfg.paths.dataset or spec_of(cfg).root(Path(cfg.paths.data)))
 
 

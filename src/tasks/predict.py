@@ -37,8 +37,6 @@ def predict(
     is no GIF.
     """
     require_choice("task.part", part, PARTS)
-    if cfg.dataset is not None:
-        raise UserError("dataset: is of task=score; give paths.dataset=DIR to predict another one")
     # Predicting takes long, and would have been done before the picture is drawn.
     if animation is not None and Path(str(animation)).suffix != ".gif":
         raise UserError(f"task.animation: {animation!r}; give a path that ends in .gif, or null")

@@ -120,3 +120,8 @@ def test_of_two_jobs_that_need_the_same_data_one_makes_them_and_the_other_waits(
         assert first.result() == second.result() == root_of(cfg)
     assert "waiting for it" in line
     assert made == [4, 0]
+
+
+def test_the_labels_to_score_against_are_no_dataset_to_make(config):
+    with pytest.raises(UserError, match=r"^dataset: .*paths\.dataset=DIR"):
+        root_of(config("dataset=elsewhere"))
