@@ -2,12 +2,13 @@
 
 import re
 from collections import Counter
+from pathlib import Path
 
 import lightning
 import pytest
 import torch
 from hydra.utils import instantiate
-from omegaconf import OmegaConf
+from omegaconf import OmegaConf, open_dict
 from torchmetrics import Metric
 
 from src.data.dataset import history_stride
@@ -20,6 +21,7 @@ from src.models.bilinear_lift import BilinearLift
 from src.models.lift_splat import LiftSplat
 from src.models.losses import OccupancyLoss
 from src.ontology import NUM_CLASSES
+from src.settings import expand_home
 from src.sim.plan import plan_clips
 from src.tasks.dataset import root_of
 from src.tasks.trainer import trainer_of
@@ -271,6 +273,8 @@ REFUSED = {
     "grid.shape=[50,50]": r"grid.shape: \[50, 50\] .*3 numbers",
     "model.ground.grid.shape=[5,5,5]": r"model\.ground\.grid\.shape: .*grid\.shape",
     "name=voxel_prior": "name: 'voxel_prior' .*anchor",
+    "name=1e5": r"name: 100000\.0 is no word; quote it twice",
+    "name=true": "name: True is no word",
     f"name={300 * 'n'}": "name: of 300 bytes; give one of 200",
     "+max_epochs=3": "max_epochs: nothing",
     "+sim.fogg=1": "sim.fogg: nothing",
@@ -379,3 +383,16 @@ def test_an_experiment_that_cannot_be_read_is_one_line(experiment, text, message
     with pytest.raises(Exception) as info:  # noqa: PT011
         experiment(text)
     assert re.search(message, one_line(info.value))
+
+
+def test_a_path_anywhere_may_begin_at_home():
+    cfg = compose_config(
+        "paths.data=/data", 'ckpt_path="~/a.ckpt"', 'model.backbone.weights="~/b.ckpt"'
+    )
+    with open_dict(cfg):
+        cfg.task = {"out": "~", "runs": ["~/a", "b~"]}
+    expand_home(cfg)
+    home = str(Path.home())
+    assert (cfg.ckpt_path, cfg.model.backbone.weights) == (f"{home}/a.ckpt", f"{home}/b.ckpt")
+    assert (cfg.task.out, list(cfg.task.runs)) == (home, [f"{home}/a", "b~"])
+    assert cfg.paths.data == "/data"
