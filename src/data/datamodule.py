@@ -65,7 +65,8 @@ class SkyShieldData(LightningDataModule):
         self.order, self.run_frames = order, run_frames
         self.mirror, self.batch_size, self.workers, self.seed = mirror, batch_size, workers, seed
 
-        clip_ids = list(read_manifest(self.root)["clips"])
+        manifest = read_manifest(self.root)
+        clip_ids = list(manifest["clips"])
         self.missing = missing_clips(self.root, clip_ids) if allow_missing else []
         present = [clip_id for clip_id in clip_ids if clip_id not in self.missing]
         if not present:
@@ -77,7 +78,8 @@ class SkyShieldData(LightningDataModule):
         split = make_split(clip_ids, len(first), first.meta.capture_hz, val_clips, test_clips)
         self.split = {}
         for part, samples in split.items():
-            if not samples:
+            # A dataset to score on alone says itself that it has no other part.
+            if not samples and manifest["split"].get(part) != 0:
                 raise UserError(f"data.val_clips/data.test_clips: they leave no frame for {part}")
             self.split[part] = [sample for sample in samples if sample[0] in self.clips]
 
@@ -93,7 +95,12 @@ class SkyShieldData(LightningDataModule):
         return next(iter(self.clips.values())).meta.grid
 
     def dataset(self, part: str, images: bool = True, pixels: bool = False) -> OccupancyDataset:
-        """Returns the samples of a part of the split, as `OccupancyDataset` has them."""
+        """Returns the samples of a part of the split, as `OccupancyDataset` has them.
+
+        Raises `UserError` for a part that has none.
+        """
+        if not self.split[part]:
+            raise UserError(f"{self.root}: has no {part} frame; it is a dataset to score on")
         window = self.frames, self.history_step_s, self.history, self.held_out
         wanted = images, pixels, self.parallax
         return OccupancyDataset(self.clips, self.split[part], *window, *wanted)

@@ -5,11 +5,13 @@ from dataclasses import asdict, dataclass, fields
 from functools import partial
 from typing import TypeVar
 
+import numpy as np
 from hydra.utils import instantiate
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..sim.traffic import TrafficConfig
+from .airframe import States
 from .belief import Fusion
 from .camera import FlightCamera
 from .flight import Rules, Watch, fly
@@ -127,6 +129,14 @@ class Campaign:
         of_job = {"stratum": job.stratum, "perception": self.pilot.name}
         mission = {name: getattr(job.mission, name) for name in ("flight", "map", "town")}
         return {**mission, **of_job, **row, "truth_s": job.truth_s}, watcher
+
+    def flown_by_truth(self, job: Job) -> tuple[Stage, States]:
+        """Flies a mission with the truth; returns its stage and the states, the first one too."""
+        stage = self._stage(job.mission, draws=True)
+        states = self._fly(stage, self._truth, self.chooser).states
+        start_m = job.mission.at(np.array(0.0))
+        first = self._fly.keywords["airframe"].at_rest(start_m, job.mission.yaw_rad)
+        return stage, np.concatenate([first[None], states])
 
     def _stage(self, mission: Mission, draws: bool) -> Stage:
         seconds = self.rules.late_s + 1

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..errors import UserError
 from ..loop.campaign import Campaign, Job
+from ..loop.clip_of_flight import FlightFilmer
 from ..loop.outcome import Row
 from ..report.flight_film import Film
 from ..results.frame_scores import FrameScores
@@ -44,6 +45,13 @@ class Fleet(ExitStack):
     def drawn(self, films: Mapping[Path, Job]) -> Iterator[None]:
         """Flies some missions once more before a camera; yields as their films are written."""
         yield from self._done((str(path), _film, (path, job)) for path, job in films.items())
+
+    def filmed(self, root: Path, jobs: Mapping[str, Job]) -> Iterator[None]:
+        """Writes flights of a UAV that knows the truth as clips of a dataset; yields as they are
+        there."""
+        yield from self._done(
+            (job.mission.map, _clip, (root, clip, job)) for clip, job in jobs.items()
+        )
 
     def _done(self, jobs: Iterable[tuple[str, Callable, tuple]]) -> Iterator:
         """Yields the results of calls as they come; those of one name are made in one process."""
@@ -96,6 +104,10 @@ def _fly(number: int, job: Job, folder: Path) -> tuple[int, Row]:
     path.parent.mkdir(parents=True, exist_ok=True)
     scores.counts(str(row["flight"])).write(path)
     return number, row | recipe
+
+
+def _clip(root: Path, clip_id: str, job: Job) -> None:
+    FlightFilmer(_configs[0], root, {clip_id: job}).film(clip_id)
 
 
 def _film(path: Path, job: Job) -> None:

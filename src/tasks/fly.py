@@ -46,7 +46,7 @@ def fly(cfg: DictConfig, films: bool, **_: object) -> None:
     config = OmegaConf.to_container(cfg, resolve=True)
     folder = Path(config["task"]["out"])
     with _fleet_of([config]) as fleet:
-        jobs = _jobs(config, fleet)
+        jobs = jobs_of(config, fleet)
         [table] = _flown(fleet, jobs, [folder], config["perception"]["name"])
         if films:
             wanted = {folder / f"{stem}.gif": jobs[each] for stem, each in films_of(table).items()}
@@ -67,7 +67,7 @@ def fly_together(configs: Sequence[Mapping]) -> None:
     """
     with _fleet_of(configs) as fleet:
         folders = [Path(config["task"]["out"]) for config in configs]
-        _flown(fleet, _jobs(configs[0], fleet), folders, f"{len(configs)} perceptions")
+        _flown(fleet, jobs_of(configs[0], fleet), folders, f"{len(configs)} perceptions")
 
 
 def _fleet_of(configs: Sequence[Mapping]) -> Fleet:
@@ -108,7 +108,7 @@ def _flown(
     return tables
 
 
-def _jobs(config: Mapping, fleet: Fleet) -> dict[str, Job]:
+def jobs_of(config: Mapping, fleet: Fleet) -> dict[str, Job]:
     """Returns the missions of a file, or those of the configuration, by the name of the flight."""
     missions = config["task"]["missions"]
     table = _given(Path(missions)) if missions else _missions(config, fleet)

@@ -24,8 +24,10 @@ def origin_of(cfg: DictConfig, data: SkyShieldData, folder: RunFolder) -> Origin
     """Returns the data that a new training starts from: configuration, code, counts and priors.
 
     Reads all training labels, for their counts and the priors, and the validation labels, on which
-    the priors' weights of free are chosen.
+    the priors' weights of free are chosen. Raises `UserError` where there are none.
     """
+    for part in ("train", "val"):
+        data.dataset(part)  # for its refusal of a part without frames
     layers = [data.layer(*sample) for sample in data.split["train"]]
     by_voxel = VoxelPrior(data.grid.shape)
     by_height = VoxelPrior(data.grid.shape, (min(layers), max(layers)))

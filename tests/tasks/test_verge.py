@@ -1,0 +1,68 @@
+"""task=verge: flights past obstacles as clips; and who may use such a dataset."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hydra.utils import instantiate
+
+from src.data.clip import Clip
+from src.data.manifest import MANIFEST, read_manifest
+from src.errors import UserError
+from src.ontology import BUILDING, FREE, UNKNOWN
+from src.tasks.check import check
+from src.tasks.fit import fit
+from tests.synthetic import compose_config, sound_config
+
+YARD = (
+    *("task=verge", "scale=tiny", "mission.towns=[tests.loop.yard]", "mission.maps=1"),
+    *("mission.conflict=1", "mission.offset_m=[3.0,9.0]", "task.workers=1"),
+)
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data")
+    cfg = sound_config(*YARD, f"paths.data={folder}")
+    instantiate(cfg.task)(cfg)
+    return next(folder.glob(f"*/{MANIFEST}")).parent
+
+
+def test_every_clip_is_one_to_score_on_and_passes_the_check(root):
+    manifest = read_manifest(root)
+    assert root.name.startswith("tiny-verge-")
+    assert manifest["split"] == {"train": 0, "val": 0, "test": 60}
+    assert manifest["held_out"]["test"] == list(manifest["clips"])
+    check(compose_config("scale=tiny", f"paths.dataset={root}"), mend=False, sheets=False)
+    with pytest.raises(UserError, match="has no train frame; it is a dataset to score on"):
+        fit(compose_config("+experiment=skyocc", "scale=tiny", f"paths.dataset={root}"))
+
+
+def test_the_uav_flies_around_a_wall_that_is_labelled_where_it_stands(root):
+    [name] = read_manifest(root)["clips"]
+    clip = Clip(root / name)
+    way_m = clip.world_from_body[:, :3, 3].numpy()
+    assert np.linalg.norm(np.diff(way_m, axis=0), axis=1).sum() > 40
+    speed_mps = np.linalg.norm(clip.frames[["vx_mps", "vy_mps", "vz_mps"]], axis=1)
+    steps_mps = np.linalg.norm(np.diff(way_m, axis=0), axis=1) * clip.meta.capture_hz
+    assert speed_mps[1:] == pytest.approx(steps_mps, abs=1.5)
+
+    seen = np.stack([clip.semantics(frame) for frame in range(len(clip))])
+    known = seen[seen != UNKNOWN]
+    assert (known == BUILDING).any()
+    assert (known == FREE).mean() > 0.5
+
+
+def test_what_is_there_is_not_made_again(root, capsys):
+    made = {path: path.stat().st_mtime_ns for path in root.glob("*/*/*")}
+    cfg = sound_config(*YARD, f"paths.data={root.parent}")
+    instantiate(cfg.task)(cfg)
+    assert "0 clips made now, 1 in all" in capsys.readouterr().out
+    assert {path: path.stat().st_mtime_ns for path in root.glob("*/*/*")} == made
+
+
+def test_a_way_that_is_shorter_than_a_clip_is_refused(tmp_path):
+    cfg = sound_config(*YARD, f"paths.data={tmp_path}", "mission.length_m=50")
+    with pytest.raises(UserError, match=r"mission\.length_m: .* ends after .*; give a longer way"):
+        instantiate(cfg.task)(cfg)
+    assert not list(Path(tmp_path).rglob(MANIFEST))
