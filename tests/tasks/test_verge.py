@@ -34,8 +34,10 @@ def test_every_clip_is_one_to_score_on_and_passes_the_check(root):
     assert manifest["split"] == {"train": 0, "val": 0, "test": 60}
     assert manifest["held_out"]["test"] == list(manifest["clips"])
     check(compose_config("scale=tiny", f"paths.dataset={root}"), mend=False, sheets=False)
+    [name] = manifest["clips"]
+    words = f"paths.dataset={root}", "data.val_clips=[]", f"data.test_clips=[{name}]"
     with pytest.raises(UserError, match="has no train frame; it is a dataset to score on"):
-        fit(compose_config("+experiment=skyocc", "scale=tiny", f"paths.dataset={root}"))
+        fit(compose_config("+experiment=skyocc", "scale=tiny", *words))
 
 
 def test_the_uav_flies_around_a_wall_that_is_labelled_where_it_stands(root):
