@@ -8,8 +8,7 @@ ROOT = Path(__file__).parent.parent
 # What people change first, and what it says; docs/keys.md has more.
 KEYS = {
     "+experiment=": "baseline, attitude, weights, skyocc, or a file of your own",
-    "scale=": "tiny, small (default), ladder, paper: sizes of data and model",
-    "recipe=": "strong (default), or paper: what all experiments share",
+    "scale=  recipe=": "small, tiny, ladder, paper: the sizes; strong, or paper: what all share",
     "seed=  name=": "of the training; a name for the run's folder",
     "data.batch_size=  data.workers=": "samples a step; processes that load them",
     "optimizer.lr=  trainer.max_epochs=": "learning rate; passes over the training frames",
@@ -23,7 +22,6 @@ def help_text() -> str:
     """Returns what the program says of itself: fewer than 40 lines."""
     lines = [
         "python run.py [task=TASK] [key=value ...]     -m: a run for each of a,b,c",
-        "",
         "Tasks",
     ]
     for task in sorted((ROOT / "conf/task").glob("*.yaml")):

@@ -388,7 +388,7 @@ def test_predictions_on_disk_score_as_the_run_itself(finished, tmp_path):
         for path in (tmp_path / "mine/scores", folder)
     )
     # The class scores were rounded to half precision, and nothing else.
-    of_logits = kept.index.str.startswith(("ece", "nll", "primitive_"))
+    of_logits = kept.index.str.startswith(("ece", "nll", "primitive_", "occupied_", "tube_"))
     of_logits &= ~kept.index.str.endswith("_argmax")
     assert kept[of_logits]["value"].notna().sum() > 3
     pd.testing.assert_frame_equal(whole[~of_logits], kept[~of_logits], atol=1e-6, rtol=0)
