@@ -8,7 +8,7 @@ ROOT = Path(__file__).parent.parent
 # What people change first, and what it says; docs/keys.md has more.
 KEYS = {
     "+experiment=": "baseline, attitude, weights, skyocc, or a file of your own",
-    "scale=  recipe=": "small, tiny, ladder, paper: the sizes; strong, or paper: what all share",
+    "scale=  recipe=": "small, tiny, ladder, paper: the sizes; strong, or paper",
     "seed=  name=": "of the training; a name for the run's folder",
     "data.batch_size=  data.workers=": "samples a step; processes that load them",
     "optimizer.lr=  trainer.max_epochs=": "learning rate; passes over the training frames",
