@@ -105,7 +105,7 @@ class QuinticPlanner:
     ``stops_in_known`` a primitive, and the way to stop after it, must not leave the cells that were
     seen: so it is as fast as it sees far. With
     ``keeps_stops`` the way to stop is that of the hardest stop that it has, and not the shorter one
-    of ``brake_mps2``. Raises `UserError` for settings out of range.
+    of ``brake_mps2``; and without any primitive it takes one of these. Raises `UserError` for settings out of range.
     """
 
     cruise_mps: float = 6.0
@@ -146,6 +146,8 @@ class QuinticPlanner:
         costs, clearances_m = self._judged(ends, motion, belief, target_m)
         best, clear = int(costs.argmin()), True
         if not math.isfinite(costs[best]):
+            if self.keeps_stops:
+                stops &= ends[:, 0] == ends[stops, 0].min()
             best, clear = int(np.where(stops, clearances_m, -1.0).argmax()), False
         return Plan(_quintic(*motion, ends[best]), ends[best, 0], bool(stops[best]), clear)
 
