@@ -101,11 +101,12 @@ class QuinticPlanner:
     and stays farthest from everything is taken.
 
     ``threshold`` is the probability from which a cell counts as occupied: the one knob. Cells of
-    which nothing is known are ``unknown``: free, occupied or, for a price, free. With
-    ``stops_in_known`` a primitive, and the way to stop after it, must not leave the cells that were
-    seen: so it is as fast as it sees far. With
-    ``keeps_stops`` the way to stop is that of the hardest stop that it has, and not the shorter one
-    of ``brake_mps2``; and without any primitive it takes one of these. Raises `UserError` for settings out of range.
+    which nothing is known are ``unknown``: free, occupied or, for a price, free.
+
+    With ``stops_in_known`` a primitive, and the way to stop after it, must not leave the cells that
+    were seen: so it is as fast as it sees far. With ``keeps_stops`` the way to stop is that of the
+    hardest stop that it has, and not the shorter one of ``brake_mps2``; and without any primitive
+    it takes one of these. Raises `UserError` for settings out of range.
     """
 
     cruise_mps: float = 6.0
