@@ -71,7 +71,7 @@ class Campaign:
         self.traffic = TrafficConfig(**{**sim["traffic"], "uav_gap_m": 0.0})
         self.missions = instantiate(config["mission"])
         self.planner = instantiate(config["planner"])
-        self.fusion = Fusion(**task["fusion"])
+        self.fusion = Fusion(**task.get("fusion", {}))
         # Missions are the same for every threshold, and however a UAV flies on what it knows.
         same = {key: each for key, each in CHOOSING.items() if key in config["planner"]}
         self.chooser = instantiate(config["planner"], **same)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from ..metrics.count_metric import NamedCounts
 from ..metrics.occupied_calibration import (
     FIXED_POINT,
     OCCUPIED,
@@ -19,8 +20,11 @@ SIZE_INCHES, DPI = (8.4, 4.2), 150
 PARTS = {"bubble": "everywhere in the bubble", "tube": "in the tube ahead"}
 
 
-def draw_reliability(metrics: Mapping[str, OccupiedCalibration], path: str | Path) -> None:
-    """Writes a PNG with a curve for each metric, in the bubble and in the tube.
+def draw_reliability(
+    metric: OccupiedCalibration, counts: Mapping[str, NamedCounts], path: str | Path
+) -> None:
+    """Writes a PNG with a curve for each of several ``counts`` of clips [clips, ...], in the bubble
+    and in the tube.
 
     A point is a bin of equal mass; on the diagonal a probability is a frequency. Raises `UserError`
     for a path that cannot be written.
@@ -28,11 +32,12 @@ def draw_reliability(metrics: Mapping[str, OccupiedCalibration], path: str | Pat
     figure = Figure(figsize=SIZE_INCHES, dpi=DPI, layout="constrained")
     for axes, (part, title) in zip(figure.subplots(1, 2, sharey=True), PARTS.items()):
         axes.plot([0, 100], [0, 100], color=MUTED, linewidth=1, linestyle=":")
-        for (name, metric), color in zip(metrics.items(), COLORS):
-            bins = metric.equal_mass(metric.counts[part].double())
+        for (name, of_clips), color in zip(counts.items(), COLORS):
+            bins = metric.equal_mass(of_clips[part].sum(0).double())
             bins = 100 * bins[bins[:, VOXELS] > 0] / bins[bins[:, VOXELS] > 0][:, :1]
             said, true = bins[:, PROBABILITY] / FIXED_POINT, bins[:, OCCUPIED]
-            ece = 100 * float(metric.compute()[f"{part.replace('bubble', 'occupied')}_ece"])
+            scores = metric.scores({key: each.sum(0) for key, each in of_clips.items()})
+            ece = 100 * float(scores[f"{part.replace('bubble', 'occupied')}_ece"])
             label = f"{name}: ECE {ece:.1f} %"
             axes.plot(said, true, marker="o", markersize=4, color=color, label=label)
         axes.set_title(title, color=INK, fontsize=10)

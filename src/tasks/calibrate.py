@@ -1,5 +1,6 @@
 """task=calibrate: fits a checkpoint's probabilities to the frequencies on validation."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import get_args
 
@@ -12,23 +13,24 @@ from rich.table import Table
 from torch import Tensor
 
 from ..atomic import replacing
-from ..data.batch import Batch
 from ..data.datamodule import SkyShieldData
 from ..data.truth import truth_of
+from ..errors import UserError
 from ..limits import require_choice, require_count
-from ..metrics.count_metric import CountMetric
+from ..metrics.suite import ScoreSuite
 from ..models.calibrator import Calibrator, Kind, fitted
 from ..models.checkpoint import read_content
 from ..models.weights import ORIGIN
 from ..ontology import FREE
 from ..results.files import write_table
 from ..terminal import say, tracked
-from .scoring import suite_of
+from .scoring import clips_of, score_settings
 from .session import Session
 from .trainer import Predictor, predictor
 
 SCORES = ("occupied_ece", "tube_ece", "occupied_brier", "tube_brier", "ece", "nll")
 METRICS = ("calibration", "occupied")
+BEFORE, AFTER = "as trained", "calibrated"
 
 
 def calibrate(cfg: DictConfig, kind: str, voxels: int) -> Path:
@@ -40,6 +42,8 @@ def calibrate(cfg: DictConfig, kind: str, voxels: int) -> Path:
     as `Session.checkpoint` and `fitted` do.
     """
     require_choice("task.kind", kind, get_args(Kind))
+    if lacking := [name for name in METRICS if name not in cfg.suite.metrics]:
+        raise UserError(f"suite.metrics: lacks {lacking[0]}, which a calibration is judged by")
     require_count("task.voxels", voxels)
     session = Session(cfg)
     trainer, checkpoint, data = session.trainer, session.checkpoint("calibrate"), session.data
@@ -55,15 +59,13 @@ def calibrate(cfg: DictConfig, kind: str, voxels: int) -> Path:
         torch.save(content, temporary)
 
     calibrator = Calibrator.of(data.grid, facts).to(network.device)
-    metrics = {}
-    for part in ("val", "test"):
-        metrics |= _counted(cfg, data, part, logits_of, calibrator)
-    _tell(metrics, folder / "calibration.csv")
+    suites = {part: _scored(cfg, data, part, logits_of, calibrator) for part in ("val", "test")}
+    _tell(suites, folder / "calibration.csv")
     # Fitting needs no drawing code; it is loaded for the picture alone.
     from ..report.reliability import draw_reliability
 
-    of_test = {name: metrics["test", name]["occupied"] for name in ("as trained", "calibrated")}
-    draw_reliability(of_test, folder / "reliability.png")
+    counts = {name: suite.counts()["occupied"] for name, suite in suites["test"].items()}
+    draw_reliability(suites["test"][BEFORE].metric("occupied"), counts, folder / "reliability.png")
     for written in (path, folder / "calibration.csv", folder / "reliability.png"):
         say(written)
     return path
@@ -85,36 +87,27 @@ def _drawn(
     return tuple(map(torch.cat, zip(*drawn)))
 
 
-def _counted(
+def _scored(
     cfg: DictConfig, data: SkyShieldData, part: str, logits_of: Predictor, calibrator: Calibrator
-) -> dict[tuple[str, str], dict[str, CountMetric]]:
+) -> dict[str, ScoreSuite]:
     """Returns the metrics of a part of the split, before and after."""
-    suite = suite_of(cfg, data)
-    scored = {
-        (part, name): {each: suite.metric(each).clone() for each in METRICS}
-        for name in ("as trained", "calibrated")
-    }
-
-    def count(metrics: dict[str, CountMetric], logits: Tensor, batch: Batch) -> None:
-        truth = truth_of(batch)
-        target, velocity_mps = truth["semantics"], truth["velocity_mps"]
-        metrics["calibration"].update(logits, target, velocity_mps)
-        occupied = 1 - logits.softmax(dim=1)[:, FREE]
-        metrics["occupied"].update(occupied, target, velocity_mps)
-
+    settings, clips = score_settings(cfg)[1], clips_of(data.split[part])
+    settings["metrics"] = {name: settings["metrics"][name] for name in METRICS}
+    suites = {name: ScoreSuite(data.grid, clips, settings) for name in (BEFORE, AFTER)}
     for batch in tracked(data.in_order(part), f"scoring {part}"):
         logits = logits_of(batch)
-        count(scored[part, "as trained"], logits.cpu(), batch)
-        count(scored[part, "calibrated"], calibrator(logits).cpu(), batch)
-    return scored
+        suites[BEFORE].update(logits.cpu(), truth_of(batch))
+        suites[AFTER].update(calibrator(logits).cpu(), truth_of(batch))
+    return suites
 
 
-def _tell(metrics: dict[tuple[str, str], dict[str, CountMetric]], path: Path) -> None:
+def _tell(suites: Mapping[str, Mapping[str, ScoreSuite]], path: Path) -> None:
     """Writes and prints the scores of both parts, before and after."""
     rows = []
-    for (part, name), each in metrics.items():
-        scores = {key: value for metric in each.values() for key, value in metric.compute().items()}
-        rows.append({"part": part, "weights": name, **{key: float(scores[key]) for key in SCORES}})
+    for part, of_part in suites.items():
+        for name, suite in of_part.items():
+            scores = suite.scores()
+            rows.append({"part": part, "weights": name, **{key: scores[key] for key in SCORES}})
     write_table(pd.DataFrame(rows), path)
 
     table = Table(title="Calibration (lower is better); val was fitted")

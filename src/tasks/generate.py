@@ -48,10 +48,13 @@ def _others(root: Path) -> Iterator[str]:
             continue
         manifest = read_manifest(path.parent)
         sim, clips = manifest["sim"], manifest["clips"]
+        # What was recorded elsewhere has no seed.
+        towns = ", ".join(dict.fromkeys(clip.partition("/")[0] for clip in clips))
+        seed = f", seed {sim['seed']}" if "seed" in sim else ""
         image, shape = sim["image"], "x".join(map(str, sim["grid"]["shape"]))
         yield (
-            f"also there: {path.parent}: {len(clips)} clips in {', '.join(sim['towns'])}, seed "
-            f"{sim['seed']}, {image['width']}x{image['height']} pixels, {shape} voxels"
+            f"also there: {path.parent}: {len(clips)} clips in {towns}{seed}, "
+            f"{image['width']}x{image['height']} pixels, {shape} voxels"
         )
 
 

@@ -57,8 +57,12 @@ def _clip_id(mission: object) -> str:
 def _spec_of(config: Mapping) -> DatasetSpec:
     """Describes the dataset by what shapes it: the missions, how they are flown, and the code."""
     parts = {key: config[key] for key in ("mission", "planner", "airframe")}
+    parts = {
+        group: {key: value for key, value in each.items() if not key.startswith("_")}
+        for group, each in parts.items()
+    }
     source = {**parts, "missions": config["task"]["missions"], "rules": config["task"]["rules"]}
     towns = [f"src.sim.towns.{town}" for town in config["mission"]["towns"]]
     code = digest_of(code_of([FILMER, *towns]))
-    sim = {key: config["sim"][key] for key in SEEN} | {"towns": config["mission"]["towns"]}
+    sim = {key: config["sim"][key] for key in SEEN}
     return DatasetSpec(f"{config['scale_name']}-verge", sim, code, source)

@@ -60,7 +60,8 @@ def write_card(root: Path) -> None:
     draw_contact_sheet(root, statistics, figures / "contact_sheet.jpg")
     shown = clips["clip"][clips["weather"] == clips["weather"][0]]
     draw_flight(liveliest([Clip(root / name) for name in shown]), figures / "flight.gif")
-    what_it_is = OF_A_RECORDING if "source" in manifest else WHAT_IT_IS
+    recorded = "layout" in manifest.get("source", {})
+    what_it_is = OF_A_RECORDING if recorded else WHAT_IT_IS
     metadata = croissant_of(root, manifest, what_it_is.replace("*", ""), figures / "clips.csv")
     write_text(root / CROISSANT, json.dumps(metadata, indent=1) + "\n")
 
@@ -74,6 +75,7 @@ def write_card(root: Path) -> None:
         extra={file: text for file, text in PICTURES.items() if file in pictures},
         overrides=map(shlex.quote, overrides_of(manifest)),
         manifest=manifest,
+        recorded=recorded,
         digest=DatasetSpec(
             *(manifest[key] for key in ("scale", "sim", "generator")), manifest.get("source")
         ).digest,
@@ -98,8 +100,8 @@ def _span(form: str, values: pd.Series) -> str:
 
 def overrides_of(manifest: Mapping) -> list[str]:
     """The overrides that name this very dataset, whatever the defaults are."""
-    sim, held_out = manifest["sim"], manifest["held_out"]
-    if "source" in manifest:
+    sim, held_out, source = manifest["sim"], manifest["held_out"], manifest.get("source", {})
+    if "layout" in source:
         sides = [
             each
             for key in ("lower_m", "upper_m", "shape")
@@ -108,11 +110,17 @@ def overrides_of(manifest: Mapping) -> list[str]:
         return [
             "task=annotate",
             "recording=DIR",
-            f"layout={manifest['source']['layout']['name']}",
+            f"layout={source['layout']['name']}",
             *sides,
         ]
     # The values of the weathers are files of the configuration, too many for a command line.
     settings = {f"sim.{key}": value for key, value in sim.items() if key != "weather"}
+    if source:  # flights of task=verge
+        for group in ("mission", "planner", "airframe"):
+            settings |= {f"{group}.{key}": value for key, value in source[group].items()}
+        settings |= {"task.rules": source["rules"], "task.missions": source["missions"]}
+        leaves = [each for key, value in settings.items() for each in _assignments(key, value)]
+        return ["task=verge", f"scale={manifest['scale'].removesuffix('-verge')}", *leaves]
     settings |= {f"data.{part}_clips": held_out[part] for part in ("val", "test")}
     # It shapes no data; but a step that the capture rate does not divide is refused.
     if (0.2 * sim["capture_hz"]) % 1:

@@ -51,6 +51,9 @@ def test_an_interrupted_recording_goes_on_and_ends_the_same(here, run_py, monkey
     one, other = (recorded_sums(root / name / "clip00") for name in ("a", "b"))
     assert {name for name in one if one[name] != other[name]} == {"clip.json"}
     assert run_py(*WORDS)[1][-2].endswith("0 clips made now, 2 in all")
+    # Beside it a plan of our own names it, though it has neither towns nor a seed of ours.
+    _, out, _ = run_py("task=generate", "scale=tiny", "sim.dry_run=true")
+    assert f"also there: data/{root.name}: 2 clips in a, b, " in "\n".join(out)
 
 
 def test_a_broken_frame_is_named_and_nothing_of_its_clip_is_left(here, run_py):

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hydra.utils import instantiate
+from omegaconf import OmegaConf
 
 from src.data.clip import Clip
 from src.data.manifest import MANIFEST, read_manifest
@@ -12,6 +13,8 @@ from src.errors import UserError
 from src.ontology import BUILDING, FREE, UNKNOWN
 from src.tasks.check import check
 from src.tasks.fit import fit
+from src.tasks.verge import _spec_of
+from studies.card.page import CARD, overrides_of, write_card
 from tests.synthetic import compose_config, sound_config
 
 YARD = (
@@ -38,6 +41,16 @@ def test_every_clip_is_one_to_score_on_and_passes_the_check(root):
     words = f"paths.dataset={root}", "data.val_clips=[]", f"data.test_clips=[{name}]"
     with pytest.raises(UserError, match="has no train frame; it is a dataset to score on"):
         fit(compose_config("+experiment=skyocc", "scale=tiny", *words))
+
+
+def test_its_card_says_how_it_was_made(root):
+    write_card(root)
+    card = (root / CARD).read_text()
+    assert "Bullet, renderer" in card
+    assert "MIT, data and code alike" in card
+    cfg = compose_config(*overrides_of(read_manifest(root)))
+    made = _spec_of(OmegaConf.to_container(cfg, resolve=True))
+    assert made.root(root.parent) == root
 
 
 def test_the_uav_flies_around_a_wall_that_is_labelled_where_it_stands(root):
