@@ -3,5 +3,7 @@
 from .occ3d import Occ3D
 from .occufly import OccuFly
 from .semantickitti import SemanticKitti
+from .tartanground import TartanGround
 
-LABEL_FORMATS = {each.name: each() for each in (Occ3D, SemanticKitti, OccuFly)}
+WRITTEN_FORMATS = {each.name: each() for each in (Occ3D, SemanticKitti, OccuFly)}
+LABEL_FORMATS = WRITTEN_FORMATS | {TartanGround.name: TartanGround()}

@@ -54,7 +54,7 @@ class LabelFolder:
         Raises `UserError` for a file that cannot be read or does not fit the grid or the class map.
         """
         path = self._paths[scene, token]
-        stored = self._format.read(path, self.grid.shape)
+        stored = self._format.read(path, self.grid)
         last = len(self._table) - 1
         ours = self._table[np.where((stored < 0) | (stored > last), last, stored)]
 

@@ -8,6 +8,8 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Bool, Integer
 
+from ..geometry import VoxelGrid
+
 Sample = tuple[str, str]
 Shape = tuple[int, int, int]
 
@@ -15,13 +17,29 @@ Shape = tuple[int, int, int]
 class LabelFormat(ABC):
     """A tool's way to keep labels, a frame a file. Arrays are [X, Y, Z]: forward, left, up.
 
-    ``pattern`` shows in messages how files are named, ``masks`` are those that can be read,
-    ``visible`` is the one of what the camera sees, and ``ids`` are those that our classes get.
+    ``pattern`` shows in messages how files are named.
     """
 
     name: ClassVar[str]
     pattern: ClassVar[str]
-    masks: ClassVar[tuple[str, ...]]
+    masks: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def find(self, root: Path, predicted: bool) -> dict[Sample, Path]:
+        """Returns the files of labels, or of predictions, below a folder, by scene and token."""
+
+    @abstractmethod
+    def read(self, path: Path, grid: VoxelGrid) -> Integer[np.ndarray, "X Y Z"]:
+        """Returns the ids of a file. Raises `UserError` where it does not hold such a grid."""
+
+
+class WrittenFormat(LabelFormat):
+    """A format in which ours are written, too. It can tell labelled and visible voxels.
+
+    ``masks`` are those that can be read, ``visible`` is the one of what the camera sees, and
+    ``ids`` are those that our classes get.
+    """
+
     visible: ClassVar[str]
     ids: ClassVar[Mapping[str, int]]
 
@@ -32,14 +50,6 @@ class LabelFormat(ABC):
     @abstractmethod
     def place(self, scene: str, token: str, predicted: bool) -> str:
         """Returns the path of a frame's file, relative to the folder."""
-
-    @abstractmethod
-    def find(self, root: Path, predicted: bool) -> dict[Sample, Path]:
-        """Returns the files of labels, or of predictions, below a folder, by scene and token."""
-
-    @abstractmethod
-    def read(self, path: Path, shape: Shape) -> Integer[np.ndarray, "X Y Z"]:
-        """Returns the ids of a file. Raises `UserError` where it does not hold such a grid."""
 
     @abstractmethod
     def read_mask(self, path: Path, name: str, shape: Shape) -> Bool[np.ndarray, "X Y Z"]:

@@ -8,13 +8,14 @@ from jaxtyping import Bool, Integer
 
 from ..data.files import BROKEN, array_of, fault_of, files_below, open_npz
 from ..errors import UserError
+from ..geometry import VoxelGrid
 from ..ontology import CLASSES
-from .label_format import LabelFormat, Sample, Shape
+from .label_format import Sample, Shape, WrittenFormat
 
 LABELS = "labels.npz"
 
 
-class Occ3D(LabelFormat):
+class Occ3D(WrittenFormat):
     """``<scene>/<token>/labels.npz``; written with our own ids, of which free is the last one.
 
     ``mask_lidar`` marks every voxel with a label, ``mask_camera`` those that the camera sees now.
@@ -35,8 +36,8 @@ class Occ3D(LabelFormat):
             for path in files_below(root, LABELS)
         }
 
-    def read(self, path: Path, shape: Shape) -> Integer[np.ndarray, "X Y Z"]:
-        array = self._array(path, "semantics", shape)
+    def read(self, path: Path, grid: VoxelGrid) -> Integer[np.ndarray, "X Y Z"]:
+        array = self._array(path, "semantics", grid.shape)
         if fault := fault_of(array):
             raise UserError(f"{path}: semantics {fault}")
         return array.astype(np.int64)

@@ -8,10 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Integer
 
 from ..errors import UserError
-from .label_format import LabelFormat, Sample, Shape
+from ..geometry import VoxelGrid
+from .label_format import Sample, Shape, WrittenFormat
 
 
-class SemanticKitti(LabelFormat):
+class SemanticKitti(WrittenFormat):
     """``sequences/<nn>/voxels/<frame>.label``, uint16, and ``.invalid`` and ``.occluded``.
 
     Predictions lie in ``predictions`` instead of ``voxels``. Ours are written with ids of theirs;
@@ -45,7 +46,8 @@ class SemanticKitti(LabelFormat):
                 found |= {(scene, name[: -len(".label")]): Path(folder, name) for name in names}
         return dict(sorted(found.items()))
 
-    def read(self, path: Path, shape: Shape) -> Integer[np.ndarray, "X Y Z"]:
+    def read(self, path: Path, grid: VoxelGrid) -> Integer[np.ndarray, "X Y Z"]:
+        shape = grid.shape
         return self.from_theirs(self._flat(path, self.dtype, int(np.prod(shape)), shape), shape)
 
     def read_mask(self, path: Path, name: str, shape: Shape) -> Bool[np.ndarray, "X Y Z"]:

@@ -47,6 +47,13 @@ class ClassTable:
             for their_id in listed:
                 self._list(name, their_id)
 
+    @property
+    def by_id(self) -> dict[int, str]:
+        """Our class of every id, by name; the sky is no place, and so unknown."""
+        ids = np.flatnonzero(self._map != _NOT_LISTED)
+        names = {**dict(enumerate(CLASSES)), UNKNOWN: UNLABELLED}
+        return {int(each): names[int(self._map[each])] for each in ids}
+
     def _list(self, name: str, their_id: object) -> None:
         if type(their_id) is not int or not 0 <= their_id < _IDS:
             raise UserError(f"layout.classes.{name}: {their_id!r} is no id; give 0 to {_IDS - 1}")

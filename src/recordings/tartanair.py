@@ -16,6 +16,7 @@ from ..data.pictures import files_of, read_channels, read_ids, read_rgb, require
 from ..errors import UserError, reason_of
 from ..geometry import front_mount, pinhole
 from ..limits import require_finite
+from ..ontology import CLASSES, FREE
 from ..sim.annotation import FrontView
 from ..sim.sensors import Scan
 from .classes import ClassTable
@@ -122,6 +123,16 @@ class TartanAirLayout:
         if values.ndim != 2 or values.shape[1] != 7 or not len(values):
             raise UserError(f"{path}: has rows of {values.shape[-1]}, not x y z qx qy qz qw")
         return poses_from(path, values[:, :3], values[:, 3:], "north_east_down")
+
+
+def class_map_of(folder: Path, classes: dict) -> tuple[dict[int, str], list[str]]:
+    """Returns our class of the ids of an environment's cloud, and the names that are general.
+
+    ``classes`` are words as `ClassTable` takes them. Raises `UserError` without `NAMES`.
+    """
+    # Where the cloud has no point there is a 0, whatever its name.
+    table = ClassTable(classes, {key: each for key, each in _names_of(folder).items() if key})
+    return {**table.by_id, 0: CLASSES[FREE]}, table.unmatched
 
 
 def _names_of(folder: Path) -> dict[int, str]:

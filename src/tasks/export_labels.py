@@ -15,7 +15,7 @@ from ..data.predictions import Predictions
 from ..data.split import PARTS
 from ..data.truth import SkyShieldTruth, truth_at
 from ..errors import UserError, closest, import_extra
-from ..formats import LABEL_FORMATS
+from ..formats import WRITTEN_FORMATS
 from ..formats.layout import write_layout
 from ..formats.mcap import McapWriter
 from ..formats.ply import write_ply
@@ -24,7 +24,7 @@ from ..ontology import CLASSES, UNKNOWN
 from ..terminal import say, tracked
 from .pairing import truth_for
 
-FORMATS = (*LABEL_FORMATS, "ply", "mcap")
+FORMATS = (*WRITTEN_FORMATS, "ply", "mcap")
 ALL = "all"
 
 
@@ -82,7 +82,7 @@ class Frames:
 
 def _write_labels(folder: Path, frames: Frames) -> None:
     """Writes a file of labels a frame, masks beside it, and what the files do not say."""
-    of, clips = LABEL_FORMATS[frames.format], frames.truth.clips
+    of, clips = WRITTEN_FORMATS[frames.format], frames.truth.clips
     scenes = {clip: of.scene_of(clip, number) for number, clip in enumerate(clips)}
     ids = np.full(UNKNOWN + 1, of.ids.get("unknown", of.ids["free"]), np.int64)
     ids[: len(CLASSES)] = [of.ids[name] for name in CLASSES]

@@ -17,6 +17,8 @@ from ..geometry import VoxelGrid
 from ..limits import require_choice
 from ..metrics.protocol import SUPERVISED, VISIBLE
 from ..provenance import digest_of
+from ..recordings.tartanair import class_map_of
+from ..terminal import say
 from .dataset import root_of
 
 Sample = tuple[str, int] | tuple[str, str]
@@ -101,6 +103,10 @@ class FormatPairing:
 
         root = Path(cfg.dataset)
         truth = layout | layout_beside(root, of.name)
+        if truth["class_map"] is None and "classes" in layout:
+            truth["class_map"], general = class_map_of(root, layout["classes"])
+            if general:
+                say(f"classes that are general here: {', '.join(sorted(general))}")
         for key in ("class_map", "grid", "velocity_mps"):
             if truth.get(key) is None:
                 raise UserError(

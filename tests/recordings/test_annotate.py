@@ -26,7 +26,7 @@ from src.recordings.clip import RecordedClip, ground_of
 from src.recordings.flight import require_frames
 from src.sim.observation import Annotator
 from tests.recordings import foreign
-from tests.sessions import ROOT
+from tests.synthetic import compose_config
 
 LAYOUTS = {
     "plain": (foreign.write_plain, False),
@@ -49,8 +49,8 @@ def annotator(clip):
 
 
 def layout(name, **changes):
-    settings = OmegaConf.load(ROOT / f"conf/layout/{name}.yaml")
-    del settings["name"]
+    settings = compose_config(f"layout={name}").layout
+    settings = {key: each for key, each in settings.items() if key != "name"}
     try:
         return instantiate(OmegaConf.merge(settings, changes), _convert_="all")
     except InstantiationException as error:

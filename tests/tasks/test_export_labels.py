@@ -13,7 +13,7 @@ from src.data.clip import Clip
 from src.data.predictions import PredictedFrame, Predictions, save_predictions
 from src.data.truth import SkyShieldTruth, truth_at
 from src.errors import UserError
-from src.formats import LABEL_FORMATS
+from src.formats import WRITTEN_FORMATS
 from src.formats.folder import LabelFolder
 from src.formats.layout import LAYOUT, layout_beside
 from src.geometry import VoxelGrid, rigid, rotation_from_quat, world_from_occ
@@ -66,17 +66,17 @@ def folder_of(kind, root, predicted=False):
     """The frames of an exported folder, read with nothing but what lies in it."""
     layout = layout_beside(root, kind)
     grid = VoxelGrid(**layout["grid"])
-    return LabelFolder(LABEL_FORMATS[kind], root, layout["class_map"], grid, predicted)
+    return LabelFolder(WRITTEN_FORMATS[kind], root, layout["class_map"], grid, predicted)
 
 
 def clip_names(kind, clips):
-    return {LABEL_FORMATS[kind].scene_of(clip, n): clip for n, clip in enumerate(clips)}
+    return {WRITTEN_FORMATS[kind].scene_of(clip, n): clip for n, clip in enumerate(clips)}
 
 
 # --------------------------------------------------------------------------------- bit for bit
 
 
-@pytest.mark.parametrize("kind", LABEL_FORMATS)
+@pytest.mark.parametrize("kind", WRITTEN_FORMATS)
 def test_labels_and_masks_are_read_back_bit_for_bit(dataset, tmp_path, kind):
     folder = folder_of(kind, exported(dataset, tmp_path / "out", kind))
     source = SkyShieldTruth(dataset, "test")
@@ -92,7 +92,7 @@ def test_labels_and_masks_are_read_back_bit_for_bit(dataset, tmp_path, kind):
         assert torch.equal(folder.mask(*sample, seen), truth["visible"][0] & known)
 
 
-@pytest.mark.parametrize("kind", LABEL_FORMATS)
+@pytest.mark.parametrize("kind", WRITTEN_FORMATS)
 def test_predictions_of_all_classes_are_read_back_bit_for_bit(dataset, predictions, tmp_path, kind):
     root = exported(dataset, tmp_path / "out", kind, predictions)
     folder, source = folder_of(kind, root, predicted=True), SkyShieldTruth(dataset, "test")
@@ -132,7 +132,7 @@ def test_occufly_s_axes_are_right_down_and_forward(dataset, tmp_path):
     theirs = np.fromfile(path, np.uint8).reshape(y, z, x)
     for right, down, forward in [(0, 0, 0), (y - 1, z - 2, 3), (4, 2, x - 1), (9, z - 3, 9)]:
         ours = clip.semantics(frame)[forward, y - 1 - right, z - 1 - down]
-        expected = 255 if ours == UNKNOWN else LABEL_FORMATS["occufly"].ids[CLASSES[ours]]
+        expected = 255 if ours == UNKNOWN else WRITTEN_FORMATS["occufly"].ids[CLASSES[ours]]
         assert theirs[right, down, forward] == expected
     assert 1 in theirs[:, -3, :], "the ground is below"
 
@@ -155,7 +155,7 @@ def original(dataset, predictions):
     return results_of(dataset, predictions)
 
 
-@pytest.mark.parametrize("kind", LABEL_FORMATS)
+@pytest.mark.parametrize("kind", WRITTEN_FORMATS)
 def test_an_exported_prediction_has_exactly_the_scores_of_the_original(
     dataset, predictions, original, tmp_path, kind
 ):
@@ -418,7 +418,7 @@ def test_a_layout_that_there_is_not_is_named_with_the_nearest(dataset, predictio
 @pytest.mark.parametrize("kind", ["semantickitti", "occufly"])
 def test_ids_that_are_written_mean_the_same_in_the_format_s_own_table(kind):
     own = compose_config(f"layout={kind}").layout.class_map
-    ids = LABEL_FORMATS[kind].ids
+    ids = WRITTEN_FORMATS[kind].ids
     assert set(CLASSES) <= set(ids)
     assert len(set(ids.values())) == len(ids)
     for name, number in ids.items():
