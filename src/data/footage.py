@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from ..errors import UserError, import_extra
-from ..terminal import say
+from ..terminal import metered, say
 from .pictures import read_rgb, size_of
 
 KINDS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
@@ -32,16 +32,25 @@ class Video:
         self._cv2 = import_extra("cv2", "video", "video", ", or give a folder of images")
         self.path = path
         capture = self._opened()
-        self.rate_hz = capture.get(self._cv2.CAP_PROP_FPS)
         self._count = int(capture.get(self._cv2.CAP_PROP_FRAME_COUNT))
         is_there, first = capture.read()
-        if not is_there or not 0 < self.rate_hz < 1000 or self._count < 1:
+        if not is_there or self._count < 1:
             raise UserError(f"video: {path} has no frame that OpenCV can read; encode it as mp4")
         self.size_pix = first.shape[1::-1]
 
     def times_s(self, rate_hz: float | None = None) -> Float[np.ndarray, "n"]:
-        """Returns the times of the frames, from 0 s, at a rate or at that of the file."""
-        return np.arange(self._count) / (rate_hz or self.rate_hz)
+        """Returns the times of the frames, from 0 s, at a rate or as the file has them.
+
+        A telephone's frames are not evenly spaced, and only a walk through the file tells.
+        """
+        if rate_hz:
+            return np.arange(self._count) / rate_hz
+        capture, times_s = self._opened(), []
+        with metered(f"reading the times of {self.path.name}", self._count) as meter:
+            while capture.grab():
+                times_s.append(capture.get(self._cv2.CAP_PROP_POS_MSEC) / 1000)
+                meter.advance()
+        return np.array(times_s) - times_s[0]
 
     def images(self, wanted: Sequence[int]) -> Iterator[Pixels]:
         """Yields the frames of these numbers, in order; fewer, and says so, where the file ends

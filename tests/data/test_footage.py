@@ -1,5 +1,6 @@
 """Videos and folders of images: what is read, in which order, and what is refused."""
 
+import struct
 import subprocess
 import sys
 
@@ -30,6 +31,31 @@ def write_video(path, frames=10, rate_hz=20):
     return path
 
 
+def with_steps(path, steps):
+    """Rewrites an mp4 so that its frames are so many ticks apart. A box begins with its size."""
+
+    def size_at(place):
+        return int.from_bytes(data[place : place + 4], "big")
+
+    data, place, around = path.read_bytes(), 0, []
+    for name in (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stts"):
+        while data[place + 4 : place + 8] != name:
+            place += size_at(place)
+        around.append(place)
+        place += 8
+    *around, start = around
+
+    table = struct.pack(
+        f">{2 + 2 * len(steps)}I", 0, len(steps), *(n for s in steps for n in (1, s))
+    )
+    new = struct.pack(">I", len(table) + 8) + b"stts" + table
+    grown = len(new) - size_at(start)
+    changed = bytearray(data[:start] + new + data[start + size_at(start) :])
+    for each in around:
+        changed[each : each + 4] = struct.pack(">I", size_at(each) + grown)
+    path.write_bytes(changed)
+
+
 def save(folder, name, image, **options):
     folder.mkdir(exist_ok=True)
     (image if isinstance(image, Image.Image) else Image.fromarray(image)).save(
@@ -43,6 +69,15 @@ def test_a_video_gives_the_wanted_frames_at_their_times(tmp_path):
     assert video.times_s() == pytest.approx(np.arange(10) / 20)
     found = [image[24, 48].mean() for image in video.images([0, 3, 4, 9])]
     assert found == pytest.approx([0, 60, 80, 180], abs=6)
+
+
+def test_frames_that_are_not_evenly_spaced_have_their_own_times(tmp_path):
+    path = write_video(tmp_path / "a.mp4", frames=6, rate_hz=20)
+    ticks = 512  # of 50 ms, as OpenCV writes them
+    with_steps(path, [ticks // 2, ticks, 2 * ticks, ticks // 2, ticks, ticks])
+    assert footage_of(path).times_s() == pytest.approx([0, 0.025, 0.075, 0.175, 0.2, 0.25])
+    # A rate of the user's own goes before what the file says.
+    assert footage_of(path).times_s(10) == pytest.approx(np.arange(6) / 10)
 
 
 def test_a_video_that_ends_early_gives_what_it_has_and_says_so(tmp_path, capsys):
