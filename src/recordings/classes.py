@@ -103,8 +103,14 @@ class ClassTable:
 def _is_in(word: str, name: str) -> bool:
     """Tells whether a word is one of a name such as ``SM_OakTree_02``, or its plural.
 
-    A long word may also be a part of another one: grass in Grassland, but no car in Carpet.
+    A long word may also be a part of another one, as grass of Grassland, and one of four letters
+    its end, as wall of brickwall: but no car is in Carpet, and no sky in Whisky.
     """
     parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)
     of_name = {part.lower() for part in parts}
-    return bool({word, f"{word}s"} & of_name) or (len(word) >= LONG and word in name.lower())
+    part = word in name.lower() if len(word) >= LONG else _ends(word, of_name)
+    return part or bool({word, f"{word}s"} & of_name)
+
+
+def _ends(word: str, parts: set[str]) -> bool:
+    return len(word) == LONG - 1 and any(part.endswith((word, f"{word}s")) for part in parts)
