@@ -43,6 +43,8 @@ PREDICTIONS, FILM, RECORDING = "predictions", "watch.gif", "watch.mcap"
 FILM_FRAMES, FILM_BYTES = 75, 4_000_000
 # Of the network's view: less than this is not worth a line.
 UNSEEN_SHARE = 0.001
+# The benchmark's flights are low; what weights say of higher ones nobody has measured.
+HIGHEST_M = 20.0
 # A frame of a history may be so far from its time, if the camera is not slower.
 TOLERANCE_S = 0.02
 OPENCV_PIX = 0.5
@@ -211,6 +213,11 @@ class _Watcher:
         elif len(times_s) > 1 and (step_s := float(np.median(np.diff(times_s)))) > self.reach_s:
             motion += f", but images {step_s:g} s apart are too far apart to be seen together"
         say(f"motion: {motion}")
+        if high := int((self.world_from_body[:, 2, 3] > HIGHEST_M).sum()):
+            say(
+                f"{high} of the frames are more than {HIGHEST_M:g} m above the ground, where no "
+                "weights were trained or scored: do not trust what is free there"
+            )
 
     def write(self, folder: Path) -> None:
         """Fills a folder with labels, film and, where possible, an MCAP file."""

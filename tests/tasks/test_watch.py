@@ -231,6 +231,15 @@ def test_a_flight_above_what_the_network_knows_is_refused(watching, tmp_path):
     assert re.search("poses: height_m: z is 90 m, and this network flies", output)
 
 
+def test_frames_that_are_flown_higher_than_any_in_training_are_told(watching, tmp_path):
+    table, _ = write_flight(tmp_path)
+    heights_m = np.where(np.arange(len(table)) < 2, 20.5, 19.5)
+    table.assign(height_m=heights_m)[COLUMNS].to_csv("flight.csv", index=False)
+    status, output, _ = watching(*VIDEO)
+    assert status == 0, output
+    assert "2 of the frames are more than 20 m above the ground" in output
+
+
 def test_the_recipe_of_the_page_works(watching, tmp_path):
     section = (ROOT / "docs/own_data.md").read_text().partition("## My drone's video")[2]
     (recipe,) = re.findall(r"```bash\n(.*?)```", section.partition("\n## ")[0], re.DOTALL)
