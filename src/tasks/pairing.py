@@ -12,6 +12,7 @@ from ..data.truth import SkyShieldTruth
 from ..errors import UserError, closest
 from ..formats import LABEL_FORMATS
 from ..formats.folder import LabelFolder
+from ..formats.label_format import LabelFormat
 from ..formats.layout import LAYOUT, layout_beside
 from ..geometry import VoxelGrid
 from ..limits import require_choice
@@ -102,16 +103,7 @@ class FormatPairing:
             )
 
         root = Path(cfg.dataset)
-        truth = layout | layout_beside(root, of.name)
-        if truth["class_map"] is None and "classes" in layout:
-            truth["class_map"], general = class_map_of(root, layout["classes"])
-            if general:
-                say(f"classes that are general here: {', '.join(sorted(general))}")
-        for key in ("class_map", "grid", "velocity_mps"):
-            if truth.get(key) is None:
-                raise UserError(
-                    f"layout.{key}: files of {of.name} do not say it; state the one to take"
-                )
+        truth = _stated(of, layout, root)
         require_choice("layout.mask", layout["mask"], (*of.masks, "supervised"))
 
         self.grid = VoxelGrid(**truth["grid"])
@@ -158,6 +150,24 @@ class FormatPairing:
             names = {"mask": self._mask, "visible": self._format.visible}
             truth |= {key: self._truth.mask(*sample, name)[None] for key, name in names.items()}
         return self._predictions.labels(*sample)[None], truth, None
+
+
+def _stated(of: LabelFormat, layout: dict, root: Path) -> dict:
+    """Returns the layout of a folder of labels, as its ``layout.json`` has it, or the configuration.
+
+    Raises `UserError` for what neither says.
+    """
+    truth = layout | layout_beside(root, of.name)
+    if truth["class_map"] is None and "classes" in layout:
+        truth["class_map"], general = class_map_of(root, layout["classes"])
+        if general:
+            say(f"classes that are general here: {', '.join(sorted(general))}")
+    for key in ("class_map", "grid", "velocity_mps"):
+        if truth.get(key) is None:
+            raise UserError(
+                f"layout.{key}: files of {of.name} do not say it; state the one to take"
+            )
+    return truth
 
 
 Pairing = SkyShieldPairing | FormatPairing
