@@ -153,12 +153,12 @@ class FormatPairing:
 
 
 def _stated(of: LabelFormat, layout: dict, root: Path) -> dict:
-    """Returns the layout of a folder of labels, as its ``layout.json`` has it, or the configuration.
+    """Returns what a folder's ``layout.json``, or else the configuration, says of its labels.
 
     Raises `UserError` for what neither says.
     """
     truth = layout | layout_beside(root, of.name)
-    if truth["class_map"] is None and "classes" in layout:
+    if truth.get("class_map") is None and "classes" in layout:
         truth["class_map"], general = class_map_of(root, layout["classes"])
         if general:
             say(f"classes that are general here: {', '.join(sorted(general))}")
