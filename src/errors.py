@@ -17,7 +17,13 @@ READING = {
     errno.ENFILE: MORE_FILES,
     errno.ENOMEM: "free some memory and run it again",
 }
-POINTER = b"version https://git-lfs"
+# What lies in the place of a file that was not fetched, by its first bytes.
+STAND_INS = {
+    b"version https://git-lfs": "a pointer of Git LFS: git lfs pull",
+    b"/annex/objects/": "a pointer of git-annex: git annex get",
+    b"<!doctype html": "a web page, perhaps of a failed download: download it again",
+    b"<html": "a web page, perhaps of a failed download: download it again",
+}
 MAY_BE_SOUND = "the file may be sound: look after the disk or the network, and run it again"
 
 
@@ -41,11 +47,12 @@ def way_out_of(error: BaseException, damaged: str, path: Path | None = None) -> 
     """Returns what to do about a file that cannot be read; ``damaged`` where its bytes are wrong,
     or where there is none. Only then may a message advise to delete anything.
 
-    With the file's ``path`` a pointer of Git LFS in its place is told.
+    With the file's ``path`` it is told what lies in its place (`STAND_INS`).
     """
     if is_of_the_system(error):
         return READING.get(error.errno, MAY_BE_SOUND)
-    return "it is a pointer of Git LFS: git lfs pull" if is_pointer(path) else damaged
+    stand_in = stand_in_of(path)
+    return f"it is {stand_in}" if stand_in else damaged
 
 
 def is_of_the_system(error: BaseException | None) -> bool:
@@ -57,13 +64,14 @@ def is_of_the_system(error: BaseException | None) -> bool:
     return False
 
 
-def is_pointer(path: Path | None) -> bool:
-    """Tells whether a file only names the one that Git LFS would fetch."""
+def stand_in_of(path: Path | None) -> str:
+    """Says what lies in the place of a file, where it is one of `STAND_INS`; else nothing."""
     try:
         with open(path or "", "rb") as file:
-            return file.read(64).lstrip(b"\xef\xbb\xbf").startswith(POINTER)
+            head = file.read(64).lstrip(b"\xef\xbb\xbf \r\n").lower()
     except OSError:
-        return False
+        return ""
+    return next((told for start, told in STAND_INS.items() if head.startswith(start)), "")
 
 
 def closest(name: str, known: Iterable[str]) -> str:

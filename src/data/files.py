@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UserError, is_pointer, way_out_of
+from ..errors import UserError, stand_in_of, way_out_of
 
 # What numpy, pandas, PIL, json and zipfile raise over a file that is not what was written.
 BROKEN = (OSError, ValueError, TypeError, KeyError, RuntimeError, EOFError)
@@ -36,8 +36,8 @@ def open_npz(path: Path) -> np.lib.npyio.NpzFile:
     instead, and `OSError`."""
     with open(path, "rb") as file:
         head = file.read(24)
-    if is_pointer(path):
-        raise ValueError("it is a pointer of Git LFS; git lfs pull fetches the file")
+    if stand_in := stand_in_of(path):
+        raise ValueError(f"it is {stand_in}")
     if head.startswith(b"\x93NUMPY"):
         raise ValueError("it is a single array of numpy.save; write it with numpy.savez")
     if not head.startswith(b"PK"):

@@ -146,6 +146,11 @@ FOREIGN = {
         lambda path: path.write_text("version https://git-lfs.github.com"),
         "git lfs pull",
     ),
+    "a pointer of git-annex": (
+        lambda path: path.write_text("/annex/objects/SHA256E-s1--0.npz\n"),
+        "git annex get",
+    ),
+    "a web page": (lambda path: path.write_text("\n<!DOCTYPE html><html>"), "download it again"),
     "one array": (as_one_array, "numpy.savez"),
 }
 
