@@ -57,10 +57,12 @@ def _numpy_too(function: Callable) -> Callable:
 
 
 def tensor_of(array: Array) -> Tensor:
-    """Returns a tensor as it is, and of an array, of any strides and byte order, a copy."""
+    """Returns a tensor as it is, and of an array, of any strides and byte order, a copy; of a
+    longdouble one as float64."""
     if isinstance(array, Tensor):
         return array
-    return torch.tensor(np.asarray(array, array.dtype.newbyteorder("="), order="C"))
+    dtype = np.float64 if array.dtype == np.longdouble else array.dtype.newbyteorder("=")
+    return torch.tensor(np.asarray(array, dtype, order="C"))
 
 
 # ------------------------------------------------------------------------------------ rotations

@@ -212,6 +212,12 @@ def test_bounds_are_half_open_and_floor_comes_first(axis: int, dtype: torch.dtyp
     assert index[:, axis].tolist() == [-1, 0, grid.shape[axis] - 1, grid.shape[axis]]
 
 
+@pytest.mark.parametrize("dtype", [">f4", "longdouble", "uint16"])
+def test_arrays_of_any_kind_of_number_become_tensors(dtype: str) -> None:
+    array = np.arange(6).reshape(2, 3).astype(dtype)[:, ::-1]
+    assert g.tensor_of(array).tolist() == [[2, 1, 0], [5, 4, 3]]
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_points_that_are_nowhere_are_outside(value: float, axis: int) -> None:
