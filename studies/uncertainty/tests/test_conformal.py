@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from src.errors import UserError
-from studies.uncertainty.conformal import controlled, free_of, halves, losses_of
+from studies.uncertainty.conformal import change_of, controlled, free_of, halves, losses_of
 
 
 def drawn(maps, shift=0.0, seed=0):
@@ -31,6 +31,19 @@ def test_new_maps_lose_no_more_than_was_promised(alpha):
 def test_where_warnings_are_weaker_the_promise_breaks():
     level = controlled(losses_of(drawn(40)), 0.1)
     assert losses_of(drawn(40, shift=40.0, seed=1))[:, level].mean() > 0.2
+
+
+def test_the_change_is_that_of_the_maps_of_both():
+    own = drawn(40)
+    level = controlled(losses_of(own), 0.1)
+    weaker = dict([*drawn(40, shift=40.0).items()][:12])
+    change = change_of(weaker, own, level)
+    same = {name: own[name] for name in weaker}
+    means = [losses_of(each)[:, level].mean() for each in (same, weaker)]
+    assert change["change"] == pytest.approx(means[0] - means[1])
+    assert change["change_low"] < change["change"] < change["change_high"] < 0
+    assert change_of(own, own, level)["change_low"] == 0
+    assert change_of(own, {}, level) == {}
 
 
 def test_the_threshold_is_the_largest_one_that_keeps_the_promise():
