@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce, wraps
+from numbers import Real
 
 import numpy as np
 import torch
@@ -301,7 +302,12 @@ def in_image(
 
 
 def pinhole(width: int, height: int, hfov_rad: float) -> Float[Tensor, "3 3"]:
-    """``pix_from_camera`` (float64) of a camera with square pixels and a centered optical axis."""
+    """``pix_from_camera`` (float64) of a camera with square pixels and a centered optical axis.
+
+    Raises `UserError` for a field of view of half a turn or more, or none.
+    """
+    if not 0 < hfov_rad < math.pi:
+        raise UserError(f"hfov: {math.degrees(hfov_rad):g} degrees; give one between 0 and 180")
     focal_pix = width / 2 / math.tan(hfov_rad / 2)
     return torch.tensor(
         [[focal_pix, 0.0, width / 2], [0.0, focal_pix, height / 2], [0.0, 0.0, 1.0]],
@@ -320,7 +326,13 @@ def pixel_centers(width: int, height: int) -> Float[Tensor, "h w 2"]:
 
 
 def front_mount(position_m: Sequence[float], pitch_rad: float = 0.0) -> Float[Tensor, "4 4"]:
-    """``body_from_camera`` (float64) of a camera along body x, pitched down by an angle."""
+    """``body_from_camera`` (float64) of a camera along body x, pitched down by an angle.
+
+    Raises `UserError` for other than three finite numbers and an angle.
+    """
+    numbers = (*position_m, pitch_rad)
+    if len(numbers) != 4 or not all(isinstance(n, Real) and math.isfinite(n) for n in numbers):
+        raise UserError(f"position_m: {[*position_m]}; give three numbers: forward, left and up")
     body_from_level_camera = torch.tensor(
         [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], dtype=torch.float64
     )

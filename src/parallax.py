@@ -60,7 +60,11 @@ class Parallax:
         projection: str = "attitude",
     ) -> None:
         require_choice("model.encoder.projection", projection, PROJECTIONS)
-        if not ages_s or sorted({*ages_s}) != [*ages_s] or not 0 < ages_s[0] < math.inf:
+        if (
+            not ages_s
+            or sorted({*ages_s}) != [*ages_s]
+            or not all(0 < age < math.inf for age in ages_s)
+        ):
             raise UserError(
                 f"data.parallax.ages_s: {[*ages_s]}; give one age above 0 or more, in order"
             )

@@ -143,6 +143,7 @@ def test_images_of_another_size_are_refused():
         ({"ages_s": []}, r"ages_s: \[\]"),
         ({"ages_s": [0.4, 0.2]}, r"ages_s: .* in order"),
         ({"ages_s": [0.0, 0.2]}, r"ages_s: .* above 0"),
+        ({"ages_s": [0.2, float("inf")]}, r"ages_s: .* above 0"),
         ({"window": 6}, "window: 6; give an odd number"),
         ({"bins": 0}, "bins: 0"),
         ({"per_bin": 0.5}, "per_bin: 0.5"),

@@ -1,5 +1,6 @@
 """A flight log: attitude, height and, if there is any, motion of a UAV, from a CSV of one's own."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,7 +84,11 @@ class FlightLog:
         return cls(path, time_s, quat_xyzw, height_m, place_m, velocity_mps, motion, images)
 
     def named_images(self) -> dict[str, float]:
-        """Returns the times of the images that the log names, by name, in order."""
+        """Returns the times of the images that the log names, by name, in order. Raises `UserError`
+        for a name that is there twice."""
+        names = [name for name in self.images if name]
+        if twice := [name for name, count in Counter(names).items() if count > 1]:
+            raise UserError(f"poses: {self.path}: image {twice[0]} is there twice; name it once")
         return {name: time for name, time in zip(self.images, self.time_s) if name}
 
     def require_span(self, times_s: Float[Array, "t"], of: str) -> None:
@@ -93,7 +98,8 @@ class FlightLog:
             raise UserError(
                 f"video: {of} has images from {times_s[0]:.3f} to {times_s[-1]:.3f} s, and "
                 f"{self.path} poses from {first_s:.3f} to {last_s:.3f} s; give task.start_s, the "
-                "first image's time by the poses' clock, and task.seconds, if poses end early"
+                "first image's time by the poses' clock (of a folder, with task.rate_hz), and "
+                "task.seconds, if poses end early"
             )
 
     def poses_at(self, times_s: Float[Array, "t"]) -> Float[Array, "t 4 4"]:
@@ -147,7 +153,8 @@ def _columns(path: Path) -> pd.DataFrame:
     is none, and names all columns that are missing at once."""
     try:
         # A comma, a semicolon or a tab: the first line tells.
-        table = pd.read_csv(path, skipinitialspace=True, dtype={IMAGE: str})
+        how = {"skipinitialspace": True, "skip_blank_lines": False, "index_col": False}
+        table = pd.read_csv(path, dtype={IMAGE: str}, **how).dropna(how="all")
     except (OSError, ValueError) as error:
         way_out = way_out_of(error, "give a CSV", path)
         raise UserError(f"poses: {path} cannot be read ({reason_of(error)}); {way_out}") from error
@@ -192,11 +199,9 @@ def _numbers(table: pd.DataFrame, path: Path) -> pd.DataFrame:
         row, column = np.argwhere(bad)[0]
         said = table[used].iloc[row, column]
         raise UserError(
-            f"poses: {path}, line {row + 2}: {used[column]} is {said!s}; give a number, or delete "
-            "the line"
+            f"poses: {path}, line {table.index[row] + 2}: {used[column]} is {said!s}; give a "
+            "number, or delete the line"
         )
-    if len(numbers) < 2:
-        raise UserError(f"poses: {path} has {len(numbers)} poses; give two or more")
     return numbers.assign(image=table[IMAGE].fillna("")) if IMAGE in table else numbers
 
 
@@ -205,7 +210,7 @@ def _in_order(table: pd.DataFrame, path: Path) -> pd.DataFrame:
     and for two poses at one time."""
     steps_s = np.diff(table["time_s"])
     if (steps_s < 0).any():
-        line = int(np.argmax(steps_s < 0)) + 3
+        line = table.index[int(np.argmax(steps_s < 0)) + 1] + 2
         raise UserError(f"poses: {path}, line {line}: time_s goes back; sort the lines by time")
     once = table.drop_duplicates()
     if (twice := once["time_s"].duplicated()).any():
@@ -216,6 +221,8 @@ def _in_order(table: pd.DataFrame, path: Path) -> pd.DataFrame:
         )
     if len(table) > len(once):
         say(f"{path}: {len(table) - len(once)} lines are there twice and count once")
+    if len(once) < 2:
+        raise UserError(f"poses: {path} has {len(once)} poses; give two or more")
     gaps_s = np.diff(once["time_s"])
     if (step_s := float(np.median(gaps_s))) > SLOWEST_S:
         raise UserError(

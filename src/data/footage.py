@@ -9,7 +9,7 @@ from jaxtyping import Float, UInt8
 
 from ..errors import UserError, import_extra
 from ..terminal import metered, say
-from .pictures import read_rgb, size_of
+from .pictures import in_order, read_rgb, size_of
 
 KINDS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 Pixels = UInt8[np.ndarray, "h w 3"]
@@ -76,7 +76,8 @@ class Pictures:
 
     def __init__(self, folder: Path) -> None:
         self.path = folder
-        self._files = sorted(each for each in folder.iterdir() if each.suffix.lower() in KINDS)
+        images = (each for each in folder.iterdir() if each.suffix.lower() in KINDS)
+        self._files = sorted(images, key=in_order)
         if not self._files:
             raise UserError(f"video: {folder} has no image ({', '.join(KINDS)})")
         self.size_pix = size_of(self._files[0])
@@ -97,7 +98,8 @@ class Pictures:
         way_out = "give task.rate_hz, or a column image in the poses"
         stems = [file.stem for file in self._files]
         try:
-            times_s = np.array([float(stem) for stem in stems])
+            # Python would read 0001_0.10 as 10.1.
+            times_s = np.array([float(stem.replace("_", " ")) for stem in stems])
         except ValueError:
             raise UserError(f"video: names like {self._files[0]} are no times; {way_out}") from None
         if not any("." in stem for stem in stems):

@@ -28,10 +28,10 @@ def files_of(folder: Path, *endings: str) -> list[Path]:
     return sorted(found, key=in_order)
 
 
-def in_order(path: Path) -> tuple[str | int, ...]:
+def in_order(path: Path) -> tuple[list[str | int], str]:
     """Returns a key that sorts 9 before 10, however many zeros there are."""
     parts = re.split(r"(\d+)", path.stem)
-    return (*(int(part) if part.isdigit() else part for part in parts), path.name)
+    return [int(part) if part.isdigit() else part for part in parts], path.name
 
 
 def number_of(path: Path) -> int | None:

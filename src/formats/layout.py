@@ -4,6 +4,8 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ..data.files import BROKEN
 from ..errors import UserError, reason_of
 from ..geometry import VoxelGrid
@@ -44,7 +46,8 @@ def layout_beside(folder: Path, name: str) -> dict:
     try:
         content = json.loads(path.read_text())
         content["class_map"] = {int(key): each for key, each in content["class_map"].items()}
-        said, _, _ = content.pop("layout"), content["grid"], content["velocity_mps"]
+        said, _ = content.pop("layout"), VoxelGrid(**content["grid"])
+        np.array([*content["velocity_mps"].values()], np.float64).reshape(-1, 3)
     except (*BROKEN, AttributeError) as error:
         raise UserError(
             f"{path}: cannot be read ({reason_of(error)}); write the folder again"

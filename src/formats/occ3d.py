@@ -34,6 +34,7 @@ class Occ3D(WrittenFormat):
         return {
             (path.parent.parent.relative_to(root).as_posix(), path.parent.name): path
             for path in files_below(root, LABELS)
+            if path.parent != root
         }
 
     def read(self, path: Path, grid: VoxelGrid) -> Integer[np.ndarray, "X Y Z"]:

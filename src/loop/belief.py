@@ -125,8 +125,8 @@ class BeliefMap:
         return self.seen & (self.log_odds > math.log(threshold / (1 - threshold)))
 
     def probability_near(self, place_m: Vector, reach_m: float) -> float:
-        """Returns the highest probability of occupied among cells within ``reach_m`` of a place; 0
-        if no cell there was seen."""
+        """Returns the highest probability of occupied among the cells of a cube that reaches so far
+        to each side of a place; 0 if no cell there was seen."""
         cell = (place_m - self.lower_m) / self.cell_m - 0.5
         reach = reach_m / self.cell_m
         low = np.maximum(np.ceil(cell - reach), 0).astype(int)

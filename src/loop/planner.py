@@ -12,7 +12,7 @@ from numpy.polynomial.polynomial import polyder
 
 from ..errors import UserError
 from ..jit import njit
-from ..limits import require_at_least, require_choice
+from ..limits import require_at_least, require_choice, require_finite
 from .belief import LEAST, MOST, BeliefMap
 from .distance_field import distance_at, distances
 from .vectors import Vector, apart, dot
@@ -131,8 +131,13 @@ class QuinticPlanner:
 
     def __post_init__(self) -> None:
         require_choice("planner.unknown", self.unknown, get_args(Unknown))
-        numbers = {name: value for name, value in vars(self).items() if isinstance(value, float)}
-        require_at_least(0, "planner", numbers, *numbers)
+        numbers = [name for name, value in vars(self).items() if type(value) in (int, float)]
+        require_at_least(0, "planner", vars(self), *numbers)
+        for name, value in (
+            ("brake_mps2", self.brake_mps2),
+            ("durations_s", min(self.durations_s)),
+        ):
+            require_finite(f"planner.{name}", value)
         least, most = (1 / (1 + math.exp(-odds)) for odds in (LEAST, MOST))
         if not least <= self.threshold < most:
             raise UserError(

@@ -5,7 +5,7 @@ It must hold three images of one camera a row: scene (0), depth along the axis (
 """
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +41,9 @@ class AirSimFlight(RecordedFlight):
     def depth_m(self, frame: int) -> Float[np.ndarray, "h w"]:
         by_ray = "range" in self.files
         path = self.files["range" if by_ray else "depth"][frame]
-        depth_m = require_depth(path, read_array(path, self.camera.size_pix))
+        depth_m = read_array(path, self.camera.size_pix)
+        # AirSim writes the rows of a pfm from the top down, against the format's rule.
+        depth_m = require_depth(path, depth_m[::-1] if path.suffix == ".pfm" else depth_m)
         far = (depth_m >= SKY_M) | self._classes(frame)[1]
         depth_m = along_axis(depth_m, self.camera) if by_ray else depth_m
         return np.where(far, np.float32(np.inf), depth_m)
@@ -73,7 +75,6 @@ class AirSimLayout:
     fov_deg: float
     position_m: list[float]
     pitch_deg: float
-    unmatched: list[str] = field(init=False, default_factory=list)
 
     def flights(self, folder: Path) -> list[RecordedFlight]:
         """Returns the recordings of a folder. Raises `UserError` where there is none."""

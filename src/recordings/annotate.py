@@ -63,7 +63,8 @@ def _stride(recorded_hz: float, wanted_hz: float | None) -> tuple[int, float]:
     if not even or not math.isclose(of_clip, round(of_clip), rel_tol=0.001):
         raise UserError(
             f"task.rate_hz: {rate_hz:g} of a recording of {recorded_hz:g} Hz; give that, or that "
-            f"divided by a whole number, with whole frames in {CLIP_SECONDS:g} s"
+            f"divided by a whole number, with whole frames in {CLIP_SECONDS:g} s, as "
+            f"{round(of_clip) / CLIP_SECONDS:.6g}"
         )
     return stride, round(of_clip) / CLIP_SECONDS
 
@@ -80,7 +81,12 @@ def clips_by_name(
         parts = flight.folder.relative_to(folder).parts or (flight.folder.name,)
         name = re.sub(r"[^\w-]", "_", "-".join(parts))
         for number, clip in enumerate(cut.clips(flight)):
-            found[f"{name}/clip{number:02d}"] = clip
+            other = found.setdefault(f"{name}/clip{number:02d}", clip)
+            if other is not clip:
+                raise UserError(
+                    f"{flight.folder}: its clips would have the name {name}, as those of "
+                    f"{other.flight.folder}; rename one"
+                )
 
     first = next(iter(found.values()))
     for clip in found.values():

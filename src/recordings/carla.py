@@ -9,7 +9,7 @@
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +102,6 @@ class CarlaLayout:
     """Reads the layout ``carla``. ``classes`` lists CARLA's tags, as `ClassTable` takes them."""
 
     classes: dict
-    unmatched: list[str] = field(init=False, default_factory=list)
 
     def flights(self, folder: Path) -> list[RecordedFlight]:
         """Returns the flights of a folder. Raises `UserError` where there is none."""
@@ -129,12 +128,12 @@ def _flight(folder: Path, table: ClassTable) -> CarlaFlight:
     }
     if (folder / "lidar").is_dir():
         files["lidar"] = files_of(folder / "lidar", ".bin")
-    frames = told["frames"]
-    require_frames(path, files.values(), len(frames))
-
-    place = "fov_deg"
+    size_pix, place = size_of(files["rgb"][0]), "fov_deg"
     try:
-        hfov_rad = np.deg2rad(float(told["fov_deg"]))
+        pix_from_camera = pinhole(*size_pix, np.deg2rad(float(told["fov_deg"])))
+        place = "frames"
+        frames = [*told["frames"]]
+        require_frames(path, files.values(), len(frames))
         time_s, poses, lidar = np.zeros(len(frames)), [], []
         for number, each in enumerate(frames):
             place = f"frame {number}"
@@ -144,14 +143,15 @@ def _flight(folder: Path, table: ClassTable) -> CarlaFlight:
                 lidar.append(matrix_of(each["lidar"]).numpy())
         place, poses = "actors", torch.stack(poses)
         tracks = tracks_of(frames)
+    except UserError:
+        raise
     except KeyError as error:
         raise UserError(f"{path}: {place}: lacks {error.args[0]}; {FORM}") from error
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, AttributeError) as error:
         raise UserError(f"{path}: {place}: {reason_of(error)}; {FORM}") from error
 
     require_places(path, poses.flatten(1).numpy())
-    size_pix = size_of(files["rgb"][0])
-    camera = Camera(pinhole(*size_pix, hfov_rad), front_mount((0.0, 0.0, 0.0)), size_pix)
+    camera = Camera(pix_from_camera, front_mount((0.0, 0.0, 0.0)), size_pix)
     own = folder.name, folder, time_s, poses, camera
     return CarlaFlight(*own, files, table, lidar, tracks=tracks)
 

@@ -17,7 +17,7 @@ from jaxtyping import Float, Int, UInt8
 
 from ..data.pictures import files_of, read_array, read_ids, read_rgb, require_depth, size_of
 from ..errors import UserError, reason_of
-from ..geometry import front_mount, pixel_centers, require_pinhole, unproject
+from ..geometry import front_mount, pixel_centers, require_middle, require_pinhole, unproject
 from ..limits import require_choice
 from ..ontology import OCCUPIED
 from .classes import ClassTable
@@ -26,7 +26,8 @@ from .flight import AXES, ActorTrack, Camera, RecordedFlight, poses_from, requir
 POSES, CAMERA, ACTORS = "poses.csv", "camera.json", "actors.csv"
 POSE_COLUMNS = ["time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
 ACTOR_COLUMNS = ["frame", "actor_id", "type", "class_id", "x_m", "y_m", "z_m", "yaw_rad"]
-ACTOR_COLUMNS += ["length_m", "width_m", "height_m"]
+SIZE = ["length_m", "width_m", "height_m"]
+ACTOR_COLUMNS += SIZE
 # Columns that hold words.
 WORDS = ("type", "ImageFile")
 DEPTHS = ("axis", "ray")
@@ -82,10 +83,6 @@ class PlainLayout:
         require_choice("layout.depth", self.depth, DEPTHS)
         self._table = ClassTable(self.classes)
 
-    @property
-    def unmatched(self) -> Sequence[str]:
-        return self._table.unmatched
-
     def flights(self, folder: Path) -> list[RecordedFlight]:
         """Returns the flights of a folder. Raises `UserError` where there is none."""
         return [self._flight(each) for each in folders_with(folder, POSES)]
@@ -111,7 +108,7 @@ class PlainLayout:
 
 
 def folders_with(folder: Path, *names: str) -> list[Path]:
-    """Returns the folder, or those right below it, that hold a file or folder of one of the names.
+    """Returns the folder, or those one or two levels below it, that hold one of the names.
 
     Raises `UserError` where there is none.
     """
@@ -131,7 +128,9 @@ def folders_with(folder: Path, *names: str) -> list[Path]:
 def read_table(path: Path, columns: Sequence[str], sep: str = ",") -> pd.DataFrame:
     """Reads a CSV. Raises `UserError` with the file for one that lacks columns or rows."""
     try:
-        table = pd.read_csv(path, sep=sep, float_precision="round_trip", skipinitialspace=True)
+        # A separator at the end of the lines would make the first column an index.
+        how = {"float_precision": "round_trip", "skipinitialspace": True, "index_col": False}
+        table = pd.read_csv(path, sep=sep, **how)
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
 
@@ -140,11 +139,11 @@ def read_table(path: Path, columns: Sequence[str], sep: str = ",") -> pd.DataFra
         between = "; separate them by commas" if ";" in table.columns[0] else ""
         needed = ", ".join(columns)
         raise UserError(f"{path}: has no column {missing[0]}; it needs {needed}{between}")
+    if table.empty:
+        raise UserError(f"{path}: has no rows")
     numbers = table[[name for name in columns if name not in WORDS]]
     if not all(kind.kind in "iuf" for kind in numbers.dtypes):
         raise UserError(f"{path}: holds words where there should be numbers; correct it")
-    if table.empty:
-        raise UserError(f"{path}: has no rows")
     return table
 
 
@@ -170,6 +169,7 @@ def _camera_of(path: Path, size_pix: tuple[int, int]) -> Camera:
         ) from error
 
     require_pinhole(f"{path}: pix_from_camera", pix_from_camera)
+    require_middle(f"{path}: pix_from_camera", pix_from_camera, size_pix)
     return Camera(pix_from_camera, mount, size_pix)
 
 
@@ -177,8 +177,15 @@ def _tracks_of(path: Path, frames: int) -> list[ActorTrack]:
     """Returns the actors of a table in our frames, where there is one."""
     if not path.is_file():
         return []
-    tracks = []
-    for actor_id, rows in read_table(path, ACTOR_COLUMNS).groupby("actor_id"):
+    table, tracks = read_table(path, ACTOR_COLUMNS), []
+    if not (table["actor_id"].dtype.kind == "i" and table["actor_id"].min() > 0):
+        raise UserError(f"{path}: actor_id: give whole numbers above 0, as 0 is what stands")
+    if (twice := table.duplicated(["frame", "actor_id"])).any():
+        raise UserError(f"{path}, line {twice.argmax() + 2}: an actor is twice in one frame")
+    if not (table[SIZE] > 0).to_numpy().all():
+        raise UserError(f"{path}: {', '.join(SIZE)}: give metres above 0")
+
+    for actor_id, rows in table.groupby("actor_id"):
         first, at = rows.iloc[0], rows["frame"].to_numpy()
         if at.dtype.kind != "i" or at.min() < 0 or at.max() >= frames:
             raise UserError(f"{path}: actor {actor_id} is in frame {at.max()} of {frames}")
@@ -193,7 +200,7 @@ def _tracks_of(path: Path, frames: int) -> list[ActorTrack]:
         position_m, yaw_rad = np.full((frames, 3), np.nan), np.full(frames, np.nan)
         position_m[at] = rows[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
         yaw_rad[at] = rows["yaw_rad"].to_numpy(np.float64)
-        size_m = tuple(float(first[name]) for name in ("length_m", "width_m", "height_m"))
+        size_m = tuple(float(first[name]) for name in SIZE)
         what = int(actor_id), str(first["type"]), int(first["class_id"])
         tracks.append(ActorTrack(*what, size_m, position_m, yaw_rad))
     return tracks

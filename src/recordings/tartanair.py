@@ -65,7 +65,9 @@ class TartanAirFlight(RecordedFlight):
 
     def _depth_m(self, camera: str, frame: int) -> Float[np.ndarray, "h w"]:
         path = self.files["depth", camera][frame]
-        bytes_of = np.ascontiguousarray(read_channels(path, self.camera.size_pix, "RGBA"))
+        rgba = read_channels(path, self.camera.size_pix, "RGBA")
+        # OpenCV wrote them: a float's bytes are blue, green, red, alpha.
+        bytes_of = np.ascontiguousarray(rgba[..., [2, 1, 0, 3]])
         depth_m = require_depth(path, bytes_of.view("<f4")[..., 0])
         return np.where(self._classes(camera, frame)[1], np.float32(np.inf), depth_m)
 

@@ -53,8 +53,8 @@ def annotate(
     layout = instantiate(settings, _convert_="all")
     cut = Cut(rate_hz, ground_m, getattr(layout, "static", False))
     clips = clips_by_name(layout.flights(folder), folder, cut)
-    if layout.unmatched:
-        say(f"classes that are general here: {', '.join(sorted(layout.unmatched))}")
+    if unmatched := getattr(layout, "unmatched", ()):
+        say(f"classes that are general here: {', '.join(sorted(unmatched))}")
 
     spec = _spec_of(cfg, folder, next(iter(clips.values())), cut)
     rate = spec.sim["capture_hz"]
@@ -95,7 +95,7 @@ def _listing(folder: Path) -> str:
     """Returns a digest of the names of all files of a recording, of the sizes of its images, and of
     what its tables hold."""
     found = []
-    for place, _, names in os.walk(folder):
+    for place, _, names in os.walk(folder, followlinks=True):
         for path in (Path(place, name) for name in names):
             is_table = path.suffix in TABLES
             held = sha256(path.read_bytes()).hexdigest() if is_table else path.stat().st_size

@@ -111,7 +111,7 @@ def _flown(
 def jobs_of(config: Mapping, fleet: Fleet) -> dict[str, Job]:
     """Returns the missions of a file, or those of the configuration, by the name of the flight."""
     missions = config["task"]["missions"]
-    table = _given(Path(missions)) if missions else _missions(config, fleet)
+    table = given_missions(Path(missions)) if missions else _missions(config, fleet)
     return {job.mission.flight: job for job in map(Job.of, table.to_dict("records"))}
 
 
@@ -159,7 +159,7 @@ def _read(path: Path) -> pd.DataFrame:
     return pd.read_csv(path, float_precision="round_trip")
 
 
-def _given(path: Path) -> pd.DataFrame:
+def given_missions(path: Path) -> pd.DataFrame:
     """Returns missions that somebody wrote or picked; nobody has looked yet where they lead."""
     if not path.is_file():
         raise UserError(f"task.missions: no file {path}; give one like {MISSIONS}")

@@ -109,8 +109,12 @@ class FormatPairing:
         self.grid = VoxelGrid(**truth["grid"])
         self._truth = LabelFolder(of, root, truth["class_map"], self.grid)
         # Without a word of their own, predictions have the ids of the labels.
-        theirs = (truth | layout_beside(folder, of.name))["class_map"]
-        self._predictions = LabelFolder(of, folder, theirs, self.grid, predicted=True)
+        theirs = truth | layout_beside(folder, of.name)
+        if VoxelGrid(**theirs["grid"]) != self.grid:
+            raise UserError(
+                f"{folder / LAYOUT}: grid: is another than that of {root}; predict on it"
+            )
+        self._predictions = LabelFolder(of, folder, theirs["class_map"], self.grid, predicted=True)
         self._velocity_mps = self._velocities(truth["velocity_mps"], root)
 
         self._format, self._mask = of, layout["mask"]

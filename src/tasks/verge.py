@@ -1,6 +1,7 @@
 """task=verge: flights past obstacles as a dataset to score on, beside the clips of corridors."""
 
 from collections.abc import Mapping
+from hashlib import sha256
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
@@ -13,7 +14,7 @@ from ..locks import locked, telling
 from ..loop.campaign import Campaign
 from ..provenance import digest_of
 from ..terminal import say, tracked
-from ..used_code import code_of
+from ..used_code import code_of, targets_of
 from ..worker_pool import default_workers
 from .fleet import Fleet
 from .fly import jobs_of
@@ -56,13 +57,10 @@ def _clip_id(mission: object) -> str:
 
 def _spec_of(config: Mapping) -> DatasetSpec:
     """Describes the dataset by what shapes it: the missions, how they are flown, and the code."""
-    parts = {key: config[key] for key in ("mission", "planner", "airframe")}
-    parts = {
-        group: {key: value for key, value in each.items() if not key.startswith("_")}
-        for group, each in parts.items()
-    }
-    source = {**parts, "missions": config["task"]["missions"], "rules": config["task"]["rules"]}
+    task, parts = config["task"], {key: config[key] for key in ("mission", "planner", "airframe")}
+    given = task["missions"] and sha256(Path(task["missions"]).read_bytes()).hexdigest()
+    source = {**parts, "missions": given, "grid": task["grid"], "rules": task["rules"]}
     towns = [f"src.sim.towns.{town}" for town in config["mission"]["towns"]]
-    code = digest_of(code_of([FILMER, *towns]))
+    code = digest_of(code_of([FILMER, *towns, *targets_of(parts)]))
     sim = {key: config["sim"][key] for key in SEEN}
     return DatasetSpec(f"{config['scale_name']}-verge", sim, code, source)

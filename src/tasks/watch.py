@@ -120,12 +120,18 @@ def _watched(
     named = log.named_images() if isinstance(footage, Pictures) and not rate_hz else {}
     if named:
         footage.keep([*named])
+    if isinstance(footage, Pictures) and not rate_hz and start_s:
+        raise UserError(
+            "task.start_s: these images have times of their own; give task.rate_hz, too"
+        )
     times_s = np.array([*named.values()]) if named else start_s + footage.times_s(rate_hz)
     if (np.diff(times_s) <= 0).any():
         raise UserError(f"video: two images of {path} have one time; name each time once")
     if seconds is not None:
         times_s = times_s[times_s < times_s[0] + seconds]
     log.require_span(times_s, path.name)
+    if times_s[0] < 0:
+        raise UserError(f"video: {path} begins at {times_s[0]:g} s; let time_s begin at 0 or later")
 
     # The image nearest to each tick, once.
     ticks_s = np.arange(times_s[0], times_s[-1] + 0.5 / predict_hz, 1 / predict_hz)
@@ -144,6 +150,8 @@ def _lens(camera: Mapping, size_pix: tuple[int, int]) -> Lens:
             raise UserError(f"task.camera.{name}: {camera[name]!r} is no number")
     given = [camera[name] for name in names if camera[name] is not None]
     distortion = tuple(camera["distortion"])
+    if not all(isinstance(each, int | float) for each in distortion):
+        raise UserError(f"task.camera.distortion: {[*distortion]}; give numbers")
     if camera["hfov_deg"] is not None and not given:
         if not 1 < camera["hfov_deg"] < 179:
             raise UserError(f"task.camera.hfov_deg: {camera['hfov_deg']}; give 1 to 179 degrees")
@@ -194,7 +202,7 @@ class _Watcher:
         self.reach_s = step_s + tolerance_s
         self.stream = SkyOccStream(network, step_s, tolerance_s)
         self.shown: dict[float, VoxelScene] = {}
-        self.done = 0
+        self.done, self.seen_s = 0, []
 
     def announce(self) -> None:
         """Prints what is looked at, and what is known and assumed of the motion."""
@@ -221,11 +229,8 @@ class _Watcher:
 
     def write(self, folder: Path) -> None:
         """Fills a folder with labels, film and, where possible, an MCAP file."""
-        facts = {
-            **self.facts,
-            "motion": self.watched.log.motion,
-            "times_s": self.watched.times_s.tolist(),
-        }
+        # Filled frame by frame: a video may end before its header says.
+        facts = {**self.facts, "motion": self.watched.log.motion, "times_s": self.seen_s}
         with self._recorder(folder / RECORDING) as recorder:
             save_predictions(folder / PREDICTIONS, facts, self._predicted(recorder))
         self._draw(folder / FILM)
@@ -246,6 +251,7 @@ class _Watcher:
         wanted, times_s = self.watched.wanted, self.watched.times_s
         images = self.watched.footage.images(wanted)
         for n, pixels in enumerate(tracked(images, "predicting", len(wanted))):
+            self.seen_s.append(float(times_s[n]))
             image, seen = undistorted(
                 pixels.transpose(2, 0, 1), self.lens, self.pix_from_camera, self.size_pix
             )

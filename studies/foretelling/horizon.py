@@ -3,9 +3,10 @@
     python -m studies.foretelling.horizon [--runs FOLDER] [--out FOLDER] [OVERRIDE...]
 
 Of the voxels in the image of a level UAV, 90 % of the near grid of ``scale=ladder`` lie within the
-25 m inside which every error weighs more, whatever the speed, and 15 % of the paper's. The UAV that knows the truth flies the
-missions of the frames ``verge``, the damages look on once a second, and each is scored on both
-grids on the same frames. No flight depends on it: the collisions are those of ``flights.csv.xz``.
+25 m inside which every error weighs more, whatever the speed, and 15 % of the paper's. The UAV
+that knows the truth flies the missions of the frames ``verge``, the damages look on once a second,
+and each is scored on both grids on the same frames. No flight depends on it: the collisions are
+those of ``flights.csv.xz``.
 
 Writes the counts of every flight to ``--runs``, where they are not made again, and how each score
 orders the damages, as ``task=foretell`` does, to ``<out>/horizon.csv``.

@@ -131,7 +131,7 @@ def main(*folders: str, alpha: float = 0.1, unseen: tuple[str, ...] = (), out: P
             raise UserError(f"{word}: give NAME=FOLDER")
         others[name] = read_maps(Path(folder))
 
-    apart = {name: each for name, each in own.items() if name.startswith(unseen)}
+    apart = {name: each for name, each in own.items() if name.startswith(tuple(unseen))}
     seen = {name: each for name, each in own.items() if name not in apart}
     level = controlled(losses_of(seen), alpha)
     rows = [halves(seen, alpha), row_of("all", seen, level, len(seen))]

@@ -86,15 +86,17 @@ def doubts_of(network: SkyOcc, batch: Batch, grid: VoxelGrid) -> dict[str, Tenso
     mean = (probability + other) / 2
     shared = _entropy(mean) - (_entropy(probability) + _entropy(other)) / 2
     labels = probability.argmax(0)
-    return {
+    doubts = {
         "labels": labels,
         "probability of occupied": 1 - probability[FREE],
         "entropy of the classes": _entropy(probability) / np.log(len(probability)),
         "mirrored: mean probability": 1 - mean[FREE],
         "mirrored: mutual information": shared / np.log(2),
-        "entropy of the depth": _depth_entropy(own.sight.depth[0], batch, grid),
         "hidden or out of sight": _unseen((labels != FREE).numpy(), batch, grid),
     }
+    if own.sight is not None:
+        doubts["entropy of the depth"] = _depth_entropy(own.sight.depth[0], batch, grid)
+    return doubts
 
 
 def _entropy(probability: Float[Tensor, "c *n"]) -> Float[Tensor, "*n"]:

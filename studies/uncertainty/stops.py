@@ -14,11 +14,13 @@ import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
 
+from src.errors import UserError
 from src.loop.campaign import Campaign, Job
 from src.loop.flight import Moment
 from src.loop.planner import STOPS, Plan, QuinticPlanner
 from src.loop.stage import Stage
 from src.results.files import write_table
+from src.tasks.fly import given_missions
 from src.terminal import say, tracked
 from studies.settings import composed, run
 from studies.tables import print_table
@@ -63,7 +65,9 @@ def main(*overrides: str, out: Path = OUT) -> None:
         config = OmegaConf.to_container(composed(words), resolve=True)
         campaign = Campaign(config)
         watch = partial(_stops_of, campaign)
-        missions = pd.read_csv(config["task"]["missions"]).to_dict("records")
+        if (given := config["task"]["missions"]) is None:
+            raise UserError("task.missions: give a file, as studies/uncertainty/missions.csv")
+        missions = given_missions(Path(given)).to_dict("records")
         longer_m: list[float] = []
         for mission in tracked(missions, f"flying, keeps_stops={keeps}"):
             _, stops = campaign.watched(Job.of(mission), watch)

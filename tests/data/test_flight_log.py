@@ -47,6 +47,25 @@ def test_poses_are_interpolated_on_the_sphere(read, attitude):
     assert np.abs(rotation @ rotation.swapaxes(-1, -2) - np.eye(3)).max() < 1e-12
 
 
+def test_lines_are_counted_as_they_are_and_no_column_moves(tmp_path):
+    path = tmp_path / "poses.csv"
+    head = "time_s,height_m,roll_rad,pitch_rad,yaw_rad\n"
+    path.write_text(head + "0,5,0,0,0,\n0.1,5,0,0,0,\n")
+    assert FlightLog.read(path, "enu").height_m.tolist() == [5, 5]
+    path.write_text(head + "0,5,0,0,0\n\n\nx,5,0,0,0\n")
+    with pytest.raises(UserError, match=r"line 5: time_s is x"):
+        FlightLog.read(path, "enu")
+    path.write_text(head + "0,5,0,0,0\n0,5,0,0,0\n")
+    with pytest.raises(UserError, match="has 1 poses; give two or more"):
+        FlightLog.read(path, "enu")
+
+
+def test_an_image_that_is_named_twice_is_refused(read):
+    log = read(TRUE[["time_s", "height_m", *RAD]].head(3).assign(image=["a", "b", "a"]))
+    with pytest.raises(UserError, match="image a is there twice"):
+        log.named_images()
+
+
 def test_half_a_turn_between_two_poses_goes_the_shorter_way_at_one_rate(read):
     yaw = [math.radians(170), math.radians(-170)]
     table = pd.DataFrame({"time_s": [0, 1], "height_m": 5, "roll_rad": 0, "pitch_rad": 0})

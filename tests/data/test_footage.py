@@ -96,6 +96,14 @@ def test_colors_keep_their_order(tmp_path):
     assert np.abs(image.mean(axis=(0, 1)) - [200, 0, 0]).max() < 8
 
 
+def test_numbers_without_zeros_in_front_are_in_order(tmp_path):
+    for number in range(12):
+        save(tmp_path / "images", f"frame_{number}.png", picture(20 * number))
+    save(tmp_path / "images", "frame.png", picture(0))
+    images = [*footage_of(tmp_path / "images").images(range(13))]
+    assert [int(image[24, 48, 0]) for image in images[1:]] == [20 * n for n in range(12)]
+
+
 def test_names_are_times_in_seconds_whatever_their_order(tmp_path):
     for time_s in (9.5, 10.25, 100.0):
         save(tmp_path / "a", f"{time_s}.png", picture(int(time_s)))

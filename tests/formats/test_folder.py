@@ -54,6 +54,18 @@ def test_a_frame_that_the_map_or_the_grid_does_not_fit_is_refused(tmp_path, fold
             folder.labels(*FRAME)
 
 
+def test_files_right_in_the_folder_are_none_of_a_scene(tmp_path, semantics):
+    np.savez_compressed(tmp_path / "labels.npz", semantics=semantics)
+    with pytest.raises(UserError, match="holds no <scene>/<token>"):
+        occ3d_folder(tmp_path, CLASS_MAP, GRID)
+
+
+@pytest.mark.parametrize("number", [-1, "car"])
+def test_what_is_no_id_is_refused(tmp_path, number):
+    with pytest.raises(UserError, match=rf"layout\.class_map: {number!r} is no id"):
+        occ3d_folder(tmp_path, {number: "unknown", 0: "free"}, GRID)
+
+
 def test_a_name_that_is_no_class_and_a_folder_without_frames_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"^layout\.class_map: 'kar'"):
         occ3d_folder(tmp_path, ["kar"], GRID)

@@ -106,7 +106,11 @@ def test_the_threshold_says_what_counts_as_occupied():
 
 
 @pytest.mark.parametrize(
-    "setting", [{"threshold": 1.0}, {"unknown": "maybe"}, {"cruise_mps": 0.0}, {"margin_m": -1.0}]
+    "setting",
+    [
+        *({"threshold": 1.0}, {"unknown": "maybe"}, {"cruise_mps": 0.0}, {"margin_m": -1.0}),
+        *({"margin_m": -1}, {"brake_mps2": 0.0}, {"durations_s": (0.0, 1.0)}),
+    ],
 )
 def test_settings_out_of_range_are_refused(setting):
     with pytest.raises(UserError, match=next(iter(setting))):

@@ -102,12 +102,13 @@ def write_tartanair(clip, folder):
         stem = f"{frame:06d}_lcam_front"
         depth = clip.aux("depth", frame)
         depth = np.where(np.isinf(depth), 1e4, depth).astype("<f4")
-        packed = np.ascontiguousarray(depth).view(np.uint8).reshape(*depth.shape, 4)
+        # OpenCV, which writes theirs, takes the four bytes for blue, green, red and alpha.
+        bgra = np.ascontiguousarray(depth).view(np.uint8).reshape(*depth.shape, 4)
         ids = looked_up(
             {**{k: 10 * k + 5 for k in range(8)}, UNKNOWN: 200}, clip.aux("class", frame)
         )
         save(folder / "image_lcam_front", f"{stem}.png", clip.image(frame))
-        save(folder / "depth_lcam_front", f"{stem}_depth.png", packed)
+        save(folder / "depth_lcam_front", f"{stem}_depth.png", bgra[..., [2, 1, 0, 3]])
         save(folder / "seg_lcam_front", f"{stem}_seg.png", ids)
     names = {name: 10 * k + 5 for k, name in enumerate(NAMES[:8])} | {NAMES[8]: 200}
     (folder / "seg_label_map.json").write_text(json.dumps({"name_map": names}))
@@ -173,7 +174,7 @@ def write_airsim(clip, folder, kind=1):
             focal = meta.pix_from_camera[0, 0].item()
             through = np.sqrt(1 + (u[None] / focal) ** 2 + (v[:, None] / focal) ** 2)
             depth = depth * through
-        data = depth.astype("<f4")[::-1].tobytes()
+        data = depth.astype("<f4").tobytes()
         header = f"Pf\n{clip.meta.width} {clip.meta.height}\n-1.0\n".encode()
         (folder / "images" / f"{names[kind]}.pfm").write_bytes(header + data)
         files = ";".join(f"{n}.{'pfm' if k == kind else 'png'}" for k, n in names.items())

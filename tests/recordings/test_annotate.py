@@ -1,10 +1,12 @@
 """One of our clips, recorded as others record, has the labels that our chain gives it directly."""
 
 import json
+import math
 import shutil
 from functools import partial
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -24,6 +26,7 @@ from src.recordings.annotate import Cut, clips_by_name, write_clips
 from src.recordings.carla import matrix_of, tracks_of
 from src.recordings.clip import RecordedClip, ground_of
 from src.recordings.flight import require_frames
+from src.recordings.plain import read_table
 from src.sim.observation import Annotator
 from tests.recordings import foreign
 from tests.synthetic import compose_config
@@ -293,7 +296,34 @@ def test_what_cannot_be_a_recording_is_refused_in_one_line(plain, clip):
     far = poses_with(lambda table: table.update({"x_m": table.x_m + 4.6e6}))
     assert "subtract the first place" in far
 
+    actors, camera = flight / "actors.csv", flight / "camera.json"
+
+    def actors_with(change):
+        return after(lambda: edit(actors, change), actors)
+
+    assert "actor_id: give whole numbers above 0" in actors_with(
+        lambda table: table.update({"actor_id": 0 * table.actor_id})
+    )
+    assert "length_m, width_m, height_m: give metres" in actors_with(
+        lambda table: table.update({"width_m": -table.width_m})
+    )
+    assert "an actor is twice in one frame" in actors_with(
+        lambda table: table.update({"frame": 0 * table.frame})
+    )
+    told = json.loads(camera.read_text())
+
+    def camera_with(**changes):
+        return after(lambda: camera.write_text(json.dumps({**told, **changes})), camera)
+
+    assert "three numbers: forward, left and up" in camera_with(position_m=[0.1])
+    assert "three numbers" in camera_with(pitch_deg=math.nan)
+    larger = (np.array(told["pix_from_camera"]) * [[10], [10], [1]]).tolist()
+    assert "is far from the middle of 96x64 pixels" in camera_with(pix_from_camera=larger)
+
     assert "task.rate_hz" in refused(plain, cut=Cut(rate_hz=2.0))
+    shutil.copytree(flight, plain / "run 1")
+    shutil.copytree(flight, plain / "run_1")
+    assert "its clips would have the name run_1" in refused(plain)
     assert "is it of another layout" in refused(plain, "carla")
     assert "layout.axes" in refused(plain, axes="down")
     assert "layout.classes.cars" in refused(plain, classes={"cars": [5]})
@@ -314,6 +344,10 @@ def test_what_carla_and_airsim_cannot_have_told_is_refused_in_one_line(clip, tmp
     assert "row 0 of the poses is not finite" in carla(frames=[lost, *others])
     assert "frame 0: lacks camera" in carla(frames=[{"time_s": 0.0}, *others])
     assert "fov_deg: could not convert" in carla(fov_deg="wide")
+    assert "hfov: 270 degrees" in carla(fov_deg=270)
+    assert "frames: Value after * must be an iterable, not int" in carla(frames=5)
+    boxed = {**first, "actors": [{**each, "box": [0, 0, 1]} for each in first["actors"]]}
+    assert "actors: " in carla(frames=[boxed, *others])
     assert "has 0 poses" in carla(frames=[])
     assert "not those since 0.9.14" in carla(version="0.9.13")
     path.write_text(json.dumps({**told, "version": "0.9.15-dirty"}))
@@ -390,6 +424,44 @@ def test_rows_of_a_real_recording_are_understood(tmp_path, palette):
     assert flight.world_from_body[:, 2, 3].tolist() == [2.83123, 5.46692]
     assert flight.world_from_body[0, 1, 3].item() == 0.0884584
     assert [path.name[:12] for path in flight.files["depth"]] == ["img_PX4__1_1"] * 2
+
+
+def test_depth_lies_as_their_own_tools_write_it(tmp_path):
+    """AirSim's pfm begins with the upper row, which the format forbids; TartanAir's png is of
+    OpenCV, which takes the bytes of a float for blue, green, red and alpha."""
+    depth_m = np.linspace(1.5, 90.0, 64 * 96, dtype="<f4").reshape(64, 96)
+    (tmp_path / "airsim/images").mkdir(parents=True)
+    (tmp_path / "airsim/airsim_rec.txt").write_text(AIRSIM_ROWS)
+    (tmp_path / "airsim/seg_rgbs.txt").write_text("0, 0, 0\n153, 108, 6\n")
+    black = np.zeros((64, 96, 3), np.uint8)
+    brown = np.full_like(black, (153, 108, 6))
+    for stamp in ("106110372500", "106950954700"):
+        names = [f"img_PX4__{kind}_1726962{stamp}" for kind in (0, 1, 5)]
+        foreign.save(tmp_path / "airsim/images", f"{names[0]}.png", black)
+        foreign.save(tmp_path / "airsim/images", f"{names[2]}.png", brown)
+        content = b"Pf\n96 64\n-1.0\n" + depth_m.tobytes()
+        (tmp_path / f"airsim/images/{names[1]}.pfm").write_bytes(content)
+    [flight] = layout("airsim").flights(tmp_path / "airsim")
+    assert (flight.depth_m(0) == depth_m).all()
+
+    for kind, image in (("image", black), ("seg", black[..., 0])):
+        foreign.save(tmp_path / f"tartan/{kind}_lcam_front", "000000_lcam_front.png", image)
+    (tmp_path / "tartan/depth_lcam_front").mkdir()
+    path = tmp_path / "tartan/depth_lcam_front/000000_lcam_front_depth.png"
+    cv2.imwrite(str(path), depth_m.view(np.uint8).reshape(64, 96, 4))
+    (tmp_path / "tartan/pose_lcam_front.txt").write_text("0 0 0 0 0 0 1\n")
+    (tmp_path / "tartan/seg_label_map.json").write_text('{"name_map": {"wall": 0}}')
+    [flight] = layout("tartanair").flights(tmp_path / "tartan")
+    assert (flight.depth_m(0) == depth_m).all()
+
+
+def test_a_separator_at_the_end_of_lines_moves_no_column(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("a,b,note\n1,2,3,\n4,5,6,\n")
+    assert read_table(path, ["a", "b"])[["a", "b"]].to_numpy().tolist() == [[1, 2], [4, 5]]
+    path.write_text("a,b\n")
+    with pytest.raises(UserError, match="has no rows"):
+        read_table(path, ["a", "b"])
 
 
 def test_files_are_paired_by_their_numbers(tmp_path):

@@ -373,7 +373,7 @@ DAMAGES = {
     "no such class": (another_id, r"\.label: class 250 is not in layout\.class_map"),
     "another grid": (
         rewrite(lambda content: content["grid"].update(upper_m=[50, 25, 12], shape=[25, 25, 16])),
-        r"\.label: has \d+ bytes, and a grid of \[25, 25, 16\] takes",
+        r"layout\.json: grid: is another than that of",
     ),
     "a class that there is not": (
         rewrite(lambda content: content["class_map"].update({"16": "bilding"})),

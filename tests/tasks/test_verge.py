@@ -53,6 +53,18 @@ def test_its_card_says_how_it_was_made(root):
     assert made.root(root.parent) == root
 
 
+def test_what_shapes_the_flights_is_in_the_name(tmp_path):
+    def digest(*words):
+        return _spec_of(OmegaConf.to_container(compose_config(*YARD, *words), resolve=True)).digest
+
+    given = tmp_path / "missions.csv"
+    names = [digest(), digest("task.grid.shape=[25,25,15]"), digest("planner.cruise_mps=5.0")]
+    for content in ("a", "b"):
+        given.write_text(content)
+        names.append(digest(f"task.missions={given}"))
+    assert len({*names}) == 5
+
+
 def test_the_uav_flies_around_a_wall_that_is_labelled_where_it_stands(root):
     [name] = read_manifest(root)["clips"]
     clip = Clip(root / name)

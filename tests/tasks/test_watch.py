@@ -207,6 +207,9 @@ REFUSED = {
     "task.camera.hfov_deg=null task.camera.fx=100 task.camera.fy=100 task.camera.cx=480 "
     "task.camera.cy=80": "cx=480, cy=80 is far from the middle of 240x160",
     "task.predict_hz=0": "task.predict_hz: 0",
+    "video=images task.start_s=1": "task.start_s: these images have times of their own",
+    "task.camera.distortion=[a]": "task.camera.distortion: .*give numbers",
+    "task.camera.position_m=[0.1]": "three numbers: forward, left and up",
     "task.poses_convention=frd": "task.poses_convention: 'frd'; there are enu, ned",
     "ckpt_path=none.ckpt": "ckpt_path: no checkpoint none.ckpt",
     "task.cam=1": "task.cam",

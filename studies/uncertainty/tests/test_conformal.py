@@ -1,10 +1,12 @@
 """The guarantee holds on exchangeable maps, and what cannot give one is refused."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from src.errors import UserError
-from studies.uncertainty.conformal import change_of, controlled, free_of, halves, losses_of
+from studies.uncertainty import conformal
+from studies.uncertainty.conformal import change_of, controlled, free_of, halves, losses_of, main
 
 
 def drawn(maps, shift=0.0, seed=0):
@@ -44,6 +46,16 @@ def test_the_change_is_that_of_the_maps_of_both():
     assert change["change_low"] < change["change"] < change["change_high"] < 0
     assert change_of(own, own, level)["change_low"] == 0
     assert change_of(own, {}, level) == {}
+
+
+def test_towns_that_were_never_seen_stand_apart(tmp_path, monkeypatch):
+    """A command line gives a list of them."""
+    own = drawn(20) | {f"fair-{n}": each for n, each in enumerate(drawn(3, seed=1).values())}
+    monkeypatch.setattr(conformal, "read_maps", lambda folder: own)
+    main("flights", unseen=["fair"], out=tmp_path / "table.csv")
+    table = pd.read_csv(tmp_path / "table.csv")
+    assert table["maps"].tolist() == ["100 halves", "all", "unseen towns"]
+    assert table["tested"].tolist() == [10, 20, 3]
 
 
 def test_the_threshold_is_the_largest_one_that_keeps_the_promise():
