@@ -1,5 +1,6 @@
 """The classes of a recording in ours: a table of their ids, or of words in their names."""
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,12 +9,14 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int, UInt8
 
-from ..errors import UserError
-from ..ontology import CLASSES, GENERAL, OCCUPIED, UNKNOWN
+from ..errors import UserError, reason_of
+from ..ontology import CLASSES, FREE, GENERAL, OCCUPIED, UNKNOWN
 
 # Beside our eight classes a table has: no class known, and nothing at all.
 UNLABELLED, SKY = "unknown", "sky"
 _NOT_LISTED = 256
+# The names of a TartanAir environment's classes.
+NAMES = "seg_label_map.json"
 # A word of so many letters may be a part of another one.
 LONG = 5
 # 16 bits: ids of instances are told apart by others.
@@ -114,3 +117,29 @@ def _is_in(word: str, name: str) -> bool:
 
 def _ends(word: str, parts: set[str]) -> bool:
     return len(word) == LONG - 1 and any(part.endswith((word, f"{word}s")) for part in parts)
+
+
+def class_map_of(folder: Path, classes: dict) -> tuple[dict[int, str], list[str]]:
+    """Returns our class of the ids of an environment's cloud, and the names that are general.
+
+    ``classes`` are words as `ClassTable` takes them. Raises `UserError` without `NAMES`.
+    """
+    # Where the cloud has no point there is a 0, whatever its name.
+    table = ClassTable(classes, {key: each for key, each in names_of(folder).items() if key})
+    return {**table.by_id, 0: CLASSES[FREE]}, table.unmatched
+
+
+def names_of(folder: Path) -> dict[int, str]:
+    """Returns the names of an environment's classes, which lie beside or above a trajectory.
+
+    Raises `UserError` where they do not.
+    """
+    for place in (folder, *folder.parents[:3]):
+        path = place / NAMES
+        if path.is_file():
+            try:
+                told = json.loads(path.read_text())["name_map"]
+                return {int(number): str(name) for name, number in told.items()}
+            except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+                raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
+    raise UserError(f"{folder}: no {NAMES} there or above it; it says what the class ids mean")

@@ -4,7 +4,6 @@
 other five cameras the depth and classes are fused where they are there.
 """
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,17 +15,15 @@ from ..data.pictures import files_of, read_channels, read_ids, read_rgb, require
 from ..errors import UserError, reason_of
 from ..geometry import front_mount, pinhole
 from ..limits import require_finite
-from ..ontology import CLASSES, FREE
 from ..sim.annotation import FrontView
 from ..sim.sensors import Scan
-from .classes import ClassTable
+from .classes import ClassTable, names_of
 from .flight import Camera, RecordedFlight, poses_from, require_frames
 from .plain import folders_with
 
 FRONT, OTHERS = "lcam_front", ("back", "left", "right", "top", "bottom")
 # Of every camera, across.
 HFOV_RAD = np.pi / 2
-NAMES = "seg_label_map.json"
 # Every n-th pixel of the cameras that do not look ahead.
 STRIDE = 4
 
@@ -109,7 +106,7 @@ class TartanAirLayout:
         }
         require_frames(folder / f"pose_{FRONT}.txt", files.values(), len(front))
 
-        table = ClassTable(self.classes, _names_of(folder))
+        table = ClassTable(self.classes, names_of(folder))
         self.unmatched += [name for name in table.unmatched if name not in self.unmatched]
         size_pix = size_of(files["image", FRONT][0])
         camera = Camera(pinhole(*size_pix, HFOV_RAD), front_mount((0.0, 0.0, 0.0)), size_pix)
@@ -125,26 +122,3 @@ class TartanAirLayout:
         if values.ndim != 2 or values.shape[1] != 7 or not len(values):
             raise UserError(f"{path}: has rows of {values.shape[-1]}, not x y z qx qy qz qw")
         return poses_from(path, values[:, :3], values[:, 3:], "north_east_down")
-
-
-def class_map_of(folder: Path, classes: dict) -> tuple[dict[int, str], list[str]]:
-    """Returns our class of the ids of an environment's cloud, and the names that are general.
-
-    ``classes`` are words as `ClassTable` takes them. Raises `UserError` without `NAMES`.
-    """
-    # Where the cloud has no point there is a 0, whatever its name.
-    table = ClassTable(classes, {key: each for key, each in _names_of(folder).items() if key})
-    return {**table.by_id, 0: CLASSES[FREE]}, table.unmatched
-
-
-def _names_of(folder: Path) -> dict[int, str]:
-    """Returns the names of an environment's classes, which lie beside or above a trajectory."""
-    for place in (folder, *folder.parents[:3]):
-        path = place / NAMES
-        if path.is_file():
-            try:
-                told = json.loads(path.read_text())["name_map"]
-                return {int(number): str(name) for name, number in told.items()}
-            except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-                raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error
-    raise UserError(f"{folder}: no {NAMES} there or above it; it says what the class ids mean")

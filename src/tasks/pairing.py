@@ -18,7 +18,7 @@ from ..geometry import VoxelGrid
 from ..limits import require_choice
 from ..metrics.protocol import SUPERVISED, VISIBLE
 from ..provenance import digest_of
-from ..recordings.tartanair import class_map_of
+from ..recordings.classes import class_map_of
 from ..terminal import say
 from .dataset import root_of
 

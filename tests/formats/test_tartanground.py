@@ -9,7 +9,7 @@ import torch
 from src.errors import UserError
 from src.formats import LABEL_FORMATS, WRITTEN_FORMATS
 from src.geometry import VoxelGrid
-from src.recordings.tartanair import class_map_of
+from src.recordings.classes import class_map_of
 from src.results.files import read_results
 from src.tasks.score import score
 from tests.synthetic import compose_config
