@@ -52,7 +52,8 @@ def way_out_of(error: BaseException, damaged: str, path: Path | None = None) -> 
     if is_of_the_system(error):
         return READING.get(error.errno, MAY_BE_SOUND)
     stand_in = stand_in_of(path)
-    return f"it is {stand_in}" if stand_in else damaged
+    told = "then run it again" if stand_in in str(error) else f"it is {stand_in}"
+    return told if stand_in else damaged
 
 
 def is_of_the_system(error: BaseException | None) -> bool:

@@ -332,7 +332,10 @@ def front_mount(position_m: Sequence[float], pitch_rad: float = 0.0) -> Float[Te
     """
     numbers = (*position_m, pitch_rad)
     if len(numbers) != 4 or not all(isinstance(n, Real) and math.isfinite(n) for n in numbers):
-        raise UserError(f"position_m: {[*position_m]}; give three numbers: forward, left and up")
+        raise UserError(
+            f"position_m: {[*position_m]}, pitch {pitch_rad} rad; give three numbers: forward, "
+            "left and up, and an angle"
+        )
     body_from_level_camera = torch.tensor(
         [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], dtype=torch.float64
     )

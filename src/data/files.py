@@ -1,5 +1,6 @@
 """Reading and writing a clip's files, with errors that name the file."""
 
+import fnmatch
 import hashlib
 import os
 import resource
@@ -61,9 +62,12 @@ def fault_of(labels: np.ndarray) -> str:
 
 
 def files_below(root: Path, name: str) -> list[Path]:
-    """Returns the files of that name below a folder, also through links, sorted."""
+    """Returns the files of that name, or with a * in it of such names, below a folder, also through
+    links, sorted."""
     found = os.walk(root, followlinks=True)
-    return sorted(Path(folder) / name for folder, _, files in found if name in files)
+    return sorted(
+        Path(folder, each) for folder, _, files in found for each in fnmatch.filter(files, name)
+    )
 
 
 class OpenArchives:

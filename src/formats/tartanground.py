@@ -1,17 +1,16 @@
 """TartanGround's semantic occupancy: one ``semantic_occupancy_<pose>.npz`` a pose, to be scored."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Integer
 
-from ..data.files import BROKEN, array_of, fault_of, open_npz
+from ..data.files import BROKEN, array_of, fault_of, files_below, open_npz
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from .label_format import LabelFormat, Sample
 
-START, END = "semantic_occupancy_", ".npz"
+START = "semantic_occupancy_"
 
 
 class TartanGround(LabelFormat):
@@ -23,15 +22,13 @@ class TartanGround(LabelFormat):
     """
 
     name = "tartanground"
-    pattern = f"<trajectory>/sem_occ/{START}<pose>{END}"
+    pattern = f"<trajectory>/sem_occ/{START}<pose>.npz"
 
     def find(self, root: Path, predicted: bool) -> dict[Sample, Path]:
-        found = {}
-        for folder, _, files in os.walk(root, followlinks=True):
-            scene = Path(folder).relative_to(root).as_posix()
-            names = [name for name in files if name.startswith(START) and name.endswith(END)]
-            found |= {(scene, name[len(START) : -len(END)]): Path(folder, name) for name in names}
-        return dict(sorted(found.items()))
+        return {
+            (path.parent.relative_to(root).as_posix(), path.stem[len(START) :]): path
+            for path in files_below(root, f"{START}*.npz")
+        }
 
     def read(self, path: Path, grid: VoxelGrid) -> Integer[np.ndarray, "X Y Z"]:
         try:

@@ -128,12 +128,12 @@ def _flight(folder: Path, table: ClassTable) -> CarlaFlight:
     }
     if (folder / "lidar").is_dir():
         files["lidar"] = files_of(folder / "lidar", ".bin")
+    frames = told["frames"]
+    require_frames(path, files.values(), len(frames))
+
     size_pix, place = size_of(files["rgb"][0]), "fov_deg"
     try:
         pix_from_camera = pinhole(*size_pix, np.deg2rad(float(told["fov_deg"])))
-        place = "frames"
-        frames = [*told["frames"]]
-        require_frames(path, files.values(), len(frames))
         time_s, poses, lidar = np.zeros(len(frames)), [], []
         for number, each in enumerate(frames):
             place = f"frame {number}"
@@ -143,8 +143,6 @@ def _flight(folder: Path, table: ClassTable) -> CarlaFlight:
                 lidar.append(matrix_of(each["lidar"]).numpy())
         place, poses = "actors", torch.stack(poses)
         tracks = tracks_of(frames)
-    except UserError:
-        raise
     except KeyError as error:
         raise UserError(f"{path}: {place}: lacks {error.args[0]}; {FORM}") from error
     except (TypeError, ValueError, AttributeError) as error:
@@ -208,6 +206,8 @@ def _read(path: Path) -> dict:
         told = json.loads(path.read_text())
         if missing := {"version", "fov_deg", "frames"} - set(told):
             raise ValueError(f"no {', '.join(sorted(missing))} in it")
+        if not isinstance(told["frames"], list):
+            raise ValueError("frames is no list")
         return told
     except (OSError, ValueError, TypeError) as error:
         raise UserError(f"{path}: cannot be read ({reason_of(error)})") from error

@@ -126,7 +126,9 @@ def _watched(
         )
     times_s = np.array([*named.values()]) if named else start_s + footage.times_s(rate_hz)
     if (np.diff(times_s) <= 0).any():
-        raise UserError(f"video: two images of {path} have one time; name each time once")
+        raise UserError(
+            f"video: two images of {path} have one time; name each once, or give task.rate_hz"
+        )
     if seconds is not None:
         times_s = times_s[times_s < times_s[0] + seconds]
     log.require_span(times_s, path.name)

@@ -118,7 +118,10 @@ def overrides_of(manifest: Mapping) -> list[str]:
     if source:  # flights of task=verge
         for group in ("mission", "planner", "airframe"):
             settings |= {f"{group}.{key}": value for key, value in source[group].items()}
-        settings |= {"task.rules": source["rules"], "task.missions": source["missions"]}
+        # Of a file of missions the dataset knows the contents alone.
+        given = source["missions"] and "FILE"
+        settings |= {"task.missions": given, "task.grid": source["grid"]}
+        settings |= {"task.rules": source["rules"]}
         leaves = [each for key, value in settings.items() for each in _assignments(key, value)]
         return ["task=verge", f"scale={manifest['scale'].removesuffix('-verge')}", *leaves]
     settings |= {f"data.{part}_clips": held_out[part] for part in ("val", "test")}

@@ -145,20 +145,20 @@ def main(*folders: str, alpha: float = 0.1, unseen: tuple[str, ...] = (), out: P
     write_table(table.round(4), out)
 
     columns = ("maps", "calibrated on", "tested on", "objects", "threshold", "coverage", "change")
+    columns += ("free",)
     shown = [
         [
-            *(row["maps"], *(f"{row[key]:.0f}" for key in ("n", "tested", "objects"))),
-            *(
-                f"{row['threshold']:.3f}",
-                f"{row['coverage']:.1%}",
-                _told(row),
-                f"{row['free']:.1%}",
-            ),
+            row["maps"],
+            *(f"{row[key]:.0f}" for key in ("n", "tested", "objects")),
+            f"{row['threshold']:.3f}",
+            f"{row['coverage']:.1%}",
+            _told(row),
+            f"{row['free']:.1%}",
         ]
         for row in rows
     ]
     title = f"Objects in the tube with a warning, at least {1 - alpha:.0%} wanted"
-    print_table(title, (*columns, "free"), shown)
+    print_table(title, columns, shown)
     say(out)
 
 

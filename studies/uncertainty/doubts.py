@@ -92,10 +92,10 @@ def doubts_of(network: SkyOcc, batch: Batch, grid: VoxelGrid) -> dict[str, Tenso
         "entropy of the classes": _entropy(probability) / np.log(len(probability)),
         "mirrored: mean probability": 1 - mean[FREE],
         "mirrored: mutual information": shared / np.log(2),
-        "hidden or out of sight": _unseen((labels != FREE).numpy(), batch, grid),
     }
     if own.sight is not None:
         doubts["entropy of the depth"] = _depth_entropy(own.sight.depth[0], batch, grid)
+    doubts["hidden or out of sight"] = _unseen((labels != FREE).numpy(), batch, grid)
     return doubts
 
 

@@ -344,8 +344,8 @@ def test_what_carla_and_airsim_cannot_have_told_is_refused_in_one_line(clip, tmp
     assert "row 0 of the poses is not finite" in carla(frames=[lost, *others])
     assert "frame 0: lacks camera" in carla(frames=[{"time_s": 0.0}, *others])
     assert "fov_deg: could not convert" in carla(fov_deg="wide")
-    assert "hfov: 270 degrees" in carla(fov_deg=270)
-    assert "frames: Value after * must be an iterable, not int" in carla(frames=5)
+    assert "frames.json: fov_deg: hfov: 270 degrees" in carla(fov_deg=270)
+    assert "frames is no list" in carla(frames=5)
     boxed = {**first, "actors": [{**each, "box": [0, 0, 1]} for each in first["actors"]]}
     assert "actors: " in carla(frames=[boxed, *others])
     assert "has 0 poses" in carla(frames=[])

@@ -65,6 +65,18 @@ def test_what_shapes_the_flights_is_in_the_name(tmp_path):
     assert len({*names}) == 5
 
 
+def test_a_card_gives_the_command_of_other_grids_and_missions(root, tmp_path):
+    shape = "task.grid.shape=[25,25,15]"
+    sides = "task.grid.lower_m=[0,-12.5,-10]", "task.grid.upper_m=[25,12.5,5]"
+    cfg = OmegaConf.to_container(compose_config(*YARD, shape, *sides), resolve=True)
+    spec = _spec_of(cfg)
+    manifest = {**read_manifest(root), "sim": spec.sim, "source": spec.source}
+    again = OmegaConf.to_container(compose_config(*overrides_of(manifest)), resolve=True)
+    assert _spec_of(again).digest == spec.digest
+    manifest["source"] = {**spec.source, "missions": "0123"}
+    assert "task.missions=FILE" in overrides_of(manifest)
+
+
 def test_the_uav_flies_around_a_wall_that_is_labelled_where_it_stands(root):
     [name] = read_manifest(root)["clips"]
     clip = Clip(root / name)
