@@ -177,13 +177,16 @@ def _sweep(image, past, at_infinity, epipole, moving, depths_m, reach):
     counts = np.zeros(shape, dtype=np.float32)
     warped = np.empty((height, width), dtype=np.float32)
     mean, deviation = _moments(image, reach)
+    corners = np.empty((*past.shape, 4), dtype=np.float32)
+    for k in range(len(past)):
+        _fill_corners(past[k], corners[k])
 
     for depth in range(len(depths_m)):
         counts[:] = 0
         for k in range(len(past)):
             homography = at_infinity[k].copy()
             homography[:, 2] += epipole[k] / depths_m[depth]
-            _warp(past[k], homography, warped)
+            _warp(corners[k], homography, warped)
             found = agreement[depth]
             _add_agreement(image, mean, deviation, warped, moving[k], reach, found, counts)
         agreement[depth] /= np.maximum(counts, np.float32(1))
@@ -191,16 +194,45 @@ def _sweep(image, past, at_infinity, epipole, moving, depths_m, reach):
 
 
 @njit
-def _warp(past, homography, warped):
-    """Fills ``warped`` with the past image at each pixel's place in it, which is NaN outside."""
-    height, width = past.shape
+def _fill_corners(image, corners):
+    """Fills ``corners`` with what an interpolation reads, side by side: the pixel and how much
+    brighter its right neighbour is, then both of the row below."""
+    height, width = image.shape
+    for row in range(height - 1):
+        for column in range(width - 1):
+            for below in range(2):
+                left, right = image[row + below, column], image[row + below, column + 1]
+                corners[row, column, 2 * below] = left
+                corners[row, column, 2 * below + 1] = right - left
+
+
+@njit
+def _warp(corners, homography, warped):
+    """Fills ``warped`` with the past image at each pixel's place in it, which is NaN outside.
+
+    A place lies between four pixels, and at most on the outermost pixels' centers. Places come
+    first and all at once, so that the compiler computes many in one instruction.
+    """
+    height, width = warped.shape
     x, y = np.empty(width, np.float32), np.empty(width, np.float32)
+    first = np.empty(width, np.int32)
+    zero, flat = np.float32(0), corners.reshape(-1, 4)
+
     for row in range(height):
         _places(homography, row, x, y)
         for column in range(width):
-            inside = 0 <= x[column] <= width - 1 and 0 <= y[column] <= height - 1
-            read = _bilinear(past, x[column], y[column]) if inside else np.float32(np.nan)
-            warped[row, column] = read
+            inside = (0 <= x[column] <= width - 1) & (0 <= y[column] <= height - 1)
+            right, down = (x[column], y[column]) if inside else (zero, zero)
+            left, top = min(np.int32(right), width - 2), min(np.int32(down), height - 2)
+            first[column] = top * width + left
+            x[column] = right - np.float32(left) if inside else np.float32(np.nan)
+            y[column] = down - np.float32(top)
+
+        for column in range(width):
+            pixel, more, pixel_below, more_below = flat[first[column]]
+            above = pixel + x[column] * more
+            below = pixel_below + x[column] * more_below
+            warped[row, column] = above + y[column] * (below - above)
 
 
 @njit
@@ -215,16 +247,6 @@ def _places(homography, row, x, y):
         scale = one / depth if depth > np.float32(1e-6) else np.float32(np.nan)
         x[column] = (h[0, 0] * u + (h[0, 1] * v + h[0, 2])) * scale - half
         y[column] = (h[1, 0] * u + (h[1, 1] * v + h[1, 2])) * scale - half
-
-
-@njit
-def _bilinear(image, x, y):
-    """Interpolates between the four pixels around a place inside the outermost pixels' centers."""
-    left, top = min(int(x), image.shape[1] - 2), min(int(y), image.shape[0] - 2)
-    right, down = x - np.float32(left), y - np.float32(top)
-    above = image[top, left] + right * (image[top, left + 1] - image[top, left])
-    below = image[top + 1, left] + right * (image[top + 1, left + 1] - image[top + 1, left])
-    return above + down * (below - above)
 
 
 @njit
