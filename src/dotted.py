@@ -1,7 +1,7 @@
 """Nested settings by their dotted keys."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 
 def is_listed(key: str, listed: Iterable[str]) -> bool:
@@ -20,6 +20,15 @@ def differences(
             yield from differences(old, new, f"{prefix}{key}.")
         elif old != new:
             yield f"{prefix}{key}", old, new
+
+
+def replaced(data: object, change: Callable[[object], object]) -> object:
+    """Returns nested plain data, of which every value that holds no others was changed."""
+    if isinstance(data, Mapping):
+        return {key: replaced(value, change) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [replaced(value, change) for value in data]
+    return change(data)
 
 
 def short(value: object) -> str:

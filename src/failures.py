@@ -12,12 +12,7 @@ from contextlib import contextmanager
 
 import torch
 import yaml
-from hydra.errors import (
-    ConfigCompositionException,
-    HydraException,
-    MissingConfigException,
-    OverrideParseException,
-)
+from hydra import errors as hydra
 from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
@@ -157,7 +152,7 @@ def _lacks_memory(cause: BaseException, kind: type | tuple[()], phrases: Iterabl
 
 def _of_files(cause: BaseException) -> str | None:
     """Returns the message for an override or a file of ``conf/`` that cannot be read."""
-    if isinstance(cause, OverrideParseException):
+    if isinstance(cause, hydra.OverrideParseException):
         key, _, value = cause.override.partition("=")
         way_out = "write key=value, and lists without spaces"
         if value[:1] not in ("[", "{") and not PLAIN.fullmatch(value):
@@ -178,9 +173,9 @@ def _of_files(cause: BaseException) -> str | None:
 
 def _of_configuration(chain: list[BaseException]) -> str | None:
     """Returns the message for an option or a key that there is not."""
-    composing = any(isinstance(cause, ConfigCompositionException) for cause in chain)
+    composing = any(isinstance(cause, hydra.ConfigCompositionException) for cause in chain)
     for cause in reversed(chain):
-        if isinstance(cause, MissingConfigException) and cause.missing_cfg_file:
+        if isinstance(cause, hydra.MissingConfigException) and cause.missing_cfg_file:
             return _no_such_option(cause)
         if isinstance(cause, ConfigAttributeError | ConfigKeyError) and composing:
             return _no_such_key(cause)
@@ -188,13 +183,13 @@ def _of_configuration(chain: list[BaseException]) -> str | None:
     for cause in chain:
         if isinstance(cause, ConfigAttributeError):
             return None  # the program asks for a key that no configuration has
-        if isinstance(cause, HydraException | OmegaConfBaseException):
+        if isinstance(cause, hydra.HydraException | OmegaConfBaseException):
             message = " ".join(str(cause).split())
             return message + (MERGING if message.startswith("Error merging override") else "")
     return None
 
 
-def _no_such_option(error: MissingConfigException) -> str:
+def _no_such_option(error: hydra.MissingConfigException) -> str:
     group, _, name = error.missing_cfg_file.rpartition("/")
     options = error.options or []
     known = ", ".join(options)

@@ -291,10 +291,7 @@ def unproject(
 
 @_numpy_too
 def in_image(
-    pix: Float[Array, "*batch n 2"],
-    depth_m: Float[Array, "*batch n"],
-    width: int,
-    height: int,
+    pix: Float[Array, "*batch n 2"], depth_m: Float[Array, "*batch n"], width: int, height: int
 ) -> Bool[Array, "*batch n"]:
     """Marks the projected points that lie before the camera and inside the image."""
     u, v = pix.unbind(-1)
@@ -362,6 +359,8 @@ class VoxelGrid:
     def __post_init__(self) -> None:
         for name, kind in (("lower_m", float), ("upper_m", float), ("shape", int)):
             object.__setattr__(self, name, tuple(kind(value) for value in getattr(self, name)))
+            if len(getattr(self, name)) != 3:
+                raise UserError(f"grid.{name}: {list(getattr(self, name))}; give three numbers")
         if min(self.shape) < 1 or any(u <= l for l, u in zip(self.lower_m, self.upper_m)):
             raise UserError(f"grid: {self} is empty; every upper_m must exceed its lower_m")
         sides_m = [(u - l) / n for l, u, n in zip(self.lower_m, self.upper_m, self.shape)]

@@ -20,10 +20,7 @@ KEYS = {
 
 def help_text() -> str:
     """Returns what the program says of itself: fewer than 40 lines."""
-    lines = [
-        "python run.py [task=TASK] [key=value ...]     -m: a run for each of a,b,c",
-        "Tasks",
-    ]
+    lines = ["python run.py [task=TASK] [key=value ...]     -m: a run for each of a,b,c", "Tasks"]
     for task in sorted((ROOT / "conf/task").glob("*.yaml")):
         lines.append(f"  {task.stem:13} {_purpose(_module(task))}")
     lines += ["", "Keys that people change"]

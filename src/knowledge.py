@@ -1,9 +1,10 @@
 """Which voxels a camera sees, which ones something hides, and at which it never looked."""
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, UInt8
 
-from .geometry import Array, VoxelGrid, pixel_centers, tensor_of
+from .geometry import Array, VoxelGrid, tensor_of
 from .jit import njit
 from .voxels import advance, enter, is_inside, rays_in_grid
 
@@ -20,8 +21,12 @@ def seen(
     grid: VoxelGrid,
 ) -> Voxels:
     """Returns the voxels in front of the camera that no occupied one hides: those that a ray
-    passes through every second pixel of every second row. ``size_pix`` is width and height."""
-    pix = pixel_centers(*size_pix)[::2, ::2].reshape(-1, 2)
+    passes. Rays are two pixels apart, or as close as voxels at the grid's far end want it.
+    ``size_pix`` is width and height."""
+    focal_pix = float(pix_from_camera[0][0])
+    step_pix = min(2.0, grid.voxel_m * focal_pix / max(grid.upper_m[0], grid.voxel_m))
+    axes = (torch.arange(0.5, size, step_pix, dtype=torch.float64) for size in size_pix)
+    pix = torch.cartesian_prod(*axes)
     camera = tensor_of(camera_from_occ), tensor_of(pix_from_camera)
     origin, directions = rays_in_grid(pix, *camera, grid)
     return in_sight(occupied, origin.numpy(), np.ascontiguousarray(directions.numpy()))

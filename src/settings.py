@@ -15,7 +15,7 @@ from .data.batches import ORDERS
 from .data.dataset import HISTORY, history_stride
 from .data.manifest import MANIFEST, read_manifest
 from .data.rates import require_rates
-from .dotted import is_listed
+from .dotted import is_listed, replaced
 from .errors import UserError
 from .geometry import VoxelGrid
 from .keys import require_keys
@@ -193,15 +193,11 @@ def expand_home(cfg: DictConfig) -> None:
     home = str(Path.home())
 
     def expanded(value: object) -> object:
-        if isinstance(value, dict):
-            return {key: expanded(each) for key, each in value.items()}
-        if isinstance(value, list):
-            return [expanded(each) for each in value]
         is_path = isinstance(value, str) and (value == "~" or value.startswith("~/"))
         return home + value[1:] if is_path else value
 
     for key, value in OmegaConf.to_container(cfg).items():
-        if (found := expanded(value)) != value:
+        if (found := replaced(value, expanded)) != value:
             cfg[key] = found
 
 

@@ -17,7 +17,7 @@ def print_table(
     for number, column in enumerate(columns):
         table.add_column(column, justify="right" if number else "left", overflow="fold")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
 
     Console(width=110).print(table)
     for note in notes:

@@ -3,8 +3,31 @@
 import numpy as np
 import torch
 
-from src.geometry import VoxelGrid, camera_from_occ, front_mount, pinhole
+from src.geometry import (
+    VoxelGrid,
+    camera_from_occ,
+    front_mount,
+    in_image,
+    pinhole,
+    project,
+    rigid,
+    rotation_from_euler,
+)
 from src.knowledge import HIDDEN, NEVER_LOOKED, SEEN, in_sight, knowledge, seen
+
+
+def test_no_voxel_in_view_falls_between_rays():
+    """A coarse image of a fine grid, with the camera tilted."""
+    grid = VoxelGrid((0.0, -12.5, -10.0), (25.0, 12.5, 5.0), (50, 50, 30))
+    tilt = rotation_from_euler(*torch.tensor([0.1, 0.1, 0.0], dtype=torch.float64))
+    chain = camera_from_occ(
+        rigid(tilt, torch.zeros(3, dtype=torch.float64)), front_mount((0.0, 0.0, 0.0))
+    )
+    camera = pinhole(96, 64, np.pi / 2)
+    pix, depth_m = project(grid.centers(torch.float64), chain, camera)
+    in_view = in_image(pix, depth_m, 96, 64).numpy()
+    share = seen(np.zeros(grid.shape, bool), chain, camera, (96, 64), grid)[in_view].mean()
+    assert share > 0.999
 
 
 def test_what_an_occupied_voxel_hides_is_not_in_sight():

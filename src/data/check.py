@@ -6,17 +6,7 @@ from pathlib import Path
 
 import torch
 
-from ..geometry import (
-    camera_from_occ,
-    euler_from_rotation,
-    in_image,
-    inverse,
-    occ_from_body,
-    pixel_centers,
-    project,
-    transform,
-    unproject,
-)
+from .. import geometry
 from ..ontology import FREE, SKY, UNKNOWN
 from .clip import Clip, damaged_files
 
@@ -42,7 +32,7 @@ def problems_of(clip_folder: Path) -> Iterator[str]:
 
     clip = Clip(clip_folder)
     meta, poses = clip.meta, clip.world_from_body
-    angles = torch.stack(euler_from_rotation(poses[:, :3, :3]), dim=-1)
+    angles = torch.stack(geometry.euler_from_rotation(poses[:, :3, :3]), dim=-1)
     table = torch.tensor(clip.frames[["roll_rad", "pitch_rad", "yaw_rad"]].to_numpy())
     # Angles that differ by a whole turn are equal.
     turn = torch.remainder(angles - table + torch.pi, 2 * torch.pi) - torch.pi
@@ -51,12 +41,12 @@ def problems_of(clip_folder: Path) -> Iterator[str]:
 
     centers = meta.grid.centers(torch.float64)
     for frame, world_from_body in enumerate(poses):
-        chain = camera_from_occ(world_from_body, meta.body_from_camera)
+        chain = geometry.camera_from_occ(world_from_body, meta.body_from_camera)
         # App. A.3 supervises only voxels whose center projects into the image. A wrong attitude
         # in the projection chain leaves some outside.
         labelled = torch.from_numpy(clip.semantics(frame) != UNKNOWN)
-        pix, depth_m = project(centers[labelled], chain, meta.pix_from_camera)
-        if outside := int((~in_image(pix, depth_m, meta.width, meta.height)).sum()):
+        pix, depth_m = geometry.project(centers[labelled], chain, meta.pix_from_camera)
+        if outside := int((~geometry.in_image(pix, depth_m, meta.width, meta.height)).sum()):
             yield f"{clip.folder}: frame {frame}: {outside} voxels outside the image carry labels"
 
 
@@ -69,19 +59,21 @@ def agreement_of(clip: Clip, frame: int) -> Counter:
     meta = clip.meta
     depth_m, class_id = (torch.from_numpy(clip.aux(name, frame)) for name in ("depth", "class"))
     hit = class_id != SKY
-    pix = pixel_centers(meta.width, meta.height)[hit]
-    points_camera = unproject(pix, depth_m[hit].double(), meta.pix_from_camera)
+    pix = geometry.pixel_centers(meta.width, meta.height)[hit]
+    points_camera = geometry.unproject(pix, depth_m[hit].double(), meta.pix_from_camera)
 
     # In the occ frame neither place nor yaw matters, so roll and pitch are enough.
-    tilt = occ_from_body(clip.world_from_body[frame])
-    points_occ = transform(tilt @ meta.body_from_camera, points_camera)
+    tilt = geometry.occ_from_body(clip.world_from_body[frame])
+    points_occ = geometry.transform(tilt @ meta.body_from_camera, points_camera)
     index, inside = meta.grid.index_of(points_occ)
     index, own = index[inside], class_id[hit][inside]
 
     # A voxel is labelled by its center, which may be outside where the point is inside.
     centers = meta.grid.centers(torch.float64)[tuple(index.T)]
-    chain = inverse(meta.body_from_camera) @ inverse(tilt)
-    in_view = in_image(*project(centers, chain, meta.pix_from_camera), meta.width, meta.height)
+    chain = geometry.inverse(meta.body_from_camera) @ geometry.inverse(tilt)
+    in_view = geometry.in_image(
+        *geometry.project(centers, chain, meta.pix_from_camera), meta.width, meta.height
+    )
     voxels, own = tuple(index[in_view].T), own[in_view]
 
     semantics = torch.from_numpy(clip.semantics(frame))

@@ -10,18 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ..geometry import (
-    euler_from_rotation,
-    in_image,
-    inverse,
-    pixel_centers,
-    project,
-    quat_from_euler,
-    rigid,
-    rotation_from_quat,
-    transform,
-    unproject,
-)
+from .. import geometry
 from ..ontology import CAR, FREE, LARGE_VEHICLE, VRU
 from .clip import Clip
 
@@ -44,6 +33,8 @@ MIRRORS = {
 }
 
 Poses = Float[Tensor, "n 4 4"]
+Depths = Float[Tensor, "h w"]
+Marks = Bool[Tensor, "h w"]
 
 
 def shares_that_stay(clip: Clip) -> dict[str, float]:
@@ -97,21 +88,18 @@ def _suspects(
         yield name, _mirrored(poses, signs), one
 
     turned = poses[:, :3, :3].transpose(-1, -2)
-    yield "rotations from the world to the body", rigid(turned, poses[:, :3, 3]), one
+    yield "rotations from the world to the body", geometry.rigid(turned, poses[:, :3, 3]), one
     # Without motion most surfaces stay, too: only where it is too fast for a flight.
     steps_m = poses[:, :3, 3].diff(dim=0).norm(dim=-1)
     if steps_m.median() * capture_hz > TOO_FAST_MPS:
-        yield "centimetres", rigid(poses[:, :3, :3], poses[:, :3, 3] / 100), one
+        yield "centimetres", geometry.rigid(poses[:, :3, :3], poses[:, :3, 3] / 100), one
     for axes in ((1.0, 1.0, 1.0), LEFT_HANDED, NORTH_EAST_DOWN):
         theirs = _mirrored(poses, axes)
-        quat = quat_from_euler(*euler_from_rotation(theirs[:, :3, :3]))
+        quat = geometry.quat_from_euler(*geometry.euler_from_rotation(theirs[:, :3, :3]))
         for shift in (1, -1):
-            rotation = rotation_from_quat(quat.roll(shift, dims=-1))
-            yield (
-                "the order of the quaternion's columns",
-                _mirrored(rigid(rotation, theirs[:, :3, 3]), axes),
-                one,
-            )
+            rotation = geometry.rotation_from_quat(quat.roll(shift, dims=-1))
+            undone = _mirrored(geometry.rigid(rotation, theirs[:, :3, 3]), axes)
+            yield "the order of the quaternion's columns", undone, one
 
 
 def _mirrored(poses: Poses, signs: tuple[float, float, float]) -> Poses:
@@ -119,34 +107,28 @@ def _mirrored(poses: Poses, signs: tuple[float, float, float]) -> Poses:
     return mirror @ poses @ mirror
 
 
-def _staying(
-    clip: Clip,
-    pair: Float[Tensor, "2 4 4"],
-    depth_m: Float[Tensor, "h w"],
-    stands: Bool[Tensor, "h w"],
-    later_m: Float[Tensor, "h w"],
-) -> int:
+def _staying(clip: Clip, pair: Poses, depth_m: Depths, stands: Marks, later_m: Depths) -> int:
     """Counts the standing pixels of a frame whose points the later frame sees where they were."""
     meta = clip.meta
-    pix = pixel_centers(meta.width, meta.height)[stands]
-    points = unproject(pix, depth_m[stands], meta.pix_from_camera)
+    pix = geometry.pixel_centers(meta.width, meta.height)[stands]
+    points = geometry.unproject(pix, depth_m[stands], meta.pix_from_camera)
     world_from_camera = pair @ meta.body_from_camera
-    later_from_first = inverse(world_from_camera[1]) @ world_from_camera[0]
-    seen = transform(later_from_first, points)
+    later_from_first = geometry.inverse(world_from_camera[1]) @ world_from_camera[0]
+    seen = geometry.transform(later_from_first, points)
 
     identity = torch.eye(4, dtype=seen.dtype)
-    there, away_m = project(seen, identity, meta.pix_from_camera)
-    inside = in_image(there, away_m, meta.width, meta.height)
+    there, away_m = geometry.project(seen, identity, meta.pix_from_camera)
+    inside = geometry.in_image(there, away_m, meta.width, meta.height)
     u, v = there[inside].long().unbind(-1)
     off_m = (later_m[v, u] - away_m[inside]).abs()
     return int((off_m <= TOLERANCE * away_m[inside]).sum())
 
 
-def _depth_m(clip: Clip, frame: int) -> Float[Tensor, "h w"]:
+def _depth_m(clip: Clip, frame: int) -> Depths:
     return torch.from_numpy(clip.aux("depth", frame)).double()
 
 
-def _stands(clip: Clip, frame: int) -> Bool[Tensor, "h w"]:
+def _stands(clip: Clip, frame: int) -> Marks:
     """Returns every few pixels of what does not move."""
     class_id = torch.from_numpy(clip.aux("class", frame))
     stands = (class_id < FREE) & ~torch.isin(class_id, MOVING)
@@ -155,11 +137,8 @@ def _stands(clip: Clip, frame: int) -> Bool[Tensor, "h w"]:
     return stands & chosen & torch.isfinite(_depth_m(clip, frame))
 
 
-def _reach(clip: Clip) -> Float[Tensor, "h w"]:
+def _reach(clip: Clip) -> Depths:
     """Returns how much longer than its depth along the axis the ray of each pixel is."""
-    meta = clip.meta
-    pix = pixel_centers(meta.width, meta.height)
-    through = unproject(
-        pix.reshape(-1, 2), torch.ones(pix.shape[:2]).reshape(-1).double(), meta.pix_from_camera
-    )
-    return through.norm(dim=-1).reshape(pix.shape[:2])
+    pix = geometry.pixel_centers(clip.meta.width, clip.meta.height)
+    depth_m = torch.ones_like(pix[..., 0])
+    return geometry.unproject(pix, depth_m, clip.meta.pix_from_camera).norm(dim=-1)

@@ -159,8 +159,7 @@ def _columns(path: Path) -> pd.DataFrame:
         way_out = way_out_of(error, "give a CSV", path)
         raise UserError(f"poses: {path} cannot be read ({reason_of(error)}); {way_out}") from error
     table.columns = [name.strip() for name in table.columns]
-    there = {*table.columns}
-    table = table.rename(columns={a: b for a, b in ALIASES.items() if b not in there})
+    table = table.rename(columns={a: b for a, b in ALIASES.items() if b not in table})
 
     lacks = []
     if "time_s" not in table:

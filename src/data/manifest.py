@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from ..atomic import replacing
-from ..dotted import differences, short
+from ..dotted import differences, replaced, short
 from ..errors import UserError, way_out_of
 from ..provenance import digest_of
 from ..used_code import code_of
@@ -51,7 +51,7 @@ class DatasetSpec:
     def of(cls, scale: str, sim: Mapping) -> "DatasetSpec":
         """Describes what the code at hand would generate."""
         kept = [key for key in sim if key not in NOT_SHAPING and OFF.get(key) != sim[key]]
-        shaping = {key: _plain(sim[key]) for key in kept}
+        shaping = {key: replaced(sim[key], _whole) for key in kept}
         if "weather" in shaping:
             # The values of a weather that no clip has shape nothing.
             values = shaping["weather"].items()
@@ -120,8 +120,7 @@ def read_manifest(root: Path) -> dict:
             f"{path}: not found, so {root} is no finished dataset; run task=generate"
         ) from None
     except (OSError, ValueError, TypeError) as error:
-        again = "run task=generate with the same settings to write it again"
-        way_out = way_out_of(error, again)
+        way_out = way_out_of(error, "run task=generate with the same settings to write it again")
         raise UserError(f"{path}: cannot be read ({error}); {way_out}") from error
 
 
@@ -145,10 +144,6 @@ def require_same_data(root: Path, spec: DatasetSpec) -> None:
         )
 
 
-def _plain(value: object) -> object:
-    """Copies settings, with a whole number always as an integer: 5.0 Hz are 5 Hz."""
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+def _whole(value: object) -> object:
+    """Returns a whole number always as an integer: 5.0 Hz are 5 Hz."""
     return int(value) if isinstance(value, float) and value.is_integer() else value

@@ -63,8 +63,7 @@ def _save_clip(folder: Path, frames: Iterable[PredictedFrame]) -> None:
         number, labels = f"{each.frame:06d}", each.labels.cpu().numpy().astype(np.uint8)
         archives[LABELS][f"semantics_{number}"] = labels
         if each.logits is not None:
-            logits = each.logits.cpu().numpy().astype(np.float16)
-            archives[LOGITS][f"logits_{number}"] = logits
+            archives[LOGITS][f"logits_{number}"] = each.logits.cpu().numpy().astype(np.float16)
         if each.knowledge is not None:
             archives[KNOWLEDGE][f"knowledge_{number}"] = each.knowledge
 

@@ -20,11 +20,10 @@ from .clip import Clip, recorded_sums
 from .files import BROKEN
 
 FOLDER = "parallax"
+Volume = UInt8[Tensor, "bins h w"]
 
 
-def volume_of(
-    parallax: Parallax, clip: Clip, now: int, may_see: Callable[[int], bool]
-) -> UInt8[Tensor, "bins h w"]:
+def volume_of(parallax: Parallax, clip: Clip, now: int, may_see: Callable[[int], bool]) -> Volume:
     """Returns the volume of a frame with the past frames that it may see."""
     past = [now - stride for stride in parallax.strides(clip.meta.capture_hz)]
     seen = [frame for frame in past if may_see(frame)]
@@ -52,9 +51,7 @@ def keep_volumes(parallax: Parallax, clips: Sequence[Clip]) -> None:
         pass
 
 
-def computed_volume(
-    parallax: Parallax, clip: Clip, window: Sequence[int]
-) -> UInt8[Tensor, "bins h w"]:
+def computed_volume(parallax: Parallax, clip: Clip, window: Sequence[int]) -> Volume:
     """Computes the volume of the last frame of a window with the ones before it."""
     images = [torch.from_numpy(clip.image(frame).copy()).permute(2, 0, 1) for frame in window]
     return parallax.volume(

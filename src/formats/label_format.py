@@ -12,6 +12,8 @@ from ..geometry import VoxelGrid
 
 Sample = tuple[str, str]
 Shape = tuple[int, int, int]
+Ids = Integer[np.ndarray, "X Y Z"]
+Marks = Bool[np.ndarray, "X Y Z"]
 
 
 class LabelFormat(ABC):
@@ -29,7 +31,7 @@ class LabelFormat(ABC):
         """Returns the files of labels, or of predictions, below a folder, by scene and token."""
 
     @abstractmethod
-    def read(self, path: Path, grid: VoxelGrid) -> Integer[np.ndarray, "X Y Z"]:
+    def read(self, path: Path, grid: VoxelGrid) -> Ids:
         """Returns the ids of a file. Raises `UserError` where it does not hold such a grid."""
 
 
@@ -52,15 +54,9 @@ class WrittenFormat(LabelFormat):
         """Returns the path of a frame's file, relative to the folder."""
 
     @abstractmethod
-    def read_mask(self, path: Path, name: str, shape: Shape) -> Bool[np.ndarray, "X Y Z"]:
+    def read_mask(self, path: Path, name: str, shape: Shape) -> Marks:
         """Returns one of the ``masks``. Raises `UserError` as `read` does."""
 
     @abstractmethod
-    def write(
-        self,
-        path: Path,
-        ids: Integer[np.ndarray, "X Y Z"],
-        known: Bool[np.ndarray, "X Y Z"],
-        visible: Bool[np.ndarray, "X Y Z"],
-    ) -> None:
+    def write(self, path: Path, ids: Ids, known: Marks, visible: Marks) -> None:
         """Writes a frame: its ids, which voxels have a label, and which the camera sees."""

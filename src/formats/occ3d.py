@@ -4,13 +4,12 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Bool, Integer
 
 from ..data.files import BROKEN, array_of, fault_of, files_below, open_npz
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..ontology import CLASSES
-from .label_format import Sample, Shape, WrittenFormat
+from .label_format import Ids, Marks, Sample, Shape, WrittenFormat
 
 LABELS = "labels.npz"
 
@@ -37,22 +36,16 @@ class Occ3D(WrittenFormat):
             if path.parent != root
         }
 
-    def read(self, path: Path, grid: VoxelGrid) -> Integer[np.ndarray, "X Y Z"]:
+    def read(self, path: Path, grid: VoxelGrid) -> Ids:
         array = self._array(path, "semantics", grid.shape)
         if fault := fault_of(array):
             raise UserError(f"{path}: semantics {fault}")
         return array.astype(np.int64)
 
-    def read_mask(self, path: Path, name: str, shape: Shape) -> Bool[np.ndarray, "X Y Z"]:
+    def read_mask(self, path: Path, name: str, shape: Shape) -> Marks:
         return self._array(path, name, shape).astype(bool)
 
-    def write(
-        self,
-        path: Path,
-        ids: Integer[np.ndarray, "X Y Z"],
-        known: Bool[np.ndarray, "X Y Z"],
-        visible: Bool[np.ndarray, "X Y Z"],
-    ) -> None:
+    def write(self, path: Path, ids: Ids, known: Marks, visible: Marks) -> None:
         masks = {"mask_lidar": known, "mask_camera": known & visible}
         np.savez_compressed(path, semantics=ids.astype(np.uint8), **masks)
 

@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Bool, Integer
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
-from .label_format import Sample, Shape, WrittenFormat
+from .label_format import Ids, Marks, Sample, Shape, WrittenFormat
 
 
 class SemanticKitti(WrittenFormat):
@@ -46,23 +45,17 @@ class SemanticKitti(WrittenFormat):
                 found |= {(scene, name[: -len(".label")]): Path(folder, name) for name in names}
         return dict(sorted(found.items()))
 
-    def read(self, path: Path, grid: VoxelGrid) -> Integer[np.ndarray, "X Y Z"]:
+    def read(self, path: Path, grid: VoxelGrid) -> Ids:
         shape = grid.shape
         return self.from_theirs(self._flat(path, self.dtype, int(np.prod(shape)), shape), shape)
 
-    def read_mask(self, path: Path, name: str, shape: Shape) -> Bool[np.ndarray, "X Y Z"]:
+    def read_mask(self, path: Path, name: str, shape: Shape) -> Marks:
         marked = ~self._bits(path.with_suffix(".invalid"), shape)
         if name == "visible":
             marked &= ~self._bits(path.with_suffix(".occluded"), shape)
         return marked
 
-    def write(
-        self,
-        path: Path,
-        ids: Integer[np.ndarray, "X Y Z"],
-        known: Bool[np.ndarray, "X Y Z"],
-        visible: Bool[np.ndarray, "X Y Z"],
-    ) -> None:
+    def write(self, path: Path, ids: Ids, known: Marks, visible: Marks) -> None:
         path.write_bytes(self.to_theirs(ids).astype(self.dtype).tobytes())
         for suffix, bits in ((".invalid", ~known), (".occluded", ~visible)):
             # The first voxel is the highest bit of the first byte.
@@ -76,7 +69,7 @@ class SemanticKitti(WrittenFormat):
         """Returns an array [X, Y, Z] of what a file holds."""
         return flat.reshape(shape)
 
-    def _bits(self, path: Path, shape: Shape) -> Bool[np.ndarray, "X Y Z"]:
+    def _bits(self, path: Path, shape: Shape) -> Marks:
         voxels = int(np.prod(shape))
         packed = self._flat(path, np.dtype(np.uint8), -(-voxels // 8), shape)
         return self.from_theirs(np.unpackbits(packed)[:voxels].astype(bool), shape)

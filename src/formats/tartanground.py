@@ -3,12 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Integer
 
 from ..data.files import BROKEN, array_of, fault_of, files_below, open_npz
 from ..errors import UserError
 from ..geometry import VoxelGrid
-from .label_format import LabelFormat, Sample
+from .label_format import Ids, LabelFormat, Sample
 
 START = "semantic_occupancy_"
 
@@ -30,7 +29,7 @@ class TartanGround(LabelFormat):
             for path in files_below(root, f"{START}*.npz")
         }
 
-    def read(self, path: Path, grid: VoxelGrid) -> Integer[np.ndarray, "X Y Z"]:
+    def read(self, path: Path, grid: VoxelGrid) -> Ids:
         try:
             with open_npz(path) as archive:
                 ids = array_of(archive, "occupancy_map")
@@ -45,7 +44,9 @@ class TartanGround(LabelFormat):
                 f"{path}: occupancy_map is {list(ids.shape)}, which is a plane more than its grid "
                 f"each way, and layout.grid.shape is {list(grid.shape)}; state it as it is"
             )
-        stated_m = _bounds_of(grid)
+        # In their order and axes.
+        (x, y, z), (x_end, y_end, z_end) = grid.lower_m, grid.upper_m
+        stated_m = [x, x_end, -y_end, -y, -z_end, -z]
         if bounds_m.shape != (6,) or not np.allclose(
             [*bounds_m, voxel_m], [*stated_m, grid.voxel_m]
         ):
@@ -54,9 +55,3 @@ class TartanGround(LabelFormat):
                 f"m, and those of layout.grid {stated_m} of {grid.voxel_m}; state it as it is"
             )
         return ids[:-1, -2::-1, -2::-1].astype(np.int64)
-
-
-def _bounds_of(grid: VoxelGrid) -> list[float]:
-    """Returns the bounds of a grid in their order and axes."""
-    (x, y, z), (x_end, y_end, z_end) = grid.lower_m, grid.upper_m
-    return [x, x_end, -y_end, -y, -z_end, -z]

@@ -11,6 +11,7 @@ from hydra.utils import instantiate
 from ..errors import UserError
 from ..geometry import VoxelGrid
 from ..sim.traffic import TrafficConfig
+from ..sim.weather import Weather
 from .airframe import States
 from .belief import Fusion
 from .camera import FlightCamera
@@ -18,7 +19,7 @@ from .flight import Rules, Watch, fly
 from .mission import Mission
 from .outcome import Row, row_of
 from .perception import Truth
-from .stage import Stage
+from .stage import GRID_REACH_M, Stage
 from .twin import Twin
 
 W = TypeVar("W", bound=Watch | None)
@@ -70,6 +71,8 @@ class Campaign:
         # Traffic is not told where the UAV flies: nobody is left out who comes near it.
         self.traffic = TrafficConfig(**{**sim["traffic"], "uav_gap_m": 0.0})
         self.missions = instantiate(config["mission"])
+        for weather in self.missions.weathers:
+            Weather.of(sim, weather)  # for its refusals
         self.planner = instantiate(config["planner"])
         self.fusion = Fusion(**task.get("fusion", {}))
         # Missions are the same for every threshold, and however a UAV flies on what it knows.
@@ -77,6 +80,13 @@ class Campaign:
         self.chooser = instantiate(config["planner"], **same)
 
         self.perception = instantiate(config["perception"], _partial_=True)(grid=self.grid)
+        step_s, past = config["data"]["history_step_s"], config["data"].get("parallax")
+        is_late = 1 / self.rules.plan_hz > step_s + 1e-9 and (past or config["data"]["frames"] > 1)
+        if self.perception.wants_image and is_late:
+            raise UserError(
+                f"task.rules.plan_hz: {self.rules.plan_hz}; the network's past frames are "
+                f"data.history_step_s={step_s} s apart, so none would be kept"
+            )
         self._truth = Truth("truth", self.grid, in_sight=False)
         self.pilot = self._truth if task["looks_on"] else self.perception
         parts = {"airframe": instantiate(config["airframe"]), "camera": FlightCamera(sim)}
@@ -140,7 +150,9 @@ class Campaign:
 
     def _stage(self, mission: Mission, draws: bool) -> Stage:
         seconds = self.rules.late_s + 1
-        made_of = mission, self.traffic, self.planner.cruise_mps, seconds, draws
+        corner_m = np.abs([self.grid.lower_m, self.grid.upper_m]).max(axis=0)
+        reach_m = max(GRID_REACH_M, float(np.linalg.norm(corner_m)))
+        made_of = mission, self.traffic, self.planner.cruise_mps, seconds, draws, reach_m
         # Perceptions take turns on a mission, and its scene takes longer than a flight.
         global _latest
         if _latest is None or _latest[0] != made_of:

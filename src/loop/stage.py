@@ -15,7 +15,7 @@ from .obstacles import Obstacles
 from .true_occupancy import TrueOccupancy
 from .vectors import Points, Vector
 
-# So far from its way a UAV is expected, and the grid reaches beyond that.
+# So far from its way a UAV is expected, and its grid reaches beyond that, so far at least.
 MARGIN_M = np.array([15.0, 15.0, 15.0])
 GRID_REACH_M = 30.0
 # With which a UAV that sees nothing sets out, in m/s2.
@@ -24,11 +24,13 @@ SETS_OUT_MPS2 = 2.0
 
 @dataclass(frozen=True)
 class Stage:
-    """A mission with its scene, which lasts ``seconds``."""
+    """A mission with its scene, which lasts ``seconds``; its truth is known ``reach_m`` from where
+    a UAV is expected."""
 
     mission: Mission
     scene: Scene
     seconds: float
+    reach_m: float = GRID_REACH_M
 
     @classmethod
     def of(
@@ -38,6 +40,7 @@ class Stage:
         cruise_mps: float,
         seconds: float,
         draws: bool,
+        reach_m: float = GRID_REACH_M,
     ) -> "Stage":
         """Builds the scene, as far as one looks where it ``draws``, else as far as one flies.
 
@@ -47,9 +50,9 @@ class Stage:
         place = mission.place
         actors = simulate_traffic(place.town, mission.rng("traffic"), traffic, blind_m)
         # The corners of the space that is known lie within it, so a picture changes no truth.
-        radius_m = DRAWN_RADIUS_M if draws else math.hypot(*(MARGIN_M + GRID_REACH_M)[:2])
+        radius_m = DRAWN_RADIUS_M if draws else math.hypot(*(MARGIN_M + reach_m)[:2])
         parts = static_parts(place.pieces, blind_m[::STEP_HZ, :2], radius_m)
-        return cls(mission, Scene(parts, actors), seconds)
+        return cls(mission, Scene(parts, actors), seconds, reach_m)
 
     @cached_property
     def obstacles(self) -> Obstacles:
@@ -57,7 +60,7 @@ class Stage:
 
     @cached_property
     def truth(self) -> TrueOccupancy:
-        return TrueOccupancy(self.scene, *self._corners(MARGIN_M + GRID_REACH_M))
+        return TrueOccupancy(self.scene, *self._corners(MARGIN_M + self.reach_m))
 
     def blind_hits(self, cruise_mps: float, radius_m: float) -> bool:
         """Tests the straight way of a body for collisions."""

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int64, UInt8
+from jaxtyping import Int64
 from torch import Tensor
 
 from ..geometry import VoxelGrid
@@ -76,9 +76,7 @@ class ObjectMiss(VoxelMetric):
         of_classes = self.of_classes("object_miss_rate", missed / every, without=none)
         return {"object_miss_rate": missed.sum(-1) / every.sum(-1), **of_classes}
 
-    def _frame(
-        self, codes: UInt8[Tensor, "X Y Z"], velocity_mps: Float[Tensor, "3"]
-    ) -> Int64[Tensor, "c 2"]:
+    def _frame(self, codes: F.Codes, velocity_mps: F.Vector) -> Int64[Tensor, "c 2"]:
         # Only here: importing the compiler takes a second.
         from .functional.kernels import count_objects
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int64, UInt8
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 from ..errors import UserError
@@ -123,8 +123,8 @@ class OccupiedCalibration(VoxelMetric):
     def _frame(
         self,
         occupied: Float[Tensor, "X Y Z"],
-        codes: UInt8[Tensor, "X Y Z"],
-        velocity_mps: Float[Tensor, "3"],
+        codes: F.Codes,
+        velocity_mps: F.Vector,
         speed_mps: float,
     ) -> NamedCounts:
         level = level_of(occupied)

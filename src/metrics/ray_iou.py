@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import torch
-from jaxtyping import Float, Int64, UInt8
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 from ..errors import UserError
@@ -91,12 +91,7 @@ class RayIoU(VoxelMetric):
         scores["ray_phantom_rate"] = clear[..., PHANTOM] / clear[..., CLEAR]
         return scores
 
-    def _frame(
-        self,
-        codes: UInt8[Tensor, "X Y Z"],
-        origin_m: Float[Tensor, "3"],
-        directions: Float[Tensor, "n 3"],
-    ) -> NamedCounts:
+    def _frame(self, codes: F.Codes, origin_m: F.Vector, directions: F.Rays) -> NamedCounts:
         first_met = F.first_met(codes, origin_m, directions, self.grid, self.free_index)
         classes, distances_m = map(torch.from_numpy, first_met)
         solid = distances_m[1] < torch.inf

@@ -3,7 +3,7 @@
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, Int, Int64, UInt8
+from jaxtyping import Bool, Int, Int64, UInt8
 from torch import Tensor
 from torch.nn.functional import max_pool3d
 
@@ -119,9 +119,7 @@ class SafetyScores(ConfusionMetric):
         outside = self.penalty.ttc_s(self.shell_m, speed_mps) > self.penalty.horizon_s
         return outside.to(visible.device, torch.int32).index_select(0, self.shell)
 
-    def _tube(
-        self, codes: UInt8[Tensor, "X Y Z"], velocity: Float[Tensor, "3"]
-    ) -> Int64[Tensor, "2 2"]:
+    def _tube(self, codes: F.Codes, velocity: F.Vector) -> Int64[Tensor, "2 2"]:
         box, inside = swept_tube(self.grid, velocity, self.tube_s, self.tube_radius_m)
         in_tube = codes[box][inside.to(codes.device)]
         counted = in_tube[in_tube != UNCOUNTED]
@@ -147,7 +145,7 @@ def _outcomes(tube: Int64[Tensor, "b 2 2"]) -> Int64[Tensor, "b 4"]:
 
 
 def swept_tube(
-    grid: VoxelGrid, velocity_mps: Float[Tensor, "3"], seconds: float, radius_m: float
+    grid: VoxelGrid, velocity_mps: F.Vector, seconds: float, radius_m: float
 ) -> tuple[tuple[slice, ...], Bool[Tensor, "x y z"]]:
     """Returns the voxels whose center is within a radius of the path of the next seconds.
 

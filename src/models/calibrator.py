@@ -1,7 +1,7 @@
 """Calibrated logits: scaled and shifted so that a probability is a frequency on validation."""
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, get_args
 
 import torch
 from jaxtyping import Float, Int64
@@ -10,6 +10,7 @@ from torch.nn.functional import cross_entropy
 
 from ..errors import UserError
 from ..geometry import VoxelGrid
+from ..limits import require_choice
 from ..ontology import NUM_CLASSES
 from .tensors import Logits, Scalar
 
@@ -51,6 +52,7 @@ class Calibrator(nn.Module):
 
 def shares_of(kind: Kind, distance_m: Float[Tensor, "*n"]) -> Float[Tensor, "*n knots"]:
     """Returns how much each distance of the numbers counts at a distance from the UAV."""
+    require_choice("calibration.kind", kind, get_args(Kind))
     if kind != "distance":
         return torch.ones_like(distance_m)[..., None]
     knots_m = torch.tensor(KNOTS_M, dtype=distance_m.dtype)

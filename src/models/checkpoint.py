@@ -14,6 +14,7 @@ from omegaconf import OmegaConf
 from torch import Tensor, nn
 
 from ..atomic import replacing
+from ..dotted import replaced
 from ..errors import UserError, reason_of, way_out_of
 from ..geometry import VoxelGrid
 from .calibrator import Calibrator
@@ -109,7 +110,7 @@ class Checkpoint:
         model = {**model, "backbone": {**model["backbone"], **self.origin.backbone}}
 
         try:
-            network = instantiate(OmegaConf.create(_of_this_package(model)))
+            network = instantiate(OmegaConf.create(replaced(model, _of_this_package)))
         except InstantiationException as error:
             reason = " ".join(str(error.__cause__ or error).split())
             raise UserError(
@@ -124,15 +125,11 @@ class Checkpoint:
         return network.eval()
 
 
-def _of_this_package(model: Any) -> Any:
-    """Returns a model's configuration with the classes of ``src`` under the name that this package
-    has here: other projects import it as ``skyshield``, and may have a ``src`` of their own."""
-    if isinstance(model, Mapping):
-        return {key: _of_this_package(value) for key, value in model.items()}
-    if isinstance(model, list):
-        return [_of_this_package(value) for value in model]
+def _of_this_package(name: Any) -> Any:
+    """Returns the name of a class of ``src`` as this package has it here: other projects import it
+    as ``skyshield``, and may have a ``src`` of their own."""
     own = __name__.partition(".")[0]
-    return f"{own}.{model[4:]}" if isinstance(model, str) and model.startswith("src.") else model
+    return f"{own}.{name[4:]}" if isinstance(name, str) and name.startswith("src.") else name
 
 
 def read_content(path: Path) -> dict[str, Any]:

@@ -229,10 +229,7 @@ class SkyOcc(nn.Module):
         return fused if self.history == "recursive" else frame.pillars
 
     def decode(
-        self,
-        pillars: Pillars,
-        batch: Mapping[str, Tensor],
-        evidence: VoxelEvidence | None = None,
+        self, pillars: Pillars, batch: Mapping[str, Tensor], evidence: VoxelEvidence | None = None
     ) -> Logits:
         """Returns the logits of the current frame, from its pillars and measurements of the UAV."""
         if not self.metadata_first and (told := self._told(batch)) is not None:

@@ -116,9 +116,7 @@ class SightHead(nn.Module):
 
         self.ray = nn.Conv2d(4, dim, 1)
         self.layers = nn.Sequential(
-            nn.Conv2d(dim, dim, 3, padding=1),
-            nn.ReLU(),
-            nn.Conv2d(dim, NUM_CLASSES + bins + 2, 1),
+            nn.Conv2d(dim, dim, 3, padding=1), nn.ReLU(), nn.Conv2d(dim, NUM_CLASSES + bins + 2, 1)
         )
         if parallax is not None:
             self.volume = nn.Conv2d(bins, dim, 3, padding=1)

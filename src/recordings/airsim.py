@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
-from ..data.pictures import read_array, read_channels, read_rgb, require_depth, size_of
+from ..data.pictures import read_array, read_channels, require_depth, size_of
 from ..errors import UserError
 from ..geometry import front_mount, pinhole
 from .classes import ClassTable
 from .flight import Camera, RecordedFlight, poses_from
-from .plain import along_axis, folders_with, read_table
+from .plain import FlightOfFiles, along_axis, folders_with, read_table
 
 TABLE, PALETTE = "airsim_rec.txt", "seg_rgbs.txt"
 PLACE = ["POS_X", "POS_Y", "POS_Z"]
@@ -28,15 +28,10 @@ SKY_M = 1000.0
 
 
 @dataclass
-class AirSimFlight(RecordedFlight):
+class AirSimFlight(FlightOfFiles):
     """A recording. ``files`` are its images by kind; ``ids`` the class id of a packed color."""
 
-    files: dict[str, list[Path]]
-    classes: ClassTable
     ids: dict[int, int]
-
-    def image(self, frame: int) -> UInt8[np.ndarray, "h w 3"]:
-        return read_rgb(self.files["rgb"][frame], self.camera.size_pix)
 
     def depth_m(self, frame: int) -> Float[np.ndarray, "h w"]:
         by_ray = "range" in self.files
@@ -47,9 +42,6 @@ class AirSimFlight(RecordedFlight):
         far = (depth_m >= SKY_M) | self._classes(frame)[1]
         depth_m = along_axis(depth_m, self.camera) if by_ray else depth_m
         return np.where(far, np.float32(np.inf), depth_m)
-
-    def class_id(self, frame: int) -> UInt8[np.ndarray, "h w"]:
-        return self._classes(frame)[0]
 
     def _classes(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
         path = self.files["class"][frame]
@@ -98,8 +90,7 @@ class AirSimLayout:
         # Milliseconds.
         time_s = table["TimeStamp"].to_numpy(np.float64) / 1000
         own = folder.name, folder, time_s, poses, camera
-        ids = _palette(folder)
-        return AirSimFlight(*own, files, ClassTable(self.classes), ids)
+        return AirSimFlight(*own, files, ClassTable(self.classes), _palette(folder))
 
 
 def _files(path: Path, rows: list[str]) -> dict[str, list[Path]]:

@@ -14,24 +14,17 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
-from ..data.pictures import files_of, read_channels, read_rgb, require_depth, size_of
+from ..data.pictures import files_of, read_channels, require_depth, size_of
 from ..errors import UserError, reason_of
 from ..geometry import front_mount, pinhole, rigid, rotation_from_euler, transform
 from ..ontology import ACTOR_TYPES, UNKNOWN
 from ..sim.scene import ScanHits
 from ..sim.sensors import Scan
 from .classes import ClassTable
-from .flight import (
-    LEFT_HANDED,
-    ActorTrack,
-    Camera,
-    RecordedFlight,
-    require_frames,
-    require_places,
-)
-from .plain import folders_with
+from .flight import LEFT_HANDED, ActorTrack, Camera, RecordedFlight, require_frames, require_places
+from .plain import FlightOfFiles, folders_with
 
 FRAMES = "frames.json"
 # What the three bytes of a depth image reach.
@@ -48,15 +41,10 @@ POINT = np.dtype(
 
 
 @dataclass
-class CarlaFlight(RecordedFlight):
+class CarlaFlight(FlightOfFiles):
     """A flight of the layout. ``files`` are its images, by folder; ``lidar`` its poses."""
 
-    files: dict[str, list[Path]]
-    classes: ClassTable
     world_from_lidar: Sequence[np.ndarray]
-
-    def image(self, frame: int) -> UInt8[np.ndarray, "h w 3"]:
-        return read_rgb(self.files["rgb"][frame], self.camera.size_pix)
 
     def depth_m(self, frame: int) -> Float[np.ndarray, "h w"]:
         path = self.files["depth"][frame]
@@ -66,9 +54,6 @@ class CarlaFlight(RecordedFlight):
         depth_m = (red + 256 * green + 65536 * blue) / (2**24 - 1) * FAR_M
         far = (depth_m >= SKY_M) | self._classes(frame)[1]
         return np.where(far, np.inf, require_depth(path, depth_m)).astype(np.float32)
-
-    def class_id(self, frame: int) -> UInt8[np.ndarray, "h w"]:
-        return self._classes(frame)[0]
 
     def scans(self, frame: int) -> list[Scan]:
         if "lidar" not in self.files:
@@ -105,8 +90,7 @@ class CarlaLayout:
 
     def flights(self, folder: Path) -> list[RecordedFlight]:
         """Returns the flights of a folder. Raises `UserError` where there is none."""
-        table = ClassTable(self.classes)
-        return [_flight(each, table) for each in folders_with(folder, FRAMES)]
+        return [_flight(each, ClassTable(self.classes)) for each in folders_with(folder, FRAMES)]
 
 
 def _flight(folder: Path, table: ClassTable) -> CarlaFlight:

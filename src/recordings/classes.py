@@ -109,8 +109,7 @@ def _is_in(word: str, name: str) -> bool:
     A long word may also be a part of another one, as grass of Grassland, and one of four letters
     its end, as wall of brickwall: but no car is in Carpet, and no sky in Whisky.
     """
-    parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)
-    of_name = {part.lower() for part in parts}
+    of_name = {part.lower() for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)}
     part = word in name.lower() if len(word) >= LONG else _ends(word, of_name)
     return part or bool({word, f"{word}s"} & of_name)
 

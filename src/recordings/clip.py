@@ -150,8 +150,7 @@ class RecordedClip:
         chosen = np.isfinite(hits.distance_m) & np.isin(hits.class_id, MOVING) & (not self.static)
         if chosen.any():
             actor_id[chosen] = self._inside(frame, moved.points_m(chosen), hits.class_id[chosen])
-        assigned = ScanHits(hits.distance_m, hits.class_id, actor_id)
-        return Scan(origin_m, scan.directions, assigned)
+        return Scan(origin_m, scan.directions, ScanHits(hits.distance_m, hits.class_id, actor_id))
 
     def _inside(
         self, frame: int, points_m: Float[np.ndarray, "k 3"], class_id: UInt8[np.ndarray, "k"]
@@ -219,8 +218,7 @@ def _actor_of(track: ActorTrack, frames: slice, clip: RecordedClip) -> SceneActo
     position_m[:, 2] -= clip.ground_m
     steps = np.arange(len(there))
     for axis in range(3):
-        filled = np.interp(steps, steps[there], position_m[there, axis])
-        position_m[:, axis] = filled
+        position_m[:, axis] = np.interp(steps, steps[there], position_m[there, axis])
     velocity_mps = np.gradient(position_m, 1 / clip.capture_hz, axis=0)
     position_m[~there] = (0.0, 0.0, -1e4)
     yaw_rad[~there] = 0.0

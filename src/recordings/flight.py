@@ -89,10 +89,7 @@ class RecordedFlight(ABC):
 
 
 def poses_from(
-    path: Path,
-    position_m: Float[np.ndarray, "n 3"],
-    quat_xyzw: Float[np.ndarray, "n 4"],
-    axes: str,
+    path: Path, position_m: Float[np.ndarray, "n 3"], quat_xyzw: Float[np.ndarray, "n 4"], axes: str
 ) -> Float[Tensor, "n 4 4"]:
     """Returns ``world_from_body`` of recorded places and attitudes, in our frames.
 

@@ -34,15 +34,24 @@ DEPTHS = ("axis", "ray")
 
 
 @dataclass
-class PlainFlight(RecordedFlight):
-    """A flight of the layout. ``files`` are its images, by folder."""
+class FlightOfFiles(RecordedFlight):
+    """A flight whose images are files, by kind, and whose layout tells a frame's ``_classes``."""
 
     files: dict[str, list[Path]]
     classes: ClassTable
-    depth: str = "axis"
 
     def image(self, frame: int) -> UInt8[np.ndarray, "h w 3"]:
         return read_rgb(self.files["rgb"][frame], self.camera.size_pix)
+
+    def class_id(self, frame: int) -> UInt8[np.ndarray, "h w"]:
+        return self._classes(frame)[0]
+
+
+@dataclass
+class PlainFlight(FlightOfFiles):
+    """A flight of the layout. ``files`` are its images, by folder."""
+
+    depth: str = "axis"
 
     def depth_m(self, frame: int) -> Float[np.ndarray, "h w"]:
         path = self.files["depth"][frame]
@@ -50,9 +59,6 @@ class PlainFlight(RecordedFlight):
         if self.depth == "ray":
             depth_m = along_axis(depth_m, self.camera)
         return np.where(self._classes(frame)[1], np.float32(np.inf), depth_m)
-
-    def class_id(self, frame: int) -> UInt8[np.ndarray, "h w"]:
-        return self._classes(frame)[0]
 
     def actor_id(self, frame: int) -> Int[np.ndarray, "h w"] | None:
         paths = self.files.get("instance")

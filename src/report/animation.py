@@ -65,8 +65,7 @@ def draw_scenes(
 
     titles = titles or ["Front camera"] * len(scenes)
     pictures = [_page(scene, title, view) for scene, title in zip(scenes, titles)]
-    encode = partial(_gif, durations_ms=durations_ms)
-    write_light(pictures, path, encode, max_bytes or MAX_BYTES)
+    write_light(pictures, path, partial(_gif, durations_ms=durations_ms), max_bytes or MAX_BYTES)
 
 
 def _page(scene: VoxelScene, title: str, view: PlaceM) -> Image.Image:

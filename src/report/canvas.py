@@ -26,6 +26,7 @@ QUALITY = 85
 # Of pictures in rows: the white between them, and the height and the letters of their titles.
 GAP_PIX, TITLE_PIX, TITLE_SIZE = 8, 32, 13
 
+Pictures = list[Image.Image]
 Pixels = UInt8[np.ndarray, "h w 3"]
 
 
@@ -151,10 +152,7 @@ def write_picture(image: Image.Image, path: str | Path, max_bytes: int | None = 
 
 
 def write_light(
-    pictures: list[Image.Image],
-    path: str | Path,
-    encode: Callable[[list[Image.Image]], bytes],
-    max_bytes: int,
+    pictures: Pictures, path: str | Path, encode: Callable[[Pictures], bytes], max_bytes: int
 ) -> None:
     """Writes pictures of one size as one file, and smaller ones where that is too heavy."""
     content = encode(pictures)

@@ -99,8 +99,7 @@ class Film:
 def _with_plan(image: Pixels, plan: Plan, world_from_occ_: np.ndarray, camera: Frustum) -> Pixels:
     """Returns the image with the places of the plan as dots."""
     places_m = plan.at(np.linspace(0.1, 1.0, DOTS) * plan.duration_s)[:, :3]
-    points_occ = torch.from_numpy(transform(inverse(world_from_occ_), places_m))
-    pix, depth_m = camera.project(points_occ)
+    pix, depth_m = camera.project(torch.from_numpy(transform(inverse(world_from_occ_), places_m)))
     picture = Image.fromarray(np.ascontiguousarray(image))
     for (u, v), near_m in zip(pix.tolist(), depth_m.tolist()):
         if near_m > 0.3:

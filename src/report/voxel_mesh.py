@@ -44,16 +44,14 @@ def exposed_faces(
 
     for axis, step in product(range(3), (1, -1)):
         # The empty border keeps the two ends of the axis apart when the array is rolled.
-        is_exposed = padded & ~np.roll(padded, -step, axis)
-        voxels = np.argwhere(is_exposed) - 1
+        voxels = np.argwhere(padded & ~np.roll(padded, -step, axis)) - 1
 
         normal, u, v = np.roll(np.eye(3, dtype=int), axis, axis=1)
         first = normal * (1 + step) // 2
         square = np.stack([first, first + u, first + u + v, first + v])[::step]
         faces.append((voxels + step * normal, voxels[:, None] + square))
 
-    neighbors, corners = map(np.concatenate, zip(*faces))
-    return neighbors, corners
+    return tuple(map(np.concatenate, zip(*faces)))
 
 
 def voxel_meshes(labels: Labels, grid: VoxelGrid) -> list[go.Mesh3d]:

@@ -155,11 +155,7 @@ def labels_in_image(image: Pixels, labels: Labels, grid: VoxelGrid, camera: Frus
 
 
 def _shade(
-    labels: Labels,
-    grid: VoxelGrid,
-    hits: PixelHits,
-    focal_pix: float,
-    observer_m: float,
+    labels: Labels, grid: VoxelGrid, hits: PixelHits, focal_pix: float, observer_m: float
 ) -> UInt8[np.ndarray, "n 3"]:
     """Color of every ray: class color x light x edge, fading with distance; white for a miss."""
     rgb = np.full((len(hits.voxel), 3), 255.0, dtype=np.float32)

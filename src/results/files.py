@@ -20,11 +20,7 @@ from .counts import Counts, Parts
 
 MEANS = ("miou", "miou_occupied", "kar_miou")
 # Scores are shares in [0, 1], NaN where a class never occurs.
-SCORES = (
-    *MEANS,
-    *(f"iou/{name}" for name in CLASSES),
-    *(f"kar_iou/{name}" for name in CLASSES),
-)
+SCORES = (*MEANS, *(f"iou/{name}" for name in CLASSES), *(f"kar_iou/{name}" for name in CLASSES))
 NUMBERS = {"seed": int, "parameters": int, **dict.fromkeys((*SCORES, "seconds"), float)}
 
 # ``protocol`` names a file beside the table: what was counted, and how. ``precision`` is what the

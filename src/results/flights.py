@@ -1,7 +1,11 @@
 """Scores of flights: how often they end well, and what a perception costs beyond the camera's."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import product
+from lzma import LZMAError
+from pathlib import Path
+from tarfile import TarError
 
 import numpy as np
 import pandas as pd
@@ -10,6 +14,7 @@ from jaxtyping import Float
 from pandas.api.types import is_numeric_dtype
 from torch import Generator, Tensor
 
+from ..data.files import BROKEN
 from ..errors import UserError
 from ..run_folder import UNKNOWN_RECIPE
 from .bootstrap import interval_of, resamplings, seed_resamplings
@@ -32,21 +37,28 @@ SCORES = {
     "phantom_stops_per_min": ("phantom_stops", "minutes"),
     "jerk2": ("jerk2_path", "path_m"),
 }
+TERMS = sorted({term for terms in SCORES.values() for term in terms})
+OUTCOMES = ("arrived", "collided", "stuck", "late")
+FAULTS = ("missed", "planned_into", "ran_into_us")
+# Other columns of a flight.
+NUMBERS = ("time_s", "path_m", "truth_s", "clearance_m", "jerk2", "regret_m")
+NUMBERS += ("plans", "unsafe_plans", "phantom_stops")
 # Differences from the reference, of all flights and of those that both completed.
 EXCESS = ("collisions", "stuck", "near", "phantom_stops_per_min")
 EXCESS_BOTH = ("speed_mps", "jerk2")
 # Nearer than this, from the body's center, is a near miss.
 NEAR_M = 0.5
 ALL = "all"
+# Tables of flights: of perceptions, by the seed of their training; and of two, pair by pair.
+Flights = Mapping[str, Mapping[str, pd.DataFrame]]
+Pairs = list[tuple[pd.DataFrame, pd.DataFrame]]
+Sums = Float[Tensor, "n terms"]
 # What task=fly leaves in a folder.
 FLIGHTS = "flights.csv"
 
 
 def flight_scores(
-    flights: Mapping[str, Mapping[str, pd.DataFrame]],
-    reference: str | None,
-    resamples: int,
-    generator: Generator,
+    flights: Flights, reference: str | None, resamples: int, generator: Generator
 ) -> pd.DataFrame:
     """Returns the scores of perceptions that flew the same missions, by stratum and over all.
 
@@ -55,13 +67,14 @@ def flight_scores(
     perceptions. ``excess_*`` are differences from the ``reference``, paired by flight and, where it
     has several, by seed: what is lost beyond what the camera's view and the planner lose;
     ``speed_mps`` and ``jerk2`` only over flights on which both arrived. ``p`` of a difference is
-    twice the share of resamples in which it is none or has the other sign, and ``p_holm`` the same
-    for all perceptions together, by Holm's rule.
+    the share of random exchanges in which it is as large: the two perceptions change places on
+    some maps. ``p_holm`` is the same for all perceptions together, by Holm's rule. A single map
+    has no interval.
     ``success_by_time`` weighs success by the time that a UAV needs that knows the truth, as a share
     of the time taken.
 
-    Raises `UserError` for perceptions that flew other missions, and for other seeds than the
-    reference's, where both have several.
+    Raises `UserError` for perceptions that flew other missions or one twice, and for other seeds
+    than the reference's, where both have several.
     """
     tables = [(name, table) for name, of_seeds in flights.items() for table in of_seeds.values()]
     require_same_flights(tables)
@@ -76,8 +89,24 @@ def flight_scores(
 
     table = pd.DataFrame(rows)
     if "p" in table:
-        by_family = table.groupby(["stratum", "score"])["p"]
-        table["p_holm"] = by_family.transform(holm)
+        table["p_holm"] = table.groupby(["stratum", "score"])["p"].transform(holm)
+    return table
+
+
+def read_flights(path: Path) -> pd.DataFrame:
+    """Reads flights of `task=fly`. Raises `UserError` for a file that is no such table."""
+    try:
+        table = pd.read_csv(path, keep_default_na=False)
+        numbers = table[[*NUMBERS]].astype(float)
+        sound = np.isfinite(numbers).all(axis=1) & (numbers["time_s"] > 0)
+        sound &= table["outcome"].isin(OUTCOMES) & table["fault"].isin([*FAULTS, ""])
+        if table.empty or not sound.all():
+            raise ValueError(f"row {int(sound.argmin()) + 1}" if len(table) else "no row")
+    except (*BROKEN, LZMAError, TarError) as error:
+        raise UserError(
+            f"{path} is no table of flights ({' '.join(str(error).split())}); give a folder of "
+            f"task=fly, or unpack an archive: python -m tarfile -e {path} FOLDER"
+        ) from error
     return table
 
 
@@ -89,7 +118,7 @@ def holm(p_values: pd.Series) -> pd.Series:
 
 
 def _of_stratum(
-    flights: Mapping[str, Mapping[str, pd.DataFrame]],
+    flights: Flights,
     stratum: str,
     reference: str | None,
     resamples: int,
@@ -103,6 +132,9 @@ def _of_stratum(
         n: torch.cat([torch.ones(1, n), seed_resamplings(n, resamples, generator)]) / n
         for n in sorted(set(map(len, flights.values())))
     }
+    # Exchanges have a generator of their own, so that they move no interval.
+    chance = Generator().manual_seed(generator.initial_seed())
+    exchanges = torch.randint(2, (resamples, maps), generator=chance).double()
 
     rows = []
     for name, of_seeds in flights.items():
@@ -110,14 +142,18 @@ def _of_stratum(
         key |= {"seeds": len(of_seeds), "flights": len(some)}
         samples = [samples_of(each, weights) for each in of_seeds.values()]
         values = {score: [each[score] for each in samples] for score in SCORES}
+        exchanged: dict[str, list[Tensor]] = {}
         if reference in flights and name != reference:
-            values |= _excess(_paired(name, reference, flights), weights)
+            pairs = _paired(name, reference, flights)
+            values |= _excess(pairs, lambda one, other: (weights @ one, weights @ other))
+            exchanged = _excess(pairs, lambda one, other: _exchanged(one, other, exchanges))
 
         for score, of_score in values.items():
             sample = (torch.stack(of_score, dim=1) * shares[len(of_score)]).sum(1)
-            rows.append({**key, "score": score, **interval_of(sample)._asdict()})
-            if score not in SCORES:
-                rows[-1]["p"] = p_value(sample)
+            bounds = interval_of(sample if maps > 1 else sample[:1])._asdict()
+            rows.append({**key, "score": score, **bounds})
+            if score in exchanged:
+                rows[-1]["p"] = _p_value(sample[0], torch.stack(exchanged[score]).mean(0))
     return rows
 
 
@@ -127,9 +163,7 @@ def _recipe_of(tables: Iterable[pd.DataFrame]) -> str:
     return ", ".join(dict.fromkeys(recipe or UNKNOWN_RECIPE for recipe in said))
 
 
-def _paired(
-    name: str, reference: str, flights: Mapping[str, Mapping[str, pd.DataFrame]]
-) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
+def _paired(name: str, reference: str, flights: Flights) -> Pairs:
     """Returns the tables of two perceptions, seed by seed; what has no seeds stands beside each."""
     own, others = flights[name], flights[reference]
     if len(own) == 1 or len(others) == 1:
@@ -143,46 +177,63 @@ def _paired(
 
 
 def _excess(
-    pairs: Sequence[tuple[pd.DataFrame, pd.DataFrame]], weights: Float[Tensor, "1+r maps"]
-) -> dict[str, list[Float[Tensor, "1+r"]]]:
-    """Returns the differences of each pair, whole and resampled."""
+    pairs: Pairs, drawn: Callable[[Sums, Sums], tuple[Sums, Sums]]
+) -> dict[str, list[Float[Tensor, "n"]]]:
+    """Returns the differences of each pair, of whatever is drawn of the sums by map of both."""
     found: dict[str, list[Tensor]] = {}
     for pair in pairs:
         for scores, tables in ((EXCESS, pair), (EXCESS_BOTH, _completed_by_both(*pair))):
-            one, other = (samples_of(each, weights) for each in tables)
+            one, other = map(_scores, drawn(*map(_sums, tables)))
             for score in scores:
                 found.setdefault(f"excess_{score}", []).append(one[score] - other[score])
     return found
 
 
-def p_value(sample: Float[Tensor, "1+r"]) -> float:
-    """Returns the p-value of a difference, whole and resampled: that it is none."""
-    drawn = sample[1:][~sample[1:].isnan()]
-    fewer = min(int((drawn <= 0).sum()), int((drawn >= 0).sum()))
-    # One more, as the whole may be one of them: no p-value is 0.
-    return min(2 * (fewer + 1) / (len(drawn) + 1), 1.0)
+def _exchanged(one: Sums, other: Sums, exchanges: Float[Tensor, "r maps"]) -> tuple[Sums, Sums]:
+    """Returns the sums of two perceptions that change places on the maps marked by a one."""
+    turned = exchanges @ (other - one)
+    return one.sum(0) + turned, other.sum(0) - turned
+
+
+def _p_value(difference: Float[Tensor, ""], exchanged: Float[Tensor, "r"]) -> float:
+    """Returns how often chance alone makes a difference that large; NaN for none."""
+    if difference.isnan():
+        return math.nan
+    drawn = exchanged[~exchanged.isnan()].abs()
+    # One more, as what was found may be one of them: no p-value is 0. Sums are rounded.
+    as_large = int((drawn >= difference.abs() * (1 - 1e-9)).sum())
+    return (as_large + 1) / (len(drawn) + 1)
 
 
 def samples_of(
     table: pd.DataFrame, weights: Float[Tensor, "1+r maps"]
 ) -> dict[str, Float[Tensor, "1+r"]]:
     """Returns each score of the flights, whole and resampled."""
-    sums = torch.tensor(_events(table).groupby(table["map"]).sum().to_numpy(float))
-    drawn = dict(zip(_events(table).columns, (weights @ sums).T))
-    return {name: drawn[above] / drawn[below] for name, (above, below) in SCORES.items()}
+    return _scores(weights @ _sums(table))
+
+
+def _sums(table: pd.DataFrame) -> Sums:
+    """Returns the sums of the terms of `_events` by map."""
+    return torch.tensor(_events(table).groupby(table["map"]).sum().to_numpy(float))
+
+
+def _scores(sums: Sums) -> dict[str, Float[Tensor, "n"]]:
+    terms = dict(zip(TERMS, sums.T))
+    return {name: terms[above] / terms[below] for name, (above, below) in SCORES.items()}
 
 
 def _events(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns the terms that each flight adds to the sums of `SCORES`."""
-    outcomes = {name: table["outcome"] == name for name in ("arrived", "collided", "stuck", "late")}
-    faults = {name: table["fault"] == name for name in ("missed", "planned_into", "ran_into_us")}
-    in_time = outcomes["arrived"] * (table["truth_s"] / table["time_s"]).clip(upper=1.0)
-    numbers = {"path_m": table["path_m"], "path_km": table["path_m"] / 1000}
-    numbers |= {"time_s": table["time_s"], "minutes": table["time_s"] / 60, "in_time": in_time}
-    numbers |= {name: table[name] for name in ("plans", "unsafe_plans", "phantom_stops")}
-    numbers |= {"regrets_m": table["regret_m"] * table["plans"], "flights": 1}
-    numbers |= {"jerk2_path": table["jerk2"] * table["path_m"]}
-    return pd.DataFrame({**outcomes, **faults, **numbers, "near": table["clearance_m"] < NEAR_M})
+    """Returns the `TERMS` that each flight adds to the sums of `SCORES`."""
+    terms = {name: table["outcome"] == name for name in OUTCOMES}
+    terms |= {name: table["fault"] == name for name in FAULTS}
+    terms |= {name: table[name] for name in ("path_m", "time_s", "plans")}
+    terms |= {name: table[name] for name in ("unsafe_plans", "phantom_stops")}
+    terms |= {"path_km": table["path_m"] / 1000, "minutes": table["time_s"] / 60, "flights": 1}
+    terms["in_time"] = terms["arrived"] * (table["truth_s"] / table["time_s"]).clip(upper=1.0)
+    terms["regrets_m"] = table["regret_m"] * table["plans"]
+    terms["jerk2_path"] = table["jerk2"] * table["path_m"]
+    terms["near"] = table["clearance_m"] < NEAR_M
+    return pd.DataFrame(terms, columns=TERMS)
 
 
 def _completed_by_both(*tables: pd.DataFrame) -> list[pd.DataFrame]:
@@ -201,7 +252,10 @@ def require_same_flights(flights: Sequence[tuple[str, pd.DataFrame]]) -> None:
     # Names alone do not tell: other code may draw other missions under the same ones.
     identity = ["flight", "stratum", "truth_s"]
     missions = [set(table[identity].itertuples(index=False, name=None)) for _, table in flights]
-    for (name, _), own in zip(flights, missions):
+    for (name, table), own in zip(flights, missions):
+        if (twice := table["flight"].duplicated()).any():
+            flight = table["flight"][twice].iloc[0]
+            raise UserError(f"{name} has flight {flight} twice; leave one row of it")
         if own != missions[0]:
             raise UserError(
                 f"{name} did not fly the missions of {flights[0][0]}; fly them with the same "

@@ -170,8 +170,7 @@ class Resamples:
             for reference, score in product(names, self._scores(experiment)):
                 sample = self.change(experiment, reference, score, other)
                 if sample is not None:
-                    row = self._row(experiment, MEAN, score, sample, reference, condition)
-                    rows.append(row)
+                    rows += [self._row(experiment, MEAN, score, sample, reference, condition)]
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
     def _scores(self, experiment: str) -> list[str]:
@@ -183,8 +182,7 @@ class Resamples:
         self, experiment: str, seed: str, score: str, sample: Tensor, *references: str
     ) -> tuple:
         key = (experiment, seed, self.condition, self.part, score, *(references or ("", "")))
-        named = self.protocols[experiment], self.recipes[experiment]
-        facts = (self.clips, self.frames, *named)
+        facts = self.clips, self.frames, self.protocols[experiment], self.recipes[experiment]
         return (*key, *interval_of(sample, self.level), *facts)
 
     def _mean(

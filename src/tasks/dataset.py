@@ -4,14 +4,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
-from ..data.manifest import (
-    MANIFEST,
-    DatasetSpec,
-    missing_clips,
-    read_manifest,
-    require_same_data,
-    write_manifest,
-)
+from ..data import manifest
 from ..data.rates import frames_per_clip
 from ..data.shards import forget_shards, join_shards
 from ..data.split import Split, make_split
@@ -19,9 +12,9 @@ from ..errors import UserError
 from ..locks import locked, locked_if_free, telling
 
 
-def spec_of(cfg: DictConfig) -> DatasetSpec:
+def spec_of(cfg: DictConfig) -> manifest.DatasetSpec:
     """Returns the dataset that the configuration asks for."""
-    return DatasetSpec.of(cfg.scale_name, OmegaConf.to_container(cfg.sim, resolve=True))
+    return manifest.DatasetSpec.of(cfg.scale_name, OmegaConf.to_container(cfg.sim, resolve=True))
 
 
 def root_of(cfg: DictConfig) -> Path:
@@ -51,7 +44,7 @@ def finished_dataset(cfg: DictConfig) -> Path:
     Raises `UserError` where there is none, and where it was made under other settings.
     """
     root = root_of(cfg)
-    require_same_data(root, spec_of(cfg))
+    manifest.require_same_data(root, spec_of(cfg))
     return root
 
 
@@ -63,9 +56,9 @@ def ready_dataset(cfg: DictConfig) -> Path:
     """
     root = root_of(cfg)
     # A manifest is written last, so clips are missing only where somebody has removed them.
-    if (root / MANIFEST).is_file():
+    if (root / manifest.MANIFEST).is_file():
         finished_dataset(cfg)
-        if not missing_clips(root, list(read_manifest(root)["clips"])):
+        if not manifest.missing_clips(root, list(manifest.read_manifest(root)["clips"])):
             return root
 
     if cfg.sim.shards != 1:
@@ -98,7 +91,7 @@ def make_dataset(cfg: DictConfig) -> tuple[int, list[str]]:
     clip_ids = [plan.clip_id for plan in plan_clips(sim)]
     split = split_of(cfg, clip_ids)
     # Before anything is made: shards of other settings would fill another folder.
-    if sim["shards"] > 1 and missing_clips(root, clip_ids):
+    if sim["shards"] > 1 and manifest.missing_clips(root, clip_ids):
         join_shards(root.parent, spec, sim["shards"])
 
     made = generate(sim, root)
@@ -108,8 +101,8 @@ def make_dataset(cfg: DictConfig) -> tuple[int, list[str]]:
     lock = root / LOCK
     with locked_if_free(lock) if is_shard else locked(lock, telling(waited_for)) as is_free:
         # Another process may have made the last clips meanwhile, so what is missing is asked anew.
-        missing = missing_clips(root, clip_ids)
+        missing = manifest.missing_clips(root, clip_ids)
         if not missing and (is_free or not is_shard):
-            write_manifest(root, spec, clip_ids, split)
+            manifest.write_manifest(root, spec, clip_ids, split)
             forget_shards(root.parent, spec)
     return made, missing

@@ -53,8 +53,7 @@ def evaluate(session: Session, module: OccupancyModule, folder: RunFolder) -> No
     for name, labels in anchors_of(module.origin).items():
         start_s, suite = time.perf_counter(), suite_of(cfg, data)
         for clip, frame in tracked(samples, f"scoring {name}"):
-            preds = labels(data.layer(clip, frame))
-            suite.update(preds[None], truth_at(data.clips[clip], frame))
+            suite.update(labels(data.layer(clip, frame))[None], truth_at(data.clips[clip], frame))
         scored.append(Counts.of(name, protocol, suite, samples, NO_RECIPE))
         seconds = round(time.perf_counter() - start_s, 1)
         # An anchor has no network.

@@ -2,20 +2,17 @@
 
 import fnmatch
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from lzma import LZMAError
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from tarfile import TarError
 
 import pandas as pd
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from ..data.files import BROKEN
 from ..errors import UserError
 from ..report.threshold_figure import draw_thresholds
 from ..results.files import write_table
-from ..results.flights import ALL, FLIGHTS, flight_scores
+from ..results.flights import ALL, FLIGHTS, Flights, flight_scores, read_flights
 from ..results.render import Cell, Table, print_table, with_recipes
 from ..run_folder import CONFIG
 from ..terminal import say
@@ -69,9 +66,7 @@ def flights(
     say(Path(out) / "scores.csv")
 
 
-def print_scores(
-    flights: Mapping[str, Mapping[str, pd.DataFrame]], reference: str | None, resamples: int
-) -> pd.DataFrame:
+def print_scores(flights: Flights, reference: str | None, resamples: int) -> pd.DataFrame:
     """Prints the main `flight_scores`, a table a stratum, and returns all of them."""
     generator = torch.Generator().manual_seed(0)
     table = flight_scores(flights, reference, resamples, generator)
@@ -91,22 +86,22 @@ def _read(place: Path) -> Iterator[tuple[str, float, pd.DataFrame]]:
     if not paths:
         raise UserError(f"task.flights: {place} has no {FLIGHTS}; make it by task=fly")
     for path in paths:
-        table = pd.read_csv(path, keep_default_na=False)
-        threshold = OmegaConf.load(path.parent / CONFIG).planner.threshold
+        table, config = read_flights(path), path.parent / CONFIG
+        settings = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
+        if (threshold := OmegaConf.select(settings, "planner.threshold")) is None:
+            raise UserError(f"{config}: lacks planner.threshold; keep it beside its {FLIGHTS}")
         yield str(table["perception"].iloc[0]), float(threshold), table
 
 
 def _tables(path: Path) -> Iterator[tuple[str, float, pd.DataFrame]]:
     """Yields the same as `_read`, from the flights ``flown`` of a published table."""
-    try:
-        table = pd.read_csv(path, keep_default_na=False)
-        flown = table[table["frames"] == "flown"]
-        groups = [*flown.groupby(["name", "threshold"], sort=False)]
-    except (*BROKEN, LZMAError, TarError) as error:
+    table = read_flights(path)
+    if lacking := [name for name in ("frames", "name", "threshold") if name not in table]:
         raise UserError(
-            f"task.flights: {path} is no table of flights; give a folder of task=fly, "
-            f"or unpack an archive: python -m tarfile -e {path} FOLDER"
-        ) from error
+            f"task.flights: {path} has no column {lacking[0]}; of flights of your own give the "
+            "folder"
+        )
+    groups = table[table["frames"] == "flown"].groupby(["name", "threshold"], sort=False)
     for (name, threshold), own in groups:
         yield str(name), float(threshold), own
 

@@ -5,10 +5,12 @@ from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
+from ..data.files import BROKEN
 from ..data.manifest import NOT_SHAPING, TOWNS
 from ..errors import UserError
 from ..limits import require_count
@@ -18,6 +20,7 @@ from ..provenance import digest_of
 from ..results.files import write_table
 from ..results.flights import FLIGHTS
 from ..run_folder import CONFIG, VERSION
+from ..sim.weather import Weather
 from ..terminal import say, tracked
 from ..used_code import code_of, targets_of
 from ..worker_pool import default_workers
@@ -111,7 +114,7 @@ def _flown(
 def jobs_of(config: Mapping, fleet: Fleet) -> dict[str, Job]:
     """Returns the missions of a file, or those of the configuration, by the name of the flight."""
     missions = config["task"]["missions"]
-    table = given_missions(Path(missions)) if missions else _missions(config, fleet)
+    table = given_missions(Path(missions), config["sim"]) if missions else _missions(config, fleet)
     return {job.mission.flight: job for job in map(Job.of, table.to_dict("records"))}
 
 
@@ -159,14 +162,22 @@ def _read(path: Path) -> pd.DataFrame:
     return pd.read_csv(path, float_precision="round_trip")
 
 
-def given_missions(path: Path) -> pd.DataFrame:
+def given_missions(path: Path, sim: Mapping) -> pd.DataFrame:
     """Returns missions that somebody wrote or picked; nobody has looked yet where they lead."""
     if not path.is_file():
         raise UserError(f"task.missions: no file {path}; give one like {MISSIONS}")
-    table = _read(path)
+    try:
+        table = _read(path)
+    except BROKEN as error:
+        raise UserError(
+            f"task.missions: {path} is no table ({error}); give one like {MISSIONS}"
+        ) from error
 
     if missing := sorted({"stratum", "truth_s", *ROUTE} - set(table)):
         raise UserError(f"task.missions: {path} has no column {', '.join(missing)}")
+    _require_sound(path, table)
+    for weather in table["weather"].unique():
+        Weather.of(sim, weather)  # for its refusals
     for row in table.to_dict("records"):
         mission = Job.of(row).mission
         if not in_the_open(mission, mission.place):
@@ -177,11 +188,27 @@ def given_missions(path: Path) -> pd.DataFrame:
     return table
 
 
+def _require_sound(path: Path, table: pd.DataFrame) -> None:
+    """Refuses missions that lack a number, and one that is there twice."""
+    names = [name for name in (*ROUTE, "truth_s") if name not in ("town", "weather")]
+    numbers = table[names].apply(pd.to_numeric, errors="coerce")
+    sound = np.isfinite(numbers).all(axis=1) & (numbers["truth_s"] > 0)
+    sound &= (numbers[["seed", "index"]] % 1 == 0).all(axis=1)
+    sound &= ~table.duplicated(["town", "seed", "index"])
+    if not sound.any() or not sound.all():
+        row = f"row {int(sound.argmin()) + 1}" if len(table) else "no row"
+        raise UserError(
+            f"task.missions: {path}: {row}; give numbers for {', '.join(names)} (seed and index "
+            "whole, truth_s above 0), and each town, seed and index once"
+        )
+
+
 def _require_same(folder: Path, config: Mapping) -> None:
     """Keeps the configuration beside the flights, and what shaped them; refuses to add flights of
     another configuration, of other code or of other weights."""
     path, shaping = folder / VERSION, digest_of(_shaping(config))
-    if not path.is_file():
+    # What never flew is no other configuration's.
+    if not path.is_file() or not any((folder / each).exists() for each in (FLIGHTS, "frames")):
         folder.mkdir(parents=True, exist_ok=True)
         OmegaConf.save(OmegaConf.create(config), folder / CONFIG)
         path.write_text(shaping)

@@ -69,8 +69,7 @@ def report(
 
     figures = shown.figures | _drawn(made, folder / FIGURES, shown.frames)
     _write(made, figures, folder)
-    scenes_shown = [each.scene for each in shown.frames]
-    write_report_pages(made, curves, figures, scenes_shown, folder)
+    write_report_pages(made, curves, figures, [each.scene for each in shown.frames], folder)
     _print(made, folder)
 
 

@@ -21,8 +21,7 @@ def slim(cfg: DictConfig, out: str) -> Path:
     Like any checkpoint, ``ckpt_path`` takes it, and ``model.backbone.weights`` its image encoder.
     The hash is of the content. Raises `UserError` as `Session.checkpoint` does.
     """
-    path = Session(cfg).checkpoint("slim").path
-    content = read_content(path)
+    content = read_content(Session(cfg).checkpoint("slim").path)
     kept = {key: content[key] for key in ("epoch", ORIGIN)}
     kept["state_dict"] = {
         name: each.half() if each.is_floating_point() else each

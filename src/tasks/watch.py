@@ -12,21 +12,12 @@ from jaxtyping import Bool, Float, UInt8
 from omegaconf import DictConfig
 from torch import Tensor
 
+from .. import geometry
 from ..atomic import replacing_folder
 from ..data.flight_log import FlightLog
 from ..data.footage import Pictures, Video, footage_of
 from ..data.predictions import FACTS, PredictedFrame, save_predictions
 from ..errors import UserError
-from ..geometry import (
-    VoxelGrid,
-    camera_from_occ,
-    front_mount,
-    in_image,
-    pinhole,
-    project,
-    require_middle,
-    yaw_of,
-)
 from ..lens import Lens, undistorted
 from ..limits import require_finite
 from ..models.checkpoint import Checkpoint
@@ -48,6 +39,7 @@ HIGHEST_M = 20.0
 # A frame of a history may be so far from its time, if the camera is not slower.
 TOLERANCE_S = 0.02
 OPENCV_PIX = 0.5
+Image = UInt8[Tensor, "3 h w"]
 
 
 @dataclass(frozen=True)
@@ -157,14 +149,14 @@ def _lens(camera: Mapping, size_pix: tuple[int, int]) -> Lens:
     if camera["hfov_deg"] is not None and not given:
         if not 1 < camera["hfov_deg"] < 179:
             raise UserError(f"task.camera.hfov_deg: {camera['hfov_deg']}; give 1 to 179 degrees")
-        matrix = pinhole(width, height, math.radians(camera["hfov_deg"]))
+        matrix = geometry.pinhole(width, height, math.radians(camera["hfov_deg"]))
         return Lens((float(matrix[0, 0]),) * 2, (width / 2, height / 2), distortion)
     if len(given) < 4 or camera["hfov_deg"] is not None:
         raise UserError("task.camera: give hfov_deg, or else all of fx, fy, cx, cy in pixels")
 
     fx, fy, cx, cy = given
     matrix = torch.tensor([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], dtype=torch.float64)
-    require_middle("task.camera", matrix, size_pix)
+    geometry.require_middle("task.camera", matrix, size_pix)
     return Lens((fx, fy), (cx + OPENCV_PIX, cy + OPENCV_PIX), distortion)
 
 
@@ -186,10 +178,10 @@ class _Watcher:
         config = checkpoint.origin.config
         image = config["sim"]["image"]
         self.size_pix = image["width"], image["height"]
-        self.pix_from_camera = pinhole(*self.size_pix, math.radians(image["hfov_deg"]))
+        self.pix_from_camera = geometry.pinhole(*self.size_pix, math.radians(image["hfov_deg"]))
         pitch_rad = math.radians(camera["pitch_deg"])
-        self.body_from_camera = front_mount([*camera["position_m"]], pitch_rad)
-        self.grid = VoxelGrid(**config["grid"])
+        self.body_from_camera = geometry.front_mount([*camera["position_m"]], pitch_rad)
+        self.grid = geometry.VoxelGrid(**config["grid"])
         self.watched, self.lens, self.speed_mps = watched, lens, speed_mps
         self.world_from_body = watched.log.poses_at(watched.times_s)
         self.velocity_mps = watched.log.velocities_at(watched.times_s)
@@ -272,30 +264,28 @@ class _Watcher:
             self.done += 1
             yield PredictedFrame(self.watched.name, n, labels)
 
-    def _frame(self, n: int, image: UInt8[Tensor, "3 h w"]) -> StreamFrame:
+    def _frame(self, n: int, image: Image) -> StreamFrame:
         world_from_body, clip = self.world_from_body[n], self.watched.name
         if self.velocity_mps is not None:
             velocity_mps = self.velocity_mps[n]
         else:
             # Another name for each frame: a stream then has no past, and no parallax.
-            yaw_rad, clip = float(yaw_of(world_from_body)), f"{clip}/{n}"
+            yaw_rad, clip = float(geometry.yaw_of(world_from_body)), f"{clip}/{n}"
             velocity_mps = self.speed_mps * np.array([math.cos(yaw_rad), math.sin(yaw_rad), 0.0])
         camera = self.pix_from_camera, self.body_from_camera
         time_s = float(self.watched.times_s[n])
         return StreamFrame(image, time_s, world_from_body, velocity_mps, *camera, clip)
 
     def _scene(
-        self,
-        n: int,
-        image: UInt8[Tensor, "3 h w"],
-        seen: Bool[Tensor, "h w"],
-        labels: UInt8[Tensor, "X Y Z"],
+        self, n: int, image: Image, seen: Bool[Tensor, "h w"], labels: UInt8[Tensor, "X Y Z"]
     ) -> VoxelScene:
         """Returns a frame to look at: what is outside the images of both cameras is unknown."""
-        chain = camera_from_occ(torch.from_numpy(self.world_from_body[n]), self.body_from_camera)
+        chain = geometry.camera_from_occ(
+            torch.from_numpy(self.world_from_body[n]), self.body_from_camera
+        )
         centers = self.grid.centers(torch.float64).flatten(0, 2)
-        pix, depth_m = project(centers, chain, self.pix_from_camera)
-        known = in_image(pix, depth_m, *self.size_pix)
+        pix, depth_m = geometry.project(centers, chain, self.pix_from_camera)
+        known = geometry.in_image(pix, depth_m, *self.size_pix)
         u, v = pix[known].long().unbind(-1)
         known[known.clone()] = seen[v, u]
         return PredictedScene(
@@ -315,5 +305,4 @@ class _Watcher:
         last_s = steps_s[-1] if len(steps_s) else 1.0
         durations_ms = [round(1000 * step_s) for step_s in (*steps_s, last_s)]
         with metered("drawing the film"):
-            titles = [scene.title for scene in scenes]
-            draw_scenes(scenes, durations_ms, film, titles, FILM_BYTES)
+            draw_scenes(scenes, durations_ms, film, [each.title for each in scenes], FILM_BYTES)

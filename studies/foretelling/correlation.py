@@ -16,7 +16,7 @@ from torch import Generator, Tensor
 from src.errors import UserError
 from src.results.bootstrap import interval_of, resamplings, score_samples
 from src.results.counts import Counts
-from src.results.flights import FLIGHTS, holm, p_value, require_same_flights, samples_of
+from src.results.flights import FLIGHTS, holm, require_same_flights, samples_of
 from src.terminal import tracked
 from studies.foretelling.windows import WINDOWS, require_scores
 
@@ -267,6 +267,14 @@ def _correlations(
             row |= {"p": p_value(apart), "power": _power(apart[1:])}
         rows.append(row)
     return rows
+
+
+def p_value(sample: Float[Tensor, "1+r"]) -> float:
+    """Returns the p-value of a difference, whole and resampled: that it is none."""
+    drawn = sample[1:][~sample[1:].isnan()]
+    fewer = min(int((drawn <= 0).sum()), int((drawn >= 0).sum()))
+    # One more, as the whole may be one of them: no p-value is 0.
+    return min(2 * (fewer + 1) / (len(drawn) + 1), 1.0)
 
 
 def _power(differences: Float[Tensor, "r"]) -> float:

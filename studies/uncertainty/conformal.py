@@ -19,11 +19,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
+from omegaconf import OmegaConf
 
 from src.errors import UserError
 from src.metrics.occupied_calibration import OCCUPIED, VOXELS, edges
+from src.metrics.protocol import Protocol, require_same_protocol
 from src.results.counts import Counts
 from src.results.files import write_table
+from src.run_folder import CONFIG
 from src.terminal import say, tracked
 from studies.settings import run
 from studies.tables import print_table
@@ -69,12 +72,18 @@ def free_of(maps: Maps) -> Float[np.ndarray, "bins"]:
     return (free.cumsum() - free) / max(free.sum(), 1)
 
 
-def read_maps(folder: Path) -> Maps:
-    """Reads the counts of all scored flights. Raises `UserError` where there are none."""
+def read_maps(folder: Path) -> tuple[Maps, dict[str, Protocol]]:
+    """Reads the counts of all scored flights, and the protocol of each. Raises `UserError` where
+    there are none, or the perception itself flew."""
     maps: dict[str, np.ndarray] = {}
+    protocols: dict[str, Protocol] = {}
+    config = folder / CONFIG
+    if not config.is_file() or not OmegaConf.select(OmegaConf.load(config), "task.looks_on"):
+        raise UserError(f"{folder}: not flown with task.looks_on=true, as {CONFIG} would say")
     paths = sorted(folder.glob("frames/*/*.npz"))
     for path in tracked(paths, f"reading {folder}"):
-        tables = Counts.read(path).tables
+        counts = Counts.read(path)
+        tables, protocols[str(path)] = counts.tables, counts.protocol
         if "occupied" not in tables:
             raise UserError(f"{path}: no probabilities were scored; fly with today's conf/suite")
         objects = tables["occupied"]["objects"].sum(0).numpy()
@@ -83,7 +92,7 @@ def read_maps(folder: Path) -> Maps:
         maps[path.parent.name] = maps.get(path.parent.name, 0) + found
     if not maps:
         raise UserError(f"{folder}: no frames/<map>/<flight>.npz; fly with task.scored=true")
-    return maps
+    return maps, protocols
 
 
 def row_of(name: str, maps: Maps, level: int, calibrated_on: int) -> dict[str, object]:
@@ -105,7 +114,9 @@ def change_of(maps: Maps, own: Maps, level: int) -> dict[str, float]:
         return {}
     was, now = (losses_of({name: each[name] for name in names})[:, level] for each in (own, maps))
     drawn = np.random.default_rng(0).integers(len(names), size=(RESAMPLES, len(names)))
-    low, high = np.quantile((was - now)[drawn].mean(axis=1), (0.025, 0.975))
+    bounds = np.quantile((was - now)[drawn].mean(axis=1), (0.025, 0.975))
+    # A single map has no interval.
+    low, high = bounds if len(names) > 1 else (np.nan, np.nan)
     return {"change": (was - now).mean(), "change_low": low, "change_high": high}
 
 
@@ -124,14 +135,20 @@ def halves(maps: Maps, alpha: float) -> dict[str, object]:
 def main(*folders: str, alpha: float = 0.1, unseen: tuple[str, ...] = (), out: Path = OUT) -> None:
     if not folders:
         raise UserError("give a folder of flights; see the head of this file")
-    own, others = read_maps(Path(folders[0])), {}
+    (own, protocols), others = read_maps(Path(folders[0])), {}
     for word in folders[1:]:
         name, is_named, folder = word.partition("=")
         if not is_named:
             raise UserError(f"{word}: give NAME=FOLDER")
-        others[name] = read_maps(Path(folder))
+        others[name], own_protocols = read_maps(Path(folder))
+        protocols |= own_protocols
+    require_same_protocol(protocols)
 
-    apart = {name: each for name, each in own.items() if name.startswith(tuple(unseen))}
+    town_of = {name: name.rpartition("-")[0] for name in own}
+    if unknown := {*unseen}.difference(town_of.values()):
+        towns = ", ".join(sorted({*town_of.values()}))
+        raise UserError(f"--unseen: there is no {sorted(unknown)[0]}; there are {towns}")
+    apart = {name: each for name, each in own.items() if town_of[name] in unseen}
     seen = {name: each for name, each in own.items() if name not in apart}
     level = controlled(losses_of(seen), alpha)
     rows = [halves(seen, alpha), row_of("all", seen, level, len(seen))]

@@ -67,7 +67,7 @@ def main(*overrides: str, out: Path = OUT) -> None:
         watch = partial(_stops_of, campaign)
         if (given := config["task"]["missions"]) is None:
             raise UserError("task.missions: give a file, as studies/uncertainty/missions.csv")
-        missions = given_missions(Path(given)).to_dict("records")
+        missions = given_missions(Path(given), config["sim"]).to_dict("records")
         longer_m: list[float] = []
         for mission in tracked(missions, f"flying, keeps_stops={keeps}"):
             _, stops = campaign.watched(Job.of(mission), watch)

@@ -71,13 +71,28 @@ def test_p_values_of_several_perceptions_are_corrected_together():
     assert corrected.tolist() == pytest.approx([0.06, 0.03, float("nan"), 0.06], nan_ok=True)
     worse = table(["arrived", "collided"])
     flights = {"seen": table(["arrived", "arrived"]), "one": worse, "other": worse}
-    p = scores(flights).xs("excess_collisions", level="score")
-    # The least of 200 resamples, twice.
-    assert p.xs("conflict", level="stratum")["p_holm"].tolist() == pytest.approx([4 / 201] * 2)
+    p = scores(flights, resamples=8000).xs("excess_collisions", level="score")
+    # On four maps with one sign, two of the sixteen exchanges are as large; twice.
+    assert p.xs("conflict", level="stratum")["p_holm"].tolist() == pytest.approx(
+        [2 * 2 / 16] * 2, rel=0.1
+    )
     assert p.xs("clear", level="stratum")["p_holm"].tolist() == [1.0, 1.0]
     same = {"seen": worse, "one": worse}
     row = scores(same).loc[("one", "all", "excess_collisions")]
     assert (row["value"], row["p"]) == (0.0, 1.0)
+
+
+def test_one_map_has_no_interval_and_no_evidence():
+    worse, one_map = table(["arrived", "collided"], maps=1), table(["arrived", "arrived"], maps=1)
+    row = scores({"seen": one_map, "model": worse}).loc[("model", "all", "excess_collisions")]
+    assert row[["value", "p"]].tolist() == [0.5, 1.0]
+    assert row[["low", "high"]].isna().all()
+
+
+def test_a_flight_that_is_there_twice_is_refused():
+    twice = pd.concat([table(["collided"]), table(["collided"]).head(1)])
+    with pytest.raises(UserError, match="m0/0 twice"):
+        scores({"seen": twice})
 
 
 def test_what_is_lost_beyond_the_reference_is_paired_by_flight():

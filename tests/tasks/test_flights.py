@@ -107,6 +107,19 @@ def test_mistakes_are_told_in_one_line(tmp_path, seen):
     (tmp_path / "runs.tar.xz").write_bytes(b"PK")
     with pytest.raises(UserError, match=r"runs.tar.xz is no table .* python -m tarfile -e"):
         run(tmp_path, [str(tmp_path / "runs.tar.xz")])
+    flown = pd.read_csv(tmp_path / "seen/flights.csv", keep_default_na=False)
+    wrong = {"outcome": "crashed", "time_s": 0.0, "truth_s": "", "clearance_m": "near"}
+    for column, value in wrong.items():
+        one = flown.astype({column: object})
+        one.loc[0, column] = value
+        one.to_csv(tmp_path / "flights.csv", index=False)
+        with pytest.raises(UserError, match=r"flights\.csv is no table of flights"):
+            run(tmp_path, [str(tmp_path)])
+    flown.to_csv(tmp_path / "flights.csv", index=False)
+    with pytest.raises(UserError, match=r"config.yaml: lacks planner.threshold"):
+        run(tmp_path, [str(tmp_path)])
+    with pytest.raises(UserError, match=r"has no column frames; .* give the folder"):
+        run(tmp_path, [str(tmp_path / "flights.csv")])
     again = write(tmp_path / "again", ["arrived"] * 3, "seen", 0.3)
     with pytest.raises(UserError, match=r"name one of seen at 0\.5, seen at 0\.3"):
         run(tmp_path, [seen, again])

@@ -151,6 +151,44 @@ def test_a_mission_through_a_wall_is_refused(tmp_path):
         run(config(tmp_path), missions=f"{tmp_path}/none.csv", out=f"{tmp_path}/out")
 
 
+@pytest.mark.parametrize(
+    ("column", "value", "match"),
+    [
+        ("x_m", "", "row 2; give numbers"),
+        ("truth_s", 0.0, "row 2; give numbers"),
+        ("seed", 1.5, "row 2; give numbers"),
+        ("index", 0, "row 2; .* each town, seed and index once"),
+        ("weather", "hail", "there is no 'hail'"),
+    ],
+)
+def test_missions_that_are_not_sound_are_refused(column, value, match, tmp_path):
+    row = {
+        **{"flight": "a", "stratum": "conflict", "town": "tests.loop.yard", "weather": "clear"},
+        **{"seed": 0, "index": 0, "x_m": -30.0, "y_m": 0.0, "yaw_rad": 0.0, "truth_s": 12.0},
+        **{"length_m": 60.0, "height_m": 4.0},
+    }
+    pd.DataFrame([row, row | {"index": 1} | {column: value}]).to_csv(
+        path := tmp_path / "missions.csv", index=False
+    )
+    with pytest.raises(UserError, match=match):
+        run(config(tmp_path), missions=str(path))
+    path.write_bytes(b"\xff\x00")
+    with pytest.raises(UserError, match=r"missions\.csv is no table"):
+        run(config(tmp_path), missions=str(path))
+
+
+def test_a_flight_that_never_began_bars_no_other(tmp_path):
+    """The settings of a command that failed stay with it."""
+    with pytest.raises(UserError, match="no file"):
+        run(config(tmp_path), missions=f"{tmp_path}/none.csv", out=f"{tmp_path}/out")
+    with pytest.raises(UserError, match="no file"):
+        run(
+            config(tmp_path, "planner.threshold=0.3"),
+            missions=f"{tmp_path}/no.csv",
+            out=f"{tmp_path}/out",
+        )
+
+
 def test_a_map_with_no_route_in_conflict_is_refused(tmp_path):
     """Within 2.5 m of the corridor there is neither wall nor wire at these heights."""
     near = "mission.offset_m=[0.5,0.6]", "mission.height_m=[2.5,3.0]", "mission.tries=2"
@@ -165,6 +203,10 @@ def test_a_map_with_no_route_in_conflict_is_refused(tmp_path):
         (["task.rules.plan_hz=10.0"], "task.rules.plan_hz: 10.0; the camera"),
         (["task.rules.plan_hz=3.0"], "task.rules.plan_hz: 3.0 does not divide"),
         (["task.rules.late_s=0.0"], "task.rules.late_s"),
+        (["mission.offset_m=[6,0.5]"], r"mission.offset_m: \[6, 0.5\]; give two numbers"),
+        (["mission.height_m=[-3,1]"], "mission.height_m"),
+        (["mission.weathers=[hail]"], "there is no 'hail'"),
+        (["task.grid.shape=[50,50]"], "grid.shape: .* give three numbers"),
         (["mission.conflict=0", "mission.clear=0"], "leaves no flight"),
         (["planner.unknown=maybe"], "planner.unknown"),
         (["perception=learned"], "ckpt_path: this perception needs a checkpoint"),

@@ -12,6 +12,10 @@ Logits = Float[Tensor, "b c X Y Z"]
 Preds = Labels | Logits
 Velocity = Float[Tensor, "b 3"] | Float[Tensor, "b"]
 Mask = Bool[Tensor, "b X Y Z"]
+# A frame: its bytes, and a place or a velocity, directions.
+Codes = UInt8[Tensor, "X Y Z"]
+Vector = Float[Tensor, "3"]
+Rays = Float[Tensor, "n 3"]
 
 # Four bits hold a class id, and their last value stands for a voxel that is not counted.
 MAX_CLASSES = 15

@@ -6,7 +6,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from ...geometry import VoxelGrid, inverse, pixel_centers, rotate, unproject
-from .codes import NOTHING
+from .codes import NOTHING, Codes, Rays, Vector
 
 
 def camera_rays(
@@ -31,11 +31,7 @@ def camera_rays(
 
 
 def first_met(
-    codes: UInt8[Tensor, "X Y Z"],
-    origin_m: Float[Tensor, "3"],
-    directions: Float[Tensor, "n 3"],
-    grid: VoxelGrid,
-    free_index: int,
+    codes: Codes, origin_m: Vector, directions: Rays, grid: VoxelGrid, free_index: int
 ) -> tuple[UInt8[np.ndarray, "2 n"], Float[np.ndarray, "2 n"]]:
     """Returns class and distance in metres of the first occupied voxel on every ray: predicted,
     then true.

@@ -51,11 +51,20 @@ def test_the_change_is_that_of_the_maps_of_both():
 def test_towns_that_were_never_seen_stand_apart(tmp_path, monkeypatch):
     """A command line gives a list of them."""
     own = drawn(20) | {f"fair-{n}": each for n, each in enumerate(drawn(3, seed=1).values())}
-    monkeypatch.setattr(conformal, "read_maps", lambda folder: own)
+    read = own, {"a flight": "its protocol"}
+    monkeypatch.setattr(conformal, "read_maps", lambda folder: read)
     main("flights", unseen=["fair"], out=tmp_path / "table.csv")
     table = pd.read_csv(tmp_path / "table.csv")
     assert table["maps"].tolist() == ["100 halves", "all", "unseen towns"]
     assert table["tested"].tolist() == [10, 20, 3]
+    with pytest.raises(UserError, match=r"--unseen: there is no fairr; there are fair, "):
+        main("flights", unseen=["fairr"], out=tmp_path / "table.csv")
+
+
+def test_flights_that_the_perception_flew_itself_are_refused(tmp_path):
+    (tmp_path / "config.yaml").write_text("task: {looks_on: false}")
+    with pytest.raises(UserError, match=r"not flown with task\.looks_on=true"):
+        main(str(tmp_path))
 
 
 def test_the_threshold_is_the_largest_one_that_keeps_the_promise():
