@@ -11,7 +11,7 @@ from .references import PillarReferences, Projection, References
 from .sight import Sight, place_of
 from .tensors import Logits, Pillars
 
-# The surface is taken to lie in a voxel where it is so many voxels from its center along the ray.
+# The surface is taken to lie in a voxel where its depth is so many voxels from the center's.
 REACH_VOXELS = 0.75
 # Numbers of a voxel: surface here, surface behind, eight classes here, and whether it is in view.
 WIDTH = 2 + FREE + 1

@@ -58,6 +58,8 @@ def flights(
     if reference in flown and reference not in tables:
         several = ", ".join(labels[reference].values())
         raise UserError(f"task.reference: {reference} flew more than once; name one of {several}")
+    if reference not in tables:
+        say(f"task.reference: {reference} is not among them, so there are no differences")
     table = print_scores(tables, reference, resamples)
     write_table(table, Path(out) / "scores.csv")
 
