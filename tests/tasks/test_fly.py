@@ -12,7 +12,7 @@ from PIL import Image
 
 from src.errors import UserError
 from src.failures import one_line
-from src.loop.campaign import Campaign
+from src.loop.campaign import Campaign, Job
 from src.report.flight_film import SHOWN
 from src.results.counts import Counts
 from src.results.flights import FLIGHTS
@@ -23,6 +23,12 @@ YARD = (
     "task=fly", "scale=tiny", "mission.towns=[tests.loop.yard]", 
     "mission.maps=2", "mission.conflict=1", "mission.clear=1", "mission.offset_m=[3.0,9.0]",
 )  # fmt: skip
+# A mission through the yard's wall.
+ROW = {
+    **{"flight": "a", "stratum": "conflict", "town": "tests.loop.yard", "weather": "clear"},
+    **{"seed": 0, "index": 0, "x_m": -30.0, "y_m": 0.0, "yaw_rad": 0.0, "truth_s": 12.0},
+    **{"length_m": 60.0, "height_m": 4.0},
+}
 COLUMNS = [
     *("flight", "map", "town", "stratum", "perception", "outcome", "time_s", "path_m"),
     *("clearance_m", "hit", "fault"),
@@ -134,17 +140,22 @@ def test_the_flights_that_are_drawn_follow_a_rule():
     assert films_of(table[1:2]) == {"collision": "b"}
 
 
+def test_the_truth_reaches_as_far_as_the_grid_of_the_predictions(tmp_path):
+    row = ROW | {"y_m": 9.0, "length_m": 20.0, "height_m": 12.0}
+    reach_m = []
+    for upper_m in (25.0, 50.0):
+        grid = f"task.grid.upper_m=[{upper_m},12.5,5]", f"task.grid.shape=[{2 * upper_m:.0f},50,30]"
+        stage, _ = Campaign(plain(tmp_path, *grid)).flown_by_truth(Job.of(row))
+        reach_m.append(stage.truth.static.points_m[:, 0].max() - row["length_m"] - row["x_m"])
+    assert reach_m[1] > 60 > 46 > reach_m[0] > 40
+
+
 def test_a_mission_through_a_wall_is_refused(tmp_path):
-    row = {
-        **{"flight": "a", "stratum": "conflict", "town": "tests.loop.yard", "weather": "clear"},
-        **{"seed": 0, "index": 0, "x_m": -30.0, "y_m": 0.0, "yaw_rad": 0.0, "truth_s": 12.0},
-        **{"length_m": 60.0, "height_m": 4.0},
-    }
     path = tmp_path / "missions.csv"
-    pd.DataFrame([row]).to_csv(path, index=False)
+    pd.DataFrame([ROW]).to_csv(path, index=False)
     with pytest.raises(UserError, match=r"task.missions: .*yard-0/000 begins or ends in a wall"):
         run(config(tmp_path), missions=str(path))
-    pd.DataFrame([row]).drop(columns="yaw_rad").to_csv(path, index=False)
+    pd.DataFrame([ROW]).drop(columns="yaw_rad").to_csv(path, index=False)
     with pytest.raises(UserError, match="has no column yaw_rad"):
         run(config(tmp_path), missions=str(path))
     with pytest.raises(UserError, match="no file"):
@@ -162,12 +173,7 @@ def test_a_mission_through_a_wall_is_refused(tmp_path):
     ],
 )
 def test_missions_that_are_not_sound_are_refused(column, value, match, tmp_path):
-    row = {
-        **{"flight": "a", "stratum": "conflict", "town": "tests.loop.yard", "weather": "clear"},
-        **{"seed": 0, "index": 0, "x_m": -30.0, "y_m": 0.0, "yaw_rad": 0.0, "truth_s": 12.0},
-        **{"length_m": 60.0, "height_m": 4.0},
-    }
-    pd.DataFrame([row, row | {"index": 1} | {column: value}]).to_csv(
+    pd.DataFrame([ROW, ROW | {"index": 1} | {column: value}]).to_csv(
         path := tmp_path / "missions.csv", index=False
     )
     with pytest.raises(UserError, match=match):
