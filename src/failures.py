@@ -18,7 +18,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 
 from .errors import UserError, closest
 
-ELSEWHERE = "set paths.data, paths.runs and paths.encoders to folders that can be written to"
+ELSEWHERE = "set paths.data and paths.runs to folders that can be written to"
 DISK = {
     errno.ENOSPC: "the disk is full; free some space and run it again",
     errno.EDQUOT: "the disk quota is used up; free some space and run it again",

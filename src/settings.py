@@ -36,7 +36,8 @@ CHOICES = {
 AT_LEAST = (
     (0, "sim", ("seed",)),
     (0, "optimizer", ("lr", "weight_decay", "warmup")),
-    (1, "trainer", ("max_epochs",)),
+    (1, "trainer", ("max_epochs", "accumulate_grad_batches")),
+    (0, "trainer", ("gradient_clip_val",)),
     (1, "data", ("batch_size", "frames", "run_frames")),
     (0, "data", ("workers",)),
     (1, "size", ("backbone_width", "dim", "layers", "heads", "heights", "points")),

@@ -107,12 +107,13 @@ class OccupancyDataset(Dataset):
 def pixel_labels(clip: Clip, frame: int) -> dict[str, Tensor]:
     """Returns the class and the z-depth in metres that a frame's pixels see: at the centers of
     squares of `RASTER` pixels, where the sky's class is that of free space and its depth
-    infinite."""
+    infinite. What a recording does not know has a depth, and stays `UNKNOWN`."""
     center = slice(RASTER // 2, None, RASTER)
     class_id = clip.aux("class", frame)[center, center]
     depth_m = clip.aux("depth", frame)[center, center]
+    is_sky = (class_id == SKY) & np.isinf(depth_m)
     return {
-        "pixel_class": torch.from_numpy(np.where(class_id == SKY, FREE, class_id)),
+        "pixel_class": torch.from_numpy(np.where(is_sky, FREE, class_id)),
         "pixel_depth_m": torch.from_numpy(depth_m.copy()),
     }
 

@@ -164,4 +164,5 @@ def _split(x: Tensor, size: Tensor) -> tuple[Tensor, Tensor]:
     """Returns integer and fraction of a coordinate held in [-1, size], where the border is."""
     held = torch.minimum(x.clamp(min=-1), size)
     floor = torch.minimum(held.detach().floor(), size - 1)
-    return floor.to(torch.int32), held - floor
+    # What is not a number has no place; as a weight it tells the loss.
+    return floor.nan_to_num(-1.0).to(torch.int32), held - floor

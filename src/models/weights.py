@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from pickle import UnpicklingError
 from urllib.error import URLError
@@ -23,7 +23,8 @@ ORIGIN = "skyshield"
 # How the names of an image encoder begin in a checkpoint.
 ENCODER = "network.backbone."
 # What PyTorch raises for a file that is cut, damaged, or something else.
-UNREADABLE = (AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError, UnpicklingError)
+UNREADABLE = (AttributeError, EOFError, LookupError, OSError, RuntimeError, TypeError, ValueError)
+UNREADABLE += (UnpicklingError,)
 
 
 def load_encoder(
@@ -87,17 +88,21 @@ def require_unseen(weights: str | None, dataset: str, test_clips: Iterable[str])
     if not Path(weights or "").is_file():
         return
     _, origin = read_encoder(Path(weights))
-    if not origin or origin["dataset"] != dataset:
-        return
-
     # A file of the former task=pretrain has no configuration, and is refused by its clips.
-    held_out = origin.get("config", {}).get("data", {})
-    known = {*held_out.get("val_clips", []), *held_out.get("test_clips", [])}
-    if seen := [clip for clip in test_clips if clip not in known]:
+    if origin and (
+        seen := trained_on(origin["dataset"], origin.get("config", {}), dataset, test_clips)
+    ):
         raise UserError(
             f"model.backbone.weights: {weights} was trained on {seen[0]}, which this run holds out "
             f"for its test ({len(seen)} such clips); begin with a run of the same split"
         )
+
+
+def trained_on(own_dataset: str, config: Mapping, dataset: str, clips: Iterable[str]) -> list[str]:
+    """Returns those of a dataset's clips that a run with another, or the same, was trained on."""
+    held_out = config.get("data", {})
+    known = {*held_out.get("val_clips", []), *held_out.get("test_clips", [])}
+    return [clip for clip in clips if clip not in known] if own_dataset == dataset else []
 
 
 def _download(url: str) -> Path:

@@ -68,7 +68,7 @@ def _check_reach(grid: VoxelGrid, range_m: float) -> None:
     """Refuses a grid with corners that no sensor can reach."""
     corners_m = np.maximum(np.abs(grid.lower_m), np.abs(grid.upper_m))
     farthest_m = float(np.linalg.norm(corners_m))
-    if farthest_m > range_m:
+    if not farthest_m <= range_m:  # NaN is no range
         raise UserError(
             f"grid.upper_m: a corner of the grid is {farthest_m:.1f} m from the UAV, and sensors "
             f"reach sim.range_m={range_m:g}; shrink the grid or give a range of "

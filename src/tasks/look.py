@@ -68,7 +68,7 @@ def look(cfg: DictConfig, seconds: float, out: str) -> None:
     for clip_id, clip in data.clips.items():
         data.split.setdefault(SHOWN, []).extend((clip_id, n) for n in range(len(clip))[-count:])
     suites = _suite(cfg, data), _suite(cfg, data)
-    logits_of = predictor(checkpoint.network(), trainer)
+    logits_of = predictor(checkpoint.network(cfg.calibrated), trainer)
     scenes = _predicted(data, logits_of, checkpoint.origin, *suites)
 
     film = Path(out) / data.root.name / FILM

@@ -11,6 +11,7 @@ from ..data.datamodule import SkyShieldData
 from ..errors import UserError
 from ..models.checkpoint import Checkpoint
 from ..models.network import SkyOcc
+from ..models.weights import trained_on
 from ..provenance import git_commit
 from ..run_folder import KEYS, RunFolder, require_same_config
 from .dataset import finished_dataset, ready_dataset, root_of
@@ -51,7 +52,8 @@ class Session:
 
         Raises `UserError` without one, where it is none, and where its run had another name, seed,
         model or loss: the weights of one rung fit another, and would be used with the wrong
-        projection, or their scores be called those of another rung.
+        projection, or their scores be called those of another rung. So it is with a clip that is
+        held out here, and that its run was trained on.
         """
         if self.cfg.ckpt_path is None:
             raise UserError(f"ckpt_path: task={task} needs a checkpoint; give best, last or a file")
@@ -59,6 +61,14 @@ class Session:
         checkpoint = Checkpoint.read(self.folder.checkpoint(self.cfg.ckpt_path))
         config = checkpoint.origin.config
         require_same_config(checkpoint.path, config, self.folder.config, KEYS["identity"])
+        held_out = self.cfg.data.val_clips, self.cfg.data.test_clips
+        own, here = checkpoint.origin.dataset, root_of(self.cfg).name
+        for key, clips in zip(("val_clips", "test_clips"), held_out):
+            if seen := trained_on(own, config, here, clips):
+                raise UserError(
+                    f"data.{key}: {checkpoint.path} was trained on {seen[0]}; name clips that its "
+                    "run held out"
+                )
         return checkpoint
 
     def facts(self, network: SkyOcc) -> dict[str, object]:
