@@ -155,7 +155,10 @@ class SightHead(nn.Module):
         place = place_of(depth_m, self.bins).floor().long().clamp(max=self.bins - 1)
         place = torch.where(depth_m < FAR_M, place, self.bins)
         classes = batch["pixel_class"].long()
-        of_class = F.cross_entropy(sight.classes, classes, self.class_weights, ignore_index=UNKNOWN)
+        of_class = sight.classes.sum() * 0
+        if (classes != UNKNOWN).any():
+            weights = self.class_weights
+            of_class = F.cross_entropy(sight.classes, classes, weights, ignore_index=UNKNOWN)
         of_depth = F.cross_entropy(sight.depth, place)
         return {"pixel_class": self.weight * of_class, "pixel_depth": 0.5 * self.weight * of_depth}
 

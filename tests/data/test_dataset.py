@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 import torch
 
@@ -9,7 +10,7 @@ from src.data.batches import Key
 from src.data.dataset import OccupancyDataset, history_stride
 from src.errors import UserError
 from src.geometry import euler_from_rotation, inverse, transform, world_from_occ
-from src.ontology import FREE, SKY
+from src.ontology import FREE, SKY, UNKNOWN
 from tests.data.conftest import assert_same
 
 CLIP = "downtown/clip00"
@@ -126,7 +127,7 @@ def test_without_images_the_past_is_told_by_its_motion(clips):
     assert_same(light, {**whole, "image": whole["image"][-1:]})
 
 
-def test_pixels_are_labelled_at_the_centers_of_their_squares(clips):
+def test_pixels_are_labelled_at_the_centers_of_their_squares(clips, monkeypatch):
     dataset = OccupancyDataset(clips, [(CLIP, 20)], 1, 0.2, pixels=True)
     sample, clip = dataset[0], clips[CLIP]
     class_id, depth_m = clip.aux("class", 20), clip.aux("depth", 20)
@@ -136,6 +137,11 @@ def test_pixels_are_labelled_at_the_centers_of_their_squares(clips):
         assert sample["pixel_class"][row, column] == (FREE if seen == SKY else seen)
         assert sample["pixel_depth_m"][row, column] == depth_m[4 * row + 2, 4 * column + 2]
     assert (sample["pixel_class"] == FREE).any()
+
+    aux, far_m = clip.aux, {"depth": 5.0}
+    monkeypatch.setattr(clip, "aux", lambda name, n: np.minimum(aux(name, n), far_m.get(name, 255)))
+    assert set(dataset[0]["pixel_class"][sample["pixel_class"] == FREE].tolist()) == {UNKNOWN}
+    monkeypatch.undo()
 
     mirrored = dataset[Key(0, mirror=True)]
     for name in ("pixel_class", "pixel_depth_m"):

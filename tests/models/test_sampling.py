@@ -34,6 +34,15 @@ def test_both_ways_give_the_same_sums_and_gradients():
     torch.testing.assert_close(*gradients)
 
 
+def test_what_is_not_a_number_is_summed_to_none():
+    """As a loss it is told; as an index it would be a place of the memory."""
+    levels, x, y, weight, frame = random_places()
+    x[0, 0, :, 3] = torch.nan
+    sums = summed_by_bags(levels, x, y, weight, frame)
+    assert sums[3, : DIM // HEADS].isnan().all()
+    assert sums[4:].isfinite().all()
+
+
 def test_the_bags_take_any_number_of_places_in_any_order():
     levels, *places = random_places()
     chosen = [9, 2, 13, 2, 0]

@@ -65,6 +65,12 @@ def test_a_pixel_weighs_as_its_class_says():
     found = SightHead(4, BINS, class_weights=weights).losses(sight, labels)["pixel_class"]
     torch.testing.assert_close(found, (of_pixel[0] + 2 * of_pixel[1]) / 3)
 
+    head = SightHead(4, BINS, class_weights=weights)
+    labels["pixel_class"] = torch.tensor([[[0, 255]]])
+    torch.testing.assert_close(head.losses(sight, labels)["pixel_class"], of_pixel[0])
+    labels["pixel_class"] = torch.tensor([[[255, 255]]])
+    assert head.losses(sight, labels)["pixel_class"] == 0
+
     for wrong in ([1.0] * 8, [0.0] * 9):
         with pytest.raises(UserError, match=r"model\.sight\.class_weights"):
             SightHead(4, class_weights=wrong)

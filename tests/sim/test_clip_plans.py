@@ -1,5 +1,7 @@
 """The plan of a dataset, and the settings that are refused before any clip is begun."""
 
+import math
+
 import pandas as pd
 import pytest
 
@@ -28,6 +30,7 @@ from tests.sim.weathers import WEATHERS
         ({"shards": 0}, r"sim\.shards: 0"),
         ({"shards": 4, "shard": 4}, r"sim\.shard.*4"),
         ({"shard": -1}, r"sim\.shard.*-1"),
+        ({"range_m": math.nan}, r"sim\.range_m"),
         ({"range_m": 50.0}, r"grid\.upper_m.*59\.4 m.*sim\.range_m=50.*60"),
         ({"image": {"width": 96, "height": 64, "hfov_deg": 180}}, r"sim\.image\.hfov_deg"),
         ({"flight": {"ceiling": 3}}, r"sim\.flight\.ceiling.*ceiling_m"),

@@ -189,6 +189,12 @@ def changed(checkpoint, tmp_path):
     return read
 
 
+def test_a_clip_that_was_trained_on_is_no_test(trained, checkpoint):
+    seen = f"ckpt_path={checkpoint}", "data.test_clips=[downtown/clip00]", "data.val_clips=[]"
+    with pytest.raises(UserError, match=r"data\.test_clips: .* was trained on downtown/clip00"):
+        Session(compose_config(*trained, *seen)).checkpoint("test")
+
+
 class Intruder:
     """Runs code of its own where a pickle of it is loaded."""
 
@@ -201,8 +207,11 @@ def test_no_code_in_a_checkpoint_is_run(read, changed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UserError, match=r"some\.ckpt is no readable"):
         changed(lambda content: content.update(intruder=Intruder()))
-    with pytest.raises(UserError, match=r"some\.ckpt is no readable"):
-        read(tmp_path / "some.ckpt")
+    for other in (None, "frame,time_s\n1,0.5\n", "]"):
+        if other is not None:
+            (tmp_path / "some.ckpt").write_text(other)
+        with pytest.raises(UserError, match=r"some\.ckpt is no readable"):
+            read(tmp_path / "some.ckpt")
     assert not Path("intruder").exists()
 
 
