@@ -75,7 +75,9 @@ def mirrored(sample: Batch) -> Batch:
     """Mirrors a sample exactly: left and right of the world change places.
 
     With M = diag(1, -1, 1) in the occ and body frames and diag(-1, 1, 1) in the camera's, every
-    transform b_from_a becomes M_b b_from_a M_a; rotations stay proper, and u becomes W - u.
+    transform b_from_a becomes M_b b_from_a M_a; rotations stay proper, and u becomes W - u. Only
+    the places of the cost volume and of the pixels' labels, which stand at pixel 4i + 2, are then
+    those of pixel 4j + 1: one pixel beside their own.
     """
     # Left is y in the occ and body frames, and x in the camera's.
     swap_y = sample["body_from_camera"].new_tensor([1, -1, 1, 1])

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from ..errors import UserError, reason_of, way_out_of
 from ..geometry import VoxelGrid
 from .calibrator import Calibrator
 from .network import SkyOcc
-from .weights import ORIGIN, UNREADABLE
+from .weights import ORIGIN, UNREADABLE, hash_in_name
 
 # Format of a checkpoint's own part. Files of format 1 held weights and no configuration, those of
 # format 2 no prior by height.
@@ -133,8 +134,12 @@ def _of_this_package(name: Any) -> Any:
 
 
 def read_content(path: Path) -> dict[str, Any]:
-    """Reads all that Lightning wrote. Raises `UserError` for a file that is no checkpoint."""
+    """Reads all that Lightning wrote. Raises `UserError` for a file that is no checkpoint, or not
+    the one of the hash in its name."""
     try:
+        said = hash_in_name(path)
+        if said and not sha256(path.read_bytes()).hexdigest().startswith(said):
+            raise ValueError("its content has another hash than its name")
         content = torch.load(path, map_location="cpu", weights_only=True)
         if {"state_dict", "epoch"} - content.keys():
             raise KeyError("it holds no training")

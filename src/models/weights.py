@@ -119,10 +119,15 @@ def _download(url: str) -> Path:
     return path
 
 
-def _verify(path: Path, sha256: str | None) -> None:
-    # torchvision's convention, and task=slim's: a name ends in the first digits of the hash.
+def hash_in_name(path: Path) -> str | None:
+    """Returns the hash that a name ends in, by its first digits: torchvision's convention, and
+    task=slim's."""
     in_name = re.search(r"-([0-9a-f]{8,64})\.(pth|ckpt)$", path.name)
-    expected = sha256 or (in_name and in_name[1])
+    return in_name and in_name[1]
+
+
+def _verify(path: Path, sha256: str | None) -> None:
+    expected = sha256 or hash_in_name(path)
     actual = hashlib.sha256(path.read_bytes()).hexdigest()
 
     if not expected:

@@ -1,5 +1,6 @@
 """A checkpoint stands alone: what needs one needs no training label, and no more than it uses."""
 
+import hashlib
 import re
 import shutil
 from pathlib import Path
@@ -244,6 +245,16 @@ def test_a_checkpoint_of_another_format_or_architecture_is_one_line(changed, cha
     with pytest.raises(UserError, match=rf"^ckpt_path: .*some\.ckpt .*{said}") as info:
         changed(change).network()
     assert "\n" not in str(info.value)
+
+
+def test_weights_whose_name_has_another_hash_are_refused(checkpoint, tmp_path):
+    content = Path(checkpoint).read_bytes()
+    digest = hashlib.sha256(content).hexdigest()[:8]
+    (tmp_path / f"own-{digest}.ckpt").write_bytes(content)
+    Checkpoint.read(tmp_path / f"own-{digest}.ckpt")
+    (tmp_path / "own-01234567.ckpt").write_bytes(content)
+    with pytest.raises(UserError, match="another hash than its name"):
+        Checkpoint.read(tmp_path / "own-01234567.ckpt")
 
 
 @pytest.mark.parametrize("share", [0, 0.5])
