@@ -99,7 +99,8 @@ def require_unseen(weights: str | None, dataset: str, test_clips: Iterable[str])
 
 
 def trained_on(own_dataset: str, config: Mapping, dataset: str, clips: Iterable[str]) -> list[str]:
-    """Returns those of a dataset's clips that a run with another, or the same, was trained on."""
+    """Returns the clips that a run was trained on: those of its own dataset that it did not hold
+    out."""
     held_out = config.get("data", {})
     known = {*held_out.get("val_clips", []), *held_out.get("test_clips", [])}
     return [clip for clip in clips if clip not in known] if own_dataset == dataset else []

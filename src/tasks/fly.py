@@ -50,6 +50,7 @@ def fly(cfg: DictConfig, films: bool, **_: object) -> None:
     folder = Path(config["task"]["out"])
     with _fleet_of([config]) as fleet:
         jobs = jobs_of(config, fleet)
+        _keep(folder, config)
         [table] = _flown(fleet, jobs, [folder], config["perception"]["name"])
         if films:
             wanted = {folder / f"{stem}.gif": jobs[each] for stem, each in films_of(table).items()}
@@ -69,13 +70,16 @@ def fly_together(configs: Sequence[Mapping]) -> None:
     `fly` does.
     """
     with _fleet_of(configs) as fleet:
+        jobs = jobs_of(configs[0], fleet)
         folders = [Path(config["task"]["out"]) for config in configs]
-        _flown(fleet, jobs_of(configs[0], fleet), folders, f"{len(configs)} perceptions")
+        for folder, config in zip(folders, configs):
+            _keep(folder, config)
+        _flown(fleet, jobs, folders, f"{len(configs)} perceptions")
 
 
 def _fleet_of(configs: Sequence[Mapping]) -> Fleet:
     """Returns the worker processes of the first configuration, for flights of all of them, whose
-    folders are ready by then."""
+    folders hold no others."""
     first = configs[0]
     require_count("task.workers", first["task"]["workers"])
     for config in tracked(configs, "opening"):
@@ -204,19 +208,22 @@ def _require_sound(path: Path, table: pd.DataFrame) -> None:
 
 
 def _require_same(folder: Path, config: Mapping) -> None:
-    """Keeps the configuration beside the flights, and what shaped them; refuses to add flights of
-    another configuration, of other code or of other weights."""
-    path, shaping = folder / VERSION, digest_of(_shaping(config))
-    # What never flew is no other configuration's.
-    if not path.is_file() or not any((folder / each).exists() for each in (FLIGHTS, "frames")):
-        folder.mkdir(parents=True, exist_ok=True)
-        OmegaConf.save(OmegaConf.create(config), folder / CONFIG)
-        path.write_text(shaping)
-    elif path.read_text() != shaping:
+    """Refuses to add flights of another configuration, of other code or of other weights."""
+    path = folder / VERSION
+    if path.is_file() and path.read_text() != digest_of(_shaping(config)):
         raise UserError(
             f"{folder}: has flights of another configuration, code or checkpoint; give another "
             "task.out"
         )
+
+
+def _keep(folder: Path, config: Mapping) -> None:
+    """Keeps the configuration beside the flights, and what shapes them."""
+    _require_same(folder, config)  # another process may have begun meanwhile
+    folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / VERSION).is_file():
+        OmegaConf.save(OmegaConf.create(config), folder / CONFIG)
+        (folder / VERSION).write_text(digest_of(_shaping(config)))
 
 
 def _shaping(config: Mapping) -> dict[str, object]:
