@@ -5,6 +5,8 @@ import pandas as pd
 import pytest
 
 from src.errors import UserError
+from src.geometry import VoxelGrid
+from src.metrics.protocol import SUPERVISED, Protocol
 from studies.uncertainty import conformal
 from studies.uncertainty.conformal import change_of, controlled, free_of, halves, losses_of, main
 
@@ -51,7 +53,7 @@ def test_the_change_is_that_of_the_maps_of_both():
 def test_towns_that_were_never_seen_stand_apart(tmp_path, monkeypatch):
     """A command line gives a list of them."""
     own = drawn(20) | {f"fair-{n}": each for n, each in enumerate(drawn(3, seed=1).values())}
-    read = own, {"a flight": "its protocol"}
+    read = own, {"a flight": Protocol.of("sky", "flights", 1, VoxelGrid(), SUPERVISED, {}, {})}
     monkeypatch.setattr(conformal, "read_maps", lambda folder: read)
     main("flights", unseen=["fair"], out=tmp_path / "table.csv")
     table = pd.read_csv(tmp_path / "table.csv")
