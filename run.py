@@ -23,9 +23,9 @@ def _interrupted(kind: type, error: BaseException, trace: object) -> None:
 
 sys.excepthook = _interrupted
 if {"-h", "--help"} & {*sys.argv[1:]}:  # Hydra's own is every key, after seconds of imports
-    from src.help import help_text
+    from src.help import print_help
 
-    print(help_text())
+    print_help()
     sys.exit(0)
 gc.disable()  # until the task begins: nothing that is imported or composed is garbage
 

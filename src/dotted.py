@@ -9,6 +9,14 @@ def is_listed(key: str, listed: Iterable[str]) -> bool:
     return any(key == known or key.startswith(f"{known}.") for known in listed)
 
 
+def value_at(config: Mapping, key: str) -> object:
+    """Returns the value at a dotted key; ``None`` where there is none."""
+    node: object = config
+    for name in key.split("."):
+        node = node.get(name) if isinstance(node, Mapping) else None
+    return node
+
+
 def differences(
     before: Mapping, after: Mapping, prefix: str = ""
 ) -> Iterator[tuple[str, object, object]]:

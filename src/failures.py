@@ -16,7 +16,7 @@ from hydra import errors as hydra
 from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from .errors import UserError, closest
+from .errors import UserError, closest, reason_of
 
 ELSEWHERE = "set paths.data and paths.runs to folders that can be written to"
 DISK = {
@@ -38,6 +38,7 @@ MERGING = (
     "kind first, as loss/class_weights=manual for class weights"
 )
 GO_ON = "the same command goes on from what is finished"
+ENDED = f"the system ended the program (SIGTERM); {GO_ON}"
 SMALLER = (
     "lower data.batch_size and raise trainer.accumulate_grad_batches by the same factor, which "
     "keeps the samples of an optimization step, or set model.checkpointing=true"
@@ -72,7 +73,7 @@ def told_in_one_line() -> Iterator[None]:
         raise
     except (KeyboardInterrupt, SystemExit) as stop:
         if type(stop).__module__.startswith("lightning."):  # whose import would take seconds here
-            _leave(f"the system ended the program (SIGTERM); {GO_ON}", status=143)
+            _leave(ENDED, status=143)
         # Lightning ends a training on Ctrl-C with an exit of its own.
         if KeyboardInterrupt not in (type(stop), type(stop.__context__)):
             raise
@@ -81,7 +82,7 @@ def told_in_one_line() -> Iterator[None]:
         message = one_line(error)
         if message is None:
             raise
-        _leave(message, status=2)
+        _leave(message, status=143 if message == ENDED else 2)
 
 
 class _Told(SystemExit):
@@ -121,8 +122,15 @@ def _of_run(cause: BaseException) -> str | None:
             "shared memory (/dev/shm) is too small for the loader's processes: give more, as with "
             "docker run --shm-size=2g, or data.workers=0"
         )
+    # One that is sent to all processes ends the loader's first.
+    if isinstance(cause, RuntimeError) and "is killed by signal: Terminated" in str(cause):
+        return ENDED
     if isinstance(cause, OSError) and cause.errno in DISK:
         return f"{cause.filename or 'writing'}: {DISK[cause.errno]}"
+
+    # Of Lightning, whose import would take seconds here.
+    if type(cause).__name__ == "MisconfigurationException":
+        return f"trainer or callbacks: {reason_of(cause)}; see conf/trainer and conf/callbacks"
 
     if _lacks_memory(cause, torch.OutOfMemoryError, GPU_MEMORY):
         return f"out of GPU memory: {SMALLER}"
@@ -168,6 +176,8 @@ def _of_files(cause: BaseException) -> str | None:
             "a chosen file has a bare on, off, yes or no in its defaults, which YAML takes "
             'for true or false; write it in quotes, as in override /loss/lovasz: "off"'
         )
+    if isinstance(cause, ValueError) and "Config group override must be" in str(cause):
+        return "a group was given null; choose one of its options, as those of conf/GROUP"
     return None
 
 

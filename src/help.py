@@ -1,7 +1,9 @@
 """``python run.py --help``: the tasks, and the keys that people change, told without an import."""
 
 import ast
+import os
 import re
+import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -16,6 +18,14 @@ KEYS = {
     "paths.data=  paths.runs=": "folders of all datasets and runs; paths.dataset= is one dataset",
     "ckpt_path=": "best, last or a file, for tasks that need trained weights",
 }
+
+
+def print_help() -> None:
+    """Prints `help_text`, to a reader who may have left after its first lines."""
+    try:
+        print(help_text(), flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def help_text() -> str:

@@ -1,6 +1,7 @@
 """The keys that a configuration may have, and the types of their values."""
 
 import inspect
+import math
 from collections.abc import Sequence
 from pkgutil import resolve_name
 
@@ -40,10 +41,21 @@ def _require_sound(key: str, before: DictConfig, cfg: DictConfig) -> None:
     for depth, name in enumerate(names):
         old, new = (OmegaConf.select(node, ".".join(names[:depth])) for node in (before, cfg))
         if name not in new:
-            return  # The command removes it.
+            return _require_needless(".".join(names[: depth + 1]), before)
         if name not in old or new.get(TARGET) != old.get(TARGET):
             return _require_read(".".join(names[: depth + 1]), before, cfg)
     _require_type(key, *(_plain(OmegaConf.select(node, key)) for node in (before, cfg)))
+
+
+def _require_needless(key: str, before: DictConfig) -> None:
+    """Raises `UserError` for a group that a command removes from others than its like: a weather
+    or a metric may go, but not the logger."""
+    group, _, name = key.rpartition(".")
+    siblings = OmegaConf.select(before, group) if group else before
+    if isinstance(siblings[name], DictConfig) and not all(
+        map(OmegaConf.is_dict, siblings.values())
+    ):
+        raise UserError(f"{key}: is needed; keep it, and choose another option of its group")
 
 
 def _require_read(key: str, before: DictConfig, cfg: DictConfig) -> None:
@@ -89,8 +101,12 @@ def _arguments(target: str) -> list[str] | None:
 
 
 def _require_type(key: str, old: object, new: object) -> None:
-    """Raises `UserError` for a value that is of another type than the default."""
+    """Raises `UserError` for a value that is of another type than the default, or not finite where
+    that one is."""
     group = key.partition(".")[0]
+    numbers = [each for each in (new if isinstance(new, list) else [new]) if type(each) is float]
+    if not all(map(math.isfinite, numbers)):
+        raise UserError(f"{key}: {new} is not finite; the default is {old!r}")
     # Lightning takes several types of devices, and null as its own default; it checks both itself.
     if key == "trainer.devices" or (new is None and (old is None or group == "trainer")):
         return

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -13,7 +14,7 @@ import yaml
 
 from .atomic import replacing
 from .data.manifest import NOT_SHAPING, OFF
-from .dotted import differences
+from .dotted import differences, value_at
 from .errors import UserError, is_of_the_system, way_out_of
 from .locks import locked, telling
 from .provenance import digest_of
@@ -30,6 +31,8 @@ CODE = ".code"
 BEST, LAST = "checkpoints/best.ckpt", "checkpoints/last.ckpt"
 # Predictions that never look at an image, scored beside every run.
 ANCHORS = ("all_free", "voxel_prior", "height_prior")
+# What lies beside runs and is none: a group's report, and what was moved aside.
+REPORT, ASIDE = "report", re.compile(r"\.before\d+$")
 # The recipe of what no network predicts, and of what was made before recipes had names.
 NO_RECIPE, UNKNOWN_RECIPE = "none", "unknown"
 # Beside the classes that its configuration names, this module shapes a trained model.
@@ -59,7 +62,7 @@ KEYS = {
         *("data.val_clips", "data.test_clips"),
     ),
     # Whose weights a checkpoint holds.
-    "identity": ("name", "seed", "model", "loss"),
+    "identity": ("name", "seed", "model", "loss", "data.history_step_s"),
     # What a training begins with; its checkpoints hold what became of that.
     "start": ("model.backbone.weights", "model.backbone.weights_sha256"),
 }
@@ -200,12 +203,12 @@ def require_same_config(
 ) -> None:
     """Refuses a checkpoint of a run that was started under another configuration.
 
-    ``keys`` narrows the comparison to some at the top level, such as those of the identity, less
-    what the training began with. Raises `UserError` that names the first key that differs.
+    ``keys`` narrows the comparison to some, such as those of the identity, less what the training
+    began with. Raises `UserError` that names the first key that differs.
     """
     way_out = "or another ckpt_path" if keys else "or drop ckpt_path to start anew"
     for key in keys or sorted(before.keys() | config.keys()):
-        for dotted, old, new in differences({key: before.get(key)}, {key: config.get(key)}):
+        for dotted, old, new in differences(*({key: value_at(c, key)} for c in (before, config))):
             if not (keys and dotted in KEYS["start"]):
                 raise UserError(
                     f"ckpt_path: {checkpoint} was trained with {dotted}={json.dumps(old)}, and now "

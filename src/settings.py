@@ -3,6 +3,7 @@
 import gc
 from collections.abc import Collection, Sequence
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 
 from hydra import compose
@@ -11,38 +12,14 @@ from hydra.errors import MissingConfigException
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from .data.batches import ORDERS
-from .data.dataset import HISTORY, history_stride
 from .data.manifest import MANIFEST, read_manifest
-from .data.rates import require_rates
 from .dotted import is_listed, replaced
 from .errors import UserError
-from .geometry import VoxelGrid
 from .keys import require_keys
-from .limits import require_at_least, require_choice, require_count
-from .run_folder import ANCHORS, BEST, KEYS, UNKNOWN_RECIPE
+from .run_folder import BEST, KEYS, UNKNOWN_RECIPE
+from .values import require_values
 
 GROUPS = Path(__file__).parent.parent / "conf"
-TRAINING = "src.tasks.fit.fit"
-LONGEST_NAME = 200
-# Geometry is computed in fp32, so the network has no pure half or double precision.
-PRECISIONS = ("32-true", "bf16-mixed", "16-mixed")
-CHOICES = {
-    "trainer.precision": ("auto", *PRECISIONS),
-    "gpu_precision": PRECISIONS,
-    "data.order": ORDERS,
-    "data.history": HISTORY,
-}
-AT_LEAST = (
-    (0, "sim", ("seed",)),
-    (0, "optimizer", ("lr", "weight_decay", "warmup")),
-    (1, "trainer", ("max_epochs", "accumulate_grad_batches")),
-    (0, "trainer", ("gradient_clip_val",)),
-    (1, "data", ("batch_size", "frames", "run_frames")),
-    (0, "data", ("workers",)),
-    (1, "size", ("backbone_width", "dim", "layers", "heads", "heights", "points")),
-    (0, "size", ("blocks",)),
-)
 
 
 def search_path(hydra: DictConfig) -> list[str]:
@@ -76,12 +53,10 @@ def require_sound(cfg: DictConfig, hydra: DictConfig) -> None:
             line = "# @package _global_"
             raise UserError(f"{group}={choice}: the file {choice}.yaml must begin with {line!r}")
     names = ", ".join(f"{group}={choice}" for group, choice in files.items())
-    keys = [word.key_or_group for word in typed if word not in groups]
+    keys = [word.key_or_group for word in typed if word not in groups or word.is_delete()]
     require_keys(before, cfg, keys, names)
 
-    _require_values(cfg)
-    _require_grids(cfg)
-    _require_image(cfg)
+    require_values(cfg)
 
 
 def _composed_without(files: Collection[str], hydra: DictConfig) -> DictConfig:
@@ -105,71 +80,6 @@ def _composed_without(files: Collection[str], hydra: DictConfig) -> DictConfig:
 def _composed(*words: str) -> DictConfig:
     """A composition that the commands of one process share: not to be changed."""
     return compose("config", list(words), return_hydra_config=True)
-
-
-def _require_values(cfg: DictConfig) -> None:
-    """Checks values of which no class of this project says what they may be."""
-    if not isinstance(cfg.name, str):
-        raise UserError(f"name: {cfg.name!r} is no word; quote it twice: 'name=\"{cfg.name}\"'")
-    # Or the run's folder would lie elsewhere, or be that of all runs of the scale.
-    if not cfg.name or cfg.name.startswith(".") or {"/", "\\"} & {*cfg.name}:
-        raise UserError(
-            f"name: {cfg.name!r} is no name of a folder; give one without slashes that does not "
-            "begin with a dot"
-        )
-    # Files are called by it, with other words around.
-    if len(cfg.name.encode()) > LONGEST_NAME:
-        raise UserError(f"name: of {len(cfg.name.encode())} bytes; give one of {LONGEST_NAME}")
-    if cfg.name in ANCHORS:
-        raise UserError(f"name: {cfg.name!r} is that of an anchor, scored beside every run")
-    if cfg.seed < 0:
-        raise UserError(f"seed: {cfg.seed} is too small; give 0 or more")
-    for least, group, names in AT_LEAST:
-        require_at_least(least, group, cfg[group], *names)
-    for key, choices in CHOICES.items():
-        require_choice(key, OmegaConf.select(cfg, key), choices)
-    for key in ("threads", "sim.workers"):
-        require_count(key, OmegaConf.select(cfg, key))
-
-    if cfg.optimizer.warmup > 1:
-        raise UserError(f"optimizer.warmup: {cfg.optimizer.warmup} is no share; give 0 to 1")
-    for part in ("train", "val", "test"):
-        key = f"trainer.limit_{part}_batches"
-        value = OmegaConf.select(cfg, key)
-        if value is not None and not (isinstance(value, int | float) and value > 0):
-            raise UserError(f"{key}: {value!r}; give a number of batches above 0, or a share")
-    if cfg.data.order == "streams" and cfg.data.frames == 1:
-        raise UserError(
-            "data.order: streams keep a past, and data.frames=1 has none; give 2 or more"
-        )
-    require_rates(cfg.sim)
-    history_stride(cfg.data.history_step_s, cfg.sim.capture_hz)
-
-
-def _require_grids(cfg: DictConfig) -> None:
-    """Checks the grid, which the dataset has as well, and the model or its volume on the ground."""
-    grid = OmegaConf.to_container(cfg.grid, resolve=True)
-    VoxelGrid(**grid)
-    of_model = "model.decoder.grid" if cfg.model.ground is None else "model.ground.grid"
-    for follower in ("sim.grid", of_model):
-        for key, value in grid.items():
-            if OmegaConf.select(cfg, f"{follower}.{key}") != value:
-                raise UserError(f"{follower}.{key}: differs from grid.{key}; set grid.{key} alone")
-
-
-def _require_image(cfg: DictConfig) -> None:
-    image = cfg.sim.image
-    for side in ("width", "height"):
-        if image[side] < 32 or image[side] % 32:
-            raise UserError(f"sim.image.{side}: {image[side]} is not a multiple of 32; take one")
-
-    # Batch normalization in training wants more than one value a channel.
-    trains = cfg.task._target_ == TRAINING
-    if trains and cfg.data.batch_size == 1 and image.width == image.height == 32:
-        raise UserError(
-            "data.batch_size: a single image of 32x32 pixels has one pixel in the deepest feature "
-            "map, too few for batch normalization; give 2 or more, or a larger sim.image"
-        )
 
 
 def do_task(cfg: DictConfig, hydra: DictConfig) -> object:
@@ -249,8 +159,8 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
 
     ``overrides`` are those of the command line. task=look shows other flights than those that the
     weights were trained on: which, its own configuration says. What the command leaves lies in the
-    run that the file belongs to, or in ``runs/weights/<file>``, in no run of one's own. Raises
-    `UserError` as `Checkpoint.read` does.
+    run that the file belongs to, or in ``runs/weights/<file>-<hash>``, in no run of one's own.
+    Raises `UserError` as `Checkpoint.read` does.
     """
     # An override of the model names another rung, whose configuration must then be given whole.
     parsed = OverridesParser.create().parse_overrides(list(overrides))
@@ -279,11 +189,7 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
     adopted.suite.metrics = OmegaConf.merge(suite.get("metrics", {}), cfg.suite.metrics)
 
     if "paths.run" not in keys:
-        file = Path(cfg.ckpt_path)
-        is_of_run = file.parent.name == Path(BEST).parent.name
-        adopted.paths.run = str(
-            file.parent.parent if is_of_run else Path(cfg.paths.runs) / "weights" / file.stem
-        )
+        adopted.paths.run = str(_run_of(Path(cfg.ckpt_path), Path(cfg.paths.runs)))
 
     # What the checkpoint does not say, or the command says itself.
     unsaid = [key for key in KEYS["place"] if key.partition(".")[0] in taken]
@@ -291,3 +197,14 @@ def adopted(cfg: DictConfig, overrides: Sequence[str]) -> DictConfig:
         if "." in key:
             OmegaConf.update(adopted, key, OmegaConf.select(cfg, key))
     return adopted
+
+
+def _run_of(file: Path, runs: Path) -> Path:
+    """Returns the folder of the run that a checkpoint belongs to, or one for the file alone, whose
+    name ends in the hash of its content: another file of the same name has another one."""
+    from .models.weights import hash_in_name  # only here, as above
+
+    if file.parent.name == Path(BEST).parent.name:
+        return file.parent.parent
+    digest = "" if hash_in_name(file) else f"-{sha256(file.read_bytes()).hexdigest()[:8]}"
+    return runs / "weights" / (file.stem + digest)

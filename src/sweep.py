@@ -13,15 +13,17 @@ from omegaconf import DictConfig
 
 from .errors import UserError
 from .failures import one_line, quiet_libraries
-from .settings import TRAINING, do_task, require_sound, search_path
+from .settings import adopted, do_task, require_sound, search_path
 from .terminal import say
+from .values import TRAINING
 
 FINISHED = "finished"
 CAUSE = re.compile(r"\w(Error|Exception|Exit)\b|\b(error|killed|cancelled|limit)\b", re.IGNORECASE)
 # In the environment: how many jobs the sweep has.
 JOBS = "SKYSHIELD_JOBS"
-# These tasks write to the folder of the run whose checkpoint they score.
-SCORING = ("src.tasks.test.test", "studies.attitude.task.attitude")
+# These tasks write to the folder of the run whose checkpoint they use.
+OF_RUN = ("test.test", "calibrate.calibrate", "predict.predict", "export.export")
+OF_RUN = (*(f"src.tasks.{name}" for name in OF_RUN), "studies.attitude.task.attitude")
 
 
 class Outcome(NamedTuple):
@@ -40,18 +42,20 @@ def require_sound_jobs(jobs: Sequence[DictConfig]) -> None:
     first_in: dict[str, str] = {}
     for cfg, label in zip(jobs, labels_of(overrides)):
         require_sound(cfg, cfg.hydra)
-        if cfg.task._target_ not in (*SCORING, TRAINING):
+        if cfg.task._target_ not in (*OF_RUN, TRAINING):
             continue
 
-        first = first_in.setdefault(cfg.paths.run, label)
-        if first != label and cfg.task._target_ in SCORING:
+        # A checkpoint that is named as a file has a folder of its own.
+        run = adopted(cfg, cfg.hydra.overrides.task).paths.run
+        first = first_in.setdefault(run, label)
+        if first != label and cfg.task._target_ in OF_RUN:
             raise UserError(
-                f"{first!r} and {label!r} would both write their scores to {cfg.paths.run}; give "
-                "them one by one, and move away what each has written"
+                f"{first!r} and {label!r} would both write to {run}; give them one by one, and "
+                "move away what each has written"
             )
         if first != label:
             raise UserError(
-                f"paths.run: {first!r} and {label!r} would both train in {cfg.paths.run}; let "
+                f"paths.run: {first!r} and {label!r} would both train in {run}; let "
                 "name tell them apart, in the files of the experiments or as "
                 "'name=lr${optimizer.lr}' does"
             )

@@ -247,7 +247,7 @@ def test_a_batch_of_one_is_sound_but_for_training_on_the_smallest_image():
 REFUSED = {
     **{f"data.{name}=0": f"data.{name}: 0 .*1 or more" for name in ("batch_size", "frames")},
     **{f"size.{name}=0": f"size.{name}: 0 " for name in ("dim", "layers", "heads", "heights")},
-    **{f"{key}=-1": rf"{key}: -1 .*0 or more" for key in ("seed", "sim.seed", "optimizer.lr")},
+    **{f"{key}=-1": rf"{key}: -1 .*0 or more" for key in ("sim.seed", "optimizer.lr")},
     **{f"threads={value}": f"threads: '?{value}'?;" for value in (0, -1, 1.5, "two", True)},
     "data.run_frames=0": "data.run_frames: 0 ",
     "data.workers=-1": "data.workers: -1 ",
@@ -278,6 +278,39 @@ REFUSED = {
     "name=1e5": r"name: 100000\.0 is no word; quote it twice",
     "name=true": "name: True is no word",
     f"name={300 * 'n'}": "name: of 300 bytes; give one of 200",
+    "name=report": "name: 'report' .*no run",
+    "name=mine.before1": "name: 'mine.before1' .*no run",
+    "group=../mine": r"group: '\.\./mine' .*below paths\.runs",
+    **{f"seed={n}": f"seed: {n} .*0 to 4294967295" for n in (-1, 2**32)},
+    # Infinite, or no number.
+    "data.history_step_s=inf": "data.history_step_s: inf is not finite",
+    "task=watch task.start_s=nan": "task.start_s: nan is not finite",
+    "task=watch task.camera.fx=nan": "task.camera.fx: nan is not finite",
+    "sim.grid.lower_m=[0,nan,0]": r"sim.grid.lower_m: \[0, nan, 0\] is not finite",
+    # Set by another key, or by the program.
+    "model.encoder.num_frames=2": "model.encoder.num_frames: 2, .* set data.frames alone",
+    "model.encoder.dim=32": "model.encoder.dim: 32, .* set size.dim alone",
+    "+optimizer.rule.lr=1": "optimizer.rule.lr: nothing reads it; give optimizer.lr",
+    "+optimizer.rule.weight_decay=1": "optimizer.rule.weight_decay: .*optimizer.weight_decay",
+    "+trainer.logger=false": "trainer.logger: nothing reads it; give logger=csv",
+    "+trainer.callbacks=[]": r"trainer.callbacks: nothing reads it; give \+callbacks",
+    "model.history_grad=true data.order=streams": "model.history_grad: .*data.order=streams",
+    "model.encoder.num_heads=-2": "model.encoder.num_heads: -2 ",
+    "model.sight.weight=-1": "model.sight.weight: -1 ",
+    "model.sight.bins=0": "model.sight.bins: 0 ",
+    "data.parallax.ages_s=[0.2,100]": "data.parallax.ages_s: 100 s .*12 s",
+    "sim.save_aux=false": "sim.save_aux: false, .*model/sight=off",
+    # A training that would end without its best weights, or never go on.
+    "callbacks.best.filename=mine": "callbacks.best.filename: mine; .* wants best",
+    "+callbacks.last.save_top_k=0": "callbacks.last.save_top_k: 0; .* wants 1",
+    "+trainer.fast_dev_run=true": "trainer.fast_dev_run: True; .* wants false",
+    "+trainer.val_check_interval=0.5": "trainer.val_check_interval: 0.5; .* wants 1.0",
+    "+trainer.check_val_every_n_epoch=9": "trainer.check_val_every_n_epoch: 9, .*max_epochs=4",
+    "trainer.max_epochs=null": "trainer.max_epochs: null; ",
+    "trainer.strategy=ddp_spawn": "trainer.strategy: ddp_spawn .* give ddp",
+    "~callbacks.best": "callbacks.best: a training needs it",
+    "~logger": "logger: is needed; ",
+    "~model.sight": "model.sight: is needed; ",
     "+max_epochs=3": "max_epochs: nothing",
     "+sim.fogg=1": "sim.fogg: nothing",
     "++trainer.max_epoch=3": "trainer.max_epoch: .*'max_epochs'",
@@ -316,7 +349,7 @@ def experiment(tmp_path_factory):
     "text",
     [
         "size: { layers: 3 }\noptimizer: { lr: 1 }\n",
-        "trainer: { val_check_interval: 0.5, devices: auto }\n",  # arguments of the class
+        "trainer: { deterministic: true, devices: auto }\n",  # arguments of the class
         "callbacks: { mine: { _target_: lightning.pytorch.callbacks.Timer } }\n",
         "model: { decoder: { _target_: src.mine.Decoder, width: wide } }\n",  # of another class
         "data: { test_clips: [park/clip00], frames: 2 }\nthreads: 1\n",

@@ -10,12 +10,15 @@ import pytest
 import torch
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
+from lightning import Trainer
+from lightning.pytorch.demos.boring_classes import BoringModel
 from lightning.pytorch.utilities.exceptions import SIGTERMException
 from omegaconf import OmegaConf
 from torch.utils.data import DataLoader
 
 from src.errors import UserError
 from src.failures import DISK, one_line, told_in_one_line
+from tests.synthetic import compose_config
 
 
 def caught(action, *arguments):
@@ -44,6 +47,7 @@ def raising(error):
         (ctrl_c_in_a_training, 130, "error: interrupted"),
         # Lightning's exception for the system's end of a training would leave with status 0.
         (lambda: raising(SIGTERMException()), 143, "error: the system ended"),
+        (lambda: in_a_worker(terminated)(), 143, "error: the system ended"),
     ],
 )
 def test_an_end_is_one_line_and_a_status_although_the_program_asks_twice(
@@ -131,6 +135,10 @@ def killed():
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def terminated():
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
 def far_too_much():
     return np.empty(10**15)
 
@@ -200,6 +208,15 @@ def test_a_gpu_without_enough_memory_is_told_what_to_turn(error):
     assert all(knob in message for knob in KNOBS)
     assert "workers" not in message
     assert "\n" not in message
+
+
+def test_what_lightning_or_hydra_refuses_is_one_line():
+    batches = DataLoader(Samples(lambda: 1.0))
+    trainer = Trainer(accelerator="cpu", limit_train_batches=0.01, logger=False)
+    assert one_line(caught(trainer.fit, BoringModel(), batches)).startswith(
+        "trainer or callbacks: You requested to check 0.01 of the `train_dataloader`"
+    )
+    assert one_line(caught(compose_config, "logger=null")).startswith("a group was given null; ")
 
 
 def test_other_messages_of_the_configuration_are_put_on_one_line():

@@ -25,6 +25,7 @@ from src.results.files import SCORES, read_results
 from src.run_folder import ANCHORS
 from src.tasks import evaluate
 from src.tasks.compare import compare
+from src.tasks.dataset import root_of
 from src.tasks.fit import fit
 from src.tasks.predict import predict
 from src.tasks.score import score as score_predictions
@@ -282,6 +283,12 @@ def test_last_goes_on_and_no_other_configuration_code_or_broken_file(half_done, 
         fit(compose_config(*half_done, "ckpt_path=last", "optimizer.lr=0.1"))
     last = folder_of(half_done) / "checkpoints/last.ckpt"
     ours, content = last.read_bytes(), torch.load(last, weights_only=True)
+    content["skyshield"]["dataset"] = "others"
+    torch.save(content, last)
+    with pytest.raises(UserError, match=r"last\.ckpt was trained on others, and now .* tiny-"):
+        fit(compose_config(*half_done, "ckpt_path=last"))
+    content = torch.load(last, weights_only=True)
+    content["skyshield"]["dataset"] = root_of(compose_config(*half_done)).name
     content["skyshield"]["code"]["models/losses.py"] = "0123456789ab"
     torch.save(content, last)
     with pytest.raises(UserError, match=r"last\.ckpt .*src/models/losses"):
@@ -317,6 +324,14 @@ def test_a_precision_holds_for_training_and_for_what_comes_after(here, monkeypat
     facts = yaml.safe_load((folder_of(overrides) / "predictions/val/predictions.json").read_text())
     assert facts["precision"] == "bf16-mixed"
     assert facts["held_out"] == {"val": [], "test": ["suburb/clip00"]}
+
+
+def test_a_best_epoch_is_of_what_validation_logs_and_of_a_validation(here):
+    with pytest.raises(UserError, match=r"^callbacks\.best\.monitor: 'val/foo'; .* val/kar_miou,"):
+        fit(compose_config(*here, "callbacks.best.monitor=val/foo"))
+    assert not folder_of(here).exists()
+    with pytest.raises(UserError, match=r"skyocc/seed0: ended before any validation, which"):
+        fit(compose_config(*here, "+trainer.max_steps=1"))
 
 
 def test_fit_goes_on_neither_from_nothing_nor_from_another_run(finished, here):

@@ -121,6 +121,8 @@ def test_a_mistake_in_any_job_is_told_before_the_first_one_starts(
         (["optimizer.lr=1e-3,1e-4"], r"paths\.run: 'optimizer\.lr=0\.001' .* both train"),
         (["ckpt_path=best", "task=attitude", "task.noise_deg=[1.0],[3.0]"], "both write"),
         (["ckpt_path=best", "task=test", "metric.horizon_s=4.0,5.0"], "both write"),
+        (["ckpt_path=best,last", "task=calibrate"], "both write"),
+        (["ckpt_path=best,last", "task=export"], "both write"),
     ],
 )
 def test_two_jobs_that_would_write_to_one_folder_are_refused(overrides, named, sweep, tmp_path):

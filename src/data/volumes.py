@@ -1,5 +1,6 @@
 """Cost volumes of a dataset's frames: computed, and kept beside the clips for a training."""
 
+import os
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -13,7 +14,7 @@ from ..atomic import replacing
 from ..errors import UserError, reason_of, way_out_of
 from ..parallax import Parallax
 from ..provenance import digest_of
-from ..terminal import tracked
+from ..terminal import say, tracked
 from ..used_code import code_of
 from ..worker_pool import default_workers, mapped
 from .clip import Clip, recorded_sums
@@ -43,12 +44,22 @@ def _kept(path: Path, now: int) -> UInt8[np.ndarray, "bins h w"]:
 
 
 def keep_volumes(parallax: Parallax, clips: Sequence[Clip]) -> None:
-    """Computes the volumes of all clips that have none yet, on every core."""
+    """Computes the volumes of all clips that have none yet, on every core.
+
+    Where they cannot be kept, says so; whoever wants one computes it then."""
     missing = [clip for clip in clips if not file_of(parallax, clip).is_file()]
+    if missing and not _can_be_kept(folder := file_of(parallax, missing[0]).parent):
+        say(f"{folder}: cannot be written to, so every epoch compares frames with past ones anew")
+        return
     workers = max(1, min(default_workers(), len(missing)))
     kept = mapped(_keep, workers, [parallax] * len(missing), missing)
     for _ in tracked(kept, "comparing frames with past ones", len(missing)):
         pass
+
+
+def _can_be_kept(folder: Path) -> bool:
+    there = next(place for place in (folder, *folder.parents) if place.exists())
+    return os.access(there, os.W_OK)
 
 
 def computed_volume(parallax: Parallax, clip: Clip, window: Sequence[int]) -> Volume:

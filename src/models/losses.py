@@ -251,8 +251,14 @@ def safety_weights(
     The inverse square root of the class frequency, at most ``max_ratio`` times that of the most
     frequent class; times ``safety_factor`` for thin structures, vehicles and VRUs; scaled so that
     the mean over the training voxels is 1, which leaves the balance with the Lovász term as it was.
-    A class that training lacks gets the cap. Raises `UserError` for counts that are all zero.
+    A class that training lacks gets the cap. Raises `UserError` for counts that are all zero, and
+    for a cap or a factor that makes no weight.
     """
+    if not (max_ratio >= 1 and safety_factor > 0):
+        raise UserError(
+            f"class_weights: max_ratio={max_ratio} and safety_factor={safety_factor}; give 1 or "
+            "more, and a number above 0"
+        )
     counts = torch.as_tensor(counts, dtype=torch.float64)
     if len(counts) != NUM_CLASSES or counts.min() < 0 or counts.sum() == 0:
         raise UserError(

@@ -22,6 +22,10 @@ CLASSIFIER = "fc."
 ORIGIN = "skyshield"
 # How the names of an image encoder begin in a checkpoint.
 ENCODER = "network.backbone."
+# What decides where a clip of a name flies, with the values of before there was a choice; and how
+# the names of the simulator's datasets end.
+DRAWN = {"seed": 0, "town_seeds": 1, "flight": {}}
+GENERATED = re.compile(r"-[0-9a-f]{12}$")
 # What PyTorch raises for a file that is cut, damaged, or something else.
 UNREADABLE = (AttributeError, EOFError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 UNREADABLE += (UnpicklingError,)
@@ -78,19 +82,20 @@ def read_encoder(path: Path) -> tuple[dict[str, Tensor], dict]:
         ) from error
 
 
-def require_unseen(weights: str | None, dataset: str, test_clips: Iterable[str]) -> None:
-    """Raises `UserError` where an encoder begins with a checkpoint that was trained on one of the
+def require_unseen(
+    weights: str | None, dataset: str, sim: Mapping, test_clips: Iterable[str]
+) -> None:
+    """Raises `UserError` where an encoder begins with a checkpoint that was `trained_on` one of the
     ``test_clips``, whose labels it has learnt.
 
-    Nothing is known of a published file. Clips of another dataset are other flights, whatever
-    their names.
+    Nothing is known of a published file.
     """
     if not Path(weights or "").is_file():
         return
     _, origin = read_encoder(Path(weights))
     # A file of the former task=pretrain has no configuration, and is refused by its clips.
     if origin and (
-        seen := trained_on(origin["dataset"], origin.get("config", {}), dataset, test_clips)
+        seen := trained_on(origin["dataset"], origin.get("config", {}), dataset, sim, test_clips)
     ):
         raise UserError(
             f"model.backbone.weights: {weights} was trained on {seen[0]}, which this run holds out "
@@ -98,12 +103,21 @@ def require_unseen(weights: str | None, dataset: str, test_clips: Iterable[str])
         )
 
 
-def trained_on(own_dataset: str, config: Mapping, dataset: str, clips: Iterable[str]) -> list[str]:
-    """Returns the clips that a run was trained on: those of its own dataset that it did not hold
-    out."""
-    held_out = config.get("data", {})
-    known = {*held_out.get("val_clips", []), *held_out.get("test_clips", [])}
-    return [clip for clip in clips if clip not in known] if own_dataset == dataset else []
+def trained_on(
+    own_dataset: str, config: Mapping, dataset: str, sim: Mapping, clips: Iterable[str]
+) -> list[str]:
+    """Returns those of the ``clips`` that a run was trained on: it had them, and held them not out.
+
+    Datasets of the simulator have the same flights, whatever their images and grids, where they
+    were drawn alike (`DRAWN`). Any other dataset has its own, whatever their names.
+    """
+    known = {*(held := config.get("data", {})).get("val_clips", []), *held.get("test_clips", [])}
+    own = config.get("sim", {})
+    alike = all(own.get(key, default) == sim.get(key, default) for key, default in DRAWN.items())
+    generated = all(GENERATED.search(name) for name in (own_dataset, dataset))
+    if own_dataset != dataset and not (generated and alike):
+        return []
+    return [clip for clip in clips if clip not in known]
 
 
 def _download(url: str) -> Path:

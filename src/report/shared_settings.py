@@ -5,9 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, combinations
 from typing import TypeVar
 
-from ..dotted import differences, is_listed
+from ..dotted import differences, is_listed, value_at
 from ..results.render import Table
-from ..results.runs import ScoredRun, value_at
+from ..results.runs import ScoredRun
 from ..run_folder import shaping
 from .ladder import PAPER, Ladder
 

@@ -1,17 +1,19 @@
 """Run folders as a report finds them: scored, or not finished."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
 
+from ..dotted import value_at
 from ..errors import UserError
 from ..provenance import digest_of
 from ..run_folder import (
     ANCHORS,
+    ASIDE,
     CONFIG,
     METRICS,
     RESULTS,
@@ -23,7 +25,7 @@ from ..run_folder import (
 from .counts import Counts
 from .files import read_results
 
-SEED, ASIDE = re.compile(r"seed\d+"), re.compile(r"\.before\d+$")
+SEED = re.compile(r"seed\d+")
 
 # Levels from a folder that is named down to its runs, at most: one more than in
 # ``runs/<scale>/<experiment>/seed<k>``.
@@ -89,14 +91,6 @@ class UnfinishedRun(NamedTuple):
         whole = "" if self.of_epochs is None else f" of {self.of_epochs}"
         begun = "no epoch" if self.epochs is None else f"{self.epochs}{whole} epochs"
         return f"{self.experiment} seed {self.seed}: unfinished, {begun} logged"
-
-
-def value_at(config: Mapping, key: str) -> object:
-    """Returns the value at a dotted key; ``None`` where there is none."""
-    node: object = config
-    for name in key.split("."):
-        node = node.get(name) if isinstance(node, Mapping) else None
-    return node
 
 
 def run_folders(places: Sequence[Path], out: Path) -> list[Path]:

@@ -24,6 +24,8 @@ def _file_of(path: Path) -> Path:
     """Returns the one file of counts of a run or score folder beside the anchors', or the file."""
     if not path.exists():
         raise UserError(f"task.runs: {path} is neither a folder nor a file")
+    if path.is_file() and path.suffix != ".npz":
+        raise UserError(f"task.runs: {path} holds no counts; name its folder, or {TALLIES}/*.npz")
     files = [path] if path.is_file() else sorted((path / TALLIES).glob("*.npz"))
     own = [file for file in files if len(files) == 1 or file.stem not in ANCHORS]
     if len(own) != 1:

@@ -29,12 +29,13 @@ EXPLAINED = (
 def print_summary(folder: Path, name: str, then: str, console: Console | None = None) -> None:
     """Prints the main scores of an experiment and of the anchors beside it, and where to go on.
 
-    ``folder`` is one that `write_scores` has filled, ``then`` the next command. Raises `UserError`
-    where a file of the folder cannot be read.
+    ``folder`` is one that `write_scores` has filled, ``then`` the next command, if there is one.
+    Raises `UserError` where a file of the folder cannot be read.
     """
     print_table(summary_of(folder, name), console or Console(width=WIDTH))
     say(EXPLAINED)
-    say(f"Every class and score, with intervals: {folder / LONG}. Next: {then}")
+    next_one = f". Next: {then}" if then else ""
+    say(f"Every class and score, with intervals: {folder / LONG}{next_one}")
 
 
 def summary_of(folder: Path, name: str) -> Table:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import torch
 from jaxtyping import UInt8
@@ -75,7 +76,10 @@ def show(folder: RunFolder, cfg: DictConfig) -> None:
         words.append(f"recipe={cfg.recipe_name}")
     if cfg.paths.runs != "runs":
         words.append(f"paths.runs={cfg.paths.runs}")
-    print_summary(folder.path, cfg.name, f"python run.py task=report {' '.join(words)}")
+    # A report is of trainings.
+    is_run = folder.path == Path(cfg.paths.run)
+    then = f"python run.py task=report {' '.join(words)}" if is_run else ""
+    print_summary(folder.path, cfg.name, then)
     say(f"Predictions beside the ground truth: {folder.figures}")
 
 

@@ -29,6 +29,8 @@ Logits = Float[Tensor, "9 x y z"]
 def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: float) -> None:
     """Writes ``<run>/export/`` and prints how far each graph is from the model, and how fast.
 
+    With ``calibrated`` it is ``<run>/export-calibrated/``.
+
     Needs no dataset: both compute the frames of `made_up_flight`. The folder is replaced as a
     whole, once every graph has passed. Raises `UserError` as `Session.checkpoint` does, for an
     unknown format, for no frames, and where a graph's logits differ from the model's by more than
@@ -39,7 +41,8 @@ def export(cfg: DictConfig, formats: Sequence[str], frames: int, tolerance: floa
     session = Session(cfg)
     checkpoint = session.checkpoint("export")
     network, config = checkpoint.network(cfg.calibrated), checkpoint.origin.config
-    folder, step_s = session.folder.path / "export", config["data"]["history_step_s"]
+    name = "export-calibrated" if cfg.calibrated else "export"
+    folder, step_s = session.folder.path / name, config["data"]["history_step_s"]
 
     flight = made_up_flight(config["sim"], frames, step_s)
     stream = SkyOccStream(network, step_s)
@@ -70,6 +73,7 @@ def _facts(session: Session, config: Mapping) -> dict[str, object]:
     """Returns the facts of the model in the description beside the graphs."""
     return {
         "name": config["name"],
+        "calibrated": session.cfg.calibrated,
         "frames": config["data"]["frames"],
         "history_step_s": config["data"]["history_step_s"],
         "grid": config["grid"],

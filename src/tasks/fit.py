@@ -5,6 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from ..errors import UserError
+from ..limits import require_choice
 from ..models.checkpoint import Checkpoint, load_weights
 from ..models.module import OccupancyModule
 from ..models.weights import require_unseen
@@ -36,7 +37,8 @@ def fit(cfg: DictConfig) -> str:
     named = None if cfg.ckpt_path is None else _checkpoint_to_resume(session)
     require_buildable(cfg)
     _announce_stages(session, named)
-    require_unseen(cfg.model.backbone.get("weights"), session.data.root.name, cfg.data.test_clips)
+    begun_with, sim = cfg.model.backbone.get("weights"), session.folder.config["sim"]
+    require_unseen(begun_with, session.data.root.name, sim, cfg.data.test_clips)
     session.data.require_pixels()
 
     # The other processes of a run would wait for the lock of the first one.
@@ -65,6 +67,7 @@ def _train(session: Session, named: Path | None) -> str:
     # A broken checkpoint is refused here, in one line.
     checkpoint = None if path is None else Checkpoint.read(path)
     module = _module(session, checkpoint)
+    require_choice("callbacks.best.monitor", cfg.callbacks.best.monitor, module.logged_by_val())
     done = f"epoch {checkpoint.epochs} of {cfg.trainer.max_epochs}" if checkpoint else ""
 
     # Nothing is left to refuse: now what is in the way of this run may move aside.
@@ -80,6 +83,11 @@ def _train(session: Session, named: Path | None) -> str:
         if is_first_process():
             folder.merge_metrics()
 
+    if not folder.best_checkpoint.is_file():
+        raise UserError(
+            f"{folder.path}: ended before any validation, which chooses the weights; give "
+            "trainer.max_epochs, and no trainer.max_steps or max_time that ends the first epoch"
+        )
     # The best epoch by validation is scored; the last one stays, to go on from.
     load_weights(module, Checkpoint.read(folder.best_checkpoint).state, folder.best_checkpoint)
     evaluate(session, module, folder)
@@ -123,6 +131,11 @@ def _checkpoint_to_resume(session: Session) -> Path:
         raise UserError(
             f"ckpt_path: {path} belongs to another run than {folder.path}; set paths.run to its "
             "folder to go on with it, or task=test to score it"
+        )
+    if origin.dataset != (name := session.data.root.name):
+        raise UserError(
+            f"ckpt_path: {path} was trained on {origin.dataset}, and now the data are {name}; give "
+            "those, or drop ckpt_path to start anew"
         )
     if file := different_file(origin.code, folder.code):
         raise UserError(

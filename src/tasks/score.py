@@ -34,6 +34,8 @@ def score(cfg: DictConfig, part: str, allow_missing: bool, out: str | None) -> N
     folder = Path(cfg.predictions)
     pairing = LAYOUTS[cfg.layout.name](cfg, folder, part)
     facts = _facts(cfg, pairing, folder)
+    if part != (said := pairing.facts.get("part", part)):
+        raise UserError(f"{folder / FACTS}: of the part {said!r}; give task.part={said}")
     samples = _sound_samples(pairing, folder, allow_missing)
     metric, suite = score_settings(cfg)
     name = str(pairing.facts.get("name", folder.name))

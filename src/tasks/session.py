@@ -64,7 +64,7 @@ class Session:
         held_out = self.cfg.data.val_clips, self.cfg.data.test_clips
         own, here = checkpoint.origin.dataset, root_of(self.cfg).name
         for key, clips in zip(("val_clips", "test_clips"), held_out):
-            if seen := trained_on(own, config, here, clips):
+            if seen := trained_on(own, config, here, self.folder.config["sim"], clips):
                 raise UserError(
                     f"data.{key}: {checkpoint.path} was trained on {seen[0]}; name clips that its "
                     "run held out"

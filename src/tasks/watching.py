@@ -7,6 +7,7 @@ from typing import Any
 from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
 
+from ..errors import reason_of
 from ..terminal import Meter, duration, metered, say
 
 # What a step of the validation costs, measured in steps of the training: it has no backward pass.
@@ -40,10 +41,11 @@ class Progress(Callback):
         self._meter.advance()
 
     def on_validation_batch_end(self, trainer: Trainer, *batch: Any) -> None:
-        self._meter.advance(VALIDATION)
+        if not trainer.sanity_checking:
+            self._meter.advance(VALIDATION)
 
     def on_validation_end(self, trainer: Trainer, module: LightningModule) -> None:
-        if not trainer.is_global_zero:
+        if not trainer.is_global_zero or trainer.sanity_checking:
             return
         scores, left_s = trainer.callback_metrics, self._meter.left_s
         is_last = trainer.current_epoch + 1 == trainer.max_epochs
@@ -84,11 +86,16 @@ class Preview(Callback):
         self.path, self.frames = Path(path), frames
 
     def on_validation_end(self, trainer: Trainer, module: LightningModule) -> None:
-        if trainer.current_epoch or not trainer.is_global_zero:
+        is_first = not (trainer.current_epoch or trainer.sanity_checking)
+        if not (is_first and trainer.is_global_zero):
             return
         # Training needs no drawing code; it is loaded for the picture alone.
         from .scenes import draw_sheet
 
         heading = "Validation, after the first epoch"
-        draw_sheet(module, trainer.datamodule, "val", self.path, heading, self.frames)
-        say(f"{self.path}: the first predictions, beside the labels")
+        try:
+            draw_sheet(module, trainer.datamodule, "val", self.path, heading, self.frames)
+        except OSError as error:  # a picture is no reason to end a training
+            say(f"{self.path}: not drawn ({reason_of(error)})")
+        else:
+            say(f"{self.path}: the first predictions, beside the labels")

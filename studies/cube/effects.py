@@ -37,7 +37,8 @@ def vertices_of(runs: Sequence[ScoredRun], names: Sequence[str]) -> dict[Vertex,
     """Returns the experiments of the cube that have a run, by the factors that they have.
 
     Raises `UserError` where none of them has a run, two have the same factors, seeds of one have
-    other factors, or they differ in a setting beside the factors, the seed and the learning rate.
+    other factors, they differ in a setting beside the factors, the seed and the learning rate, or
+    no two differ in one factor alone.
     """
     mine = [run for run in runs if run.experiment in names]
     if names and not mine:
@@ -56,6 +57,11 @@ def vertices_of(runs: Sequence[ScoredRun], names: Sequence[str]) -> dict[Vertex,
             )
     if len({*vertices.values()}) < len(vertices):
         raise UserError("task.cube: seeds of one experiment have other factors; name them apart")
+    if names and next(effects(vertices), None) is None:
+        raise UserError(
+            f"task.cube: of {', '.join(vertices.values())} no two differ in one factor alone; name "
+            "models with and without it that have runs"
+        )
     return vertices
 
 

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from src.dotted import value_at
 from src.errors import UserError
 from src.results.render import Cell, Row, Table
-from src.results.runs import run_folders, value_at
+from src.results.runs import run_folders
 from src.run_folder import CONFIG, METRICS, read_config
 
 LR, SCORE = "optimizer.lr", "val/kar_miou"

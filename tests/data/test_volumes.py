@@ -49,6 +49,14 @@ def test_what_is_kept_is_what_is_computed(clip, monkeypatch):
     assert all(map(torch.equal, kept, fresh))
 
 
+def test_where_none_can_be_kept_each_is_computed_and_that_is_said(clip, monkeypatch, capsys):
+    monkeypatch.setattr("os.access", lambda *_: False)
+    keep_volumes(Parallax(AGES_S), [clip])
+    assert "parallax/suburb: cannot be written to, so every epoch" in capsys.readouterr().out
+    assert not (clip.folder.parents[1] / FOLDER).exists()
+    assert sample_of(clip, 12, Parallax(AGES_S))["parallax"].any()
+
+
 def test_those_of_other_images_or_settings_are_made_again(clip):
     keep_volumes(Parallax(AGES_S), [clip])
     (kept,) = (clip.folder.parents[1] / FOLDER / "suburb").iterdir()

@@ -1,5 +1,6 @@
 """task=calibrate, and who uses what it writes: predictions, scores, streams."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,10 @@ from src.data.predictions import Predictions
 from src.errors import UserError
 from src.knowledge import SEEN
 from src.models.checkpoint import Checkpoint
+from src.models.export import DESCRIPTION
 from src.models.stream import SkyOccStream
 from src.tasks.calibrate import calibrate
+from src.tasks.export import export
 from src.tasks.predict import predict
 from src.tasks.test import test as score
 from tests.synthetic import compose_config
@@ -70,6 +73,9 @@ def test_predictions_and_scores_are_those_of_the_calibrated_network(calibrated, 
     cfg = compose_config(*trained, f"ckpt_path={calibrated}", "calibrated=true")
     score(cfg)
     assert (Path(cfg.paths.run) / "test-calibrated/results.csv").is_file()
+    export(cfg, ["torch"], frames=5, tolerance=1e-3)
+    description = Path(cfg.paths.run) / "export-calibrated" / DESCRIPTION
+    assert json.loads(description.read_text())["calibrated"] is True
 
 
 def test_what_has_no_calibration_and_what_cannot_have_one_is_refused(trained, tmp_path):

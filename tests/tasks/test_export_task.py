@@ -1,5 +1,6 @@
 """task=export on a trained checkpoint, as a user calls it."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,7 @@ def test_it_writes_the_graphs_beside_the_run_and_says_how_near_they_are(trained,
     export(cfg, formats=["torch"], frames=5, tolerance=1e-3)
     left = {path.name for path in folder.iterdir()}
     assert left == {DESCRIPTION, FORMATS["torch"]}, "no graph of an earlier export stays beside it"
+    assert json.loads((folder / DESCRIPTION).read_text())["calibrated"] is False
 
 
 @pytest.mark.slow

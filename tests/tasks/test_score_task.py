@@ -203,6 +203,7 @@ NO_SPLIT = r"predictions\.json: held_out: .* correct it, or leave it"
         ({"dataset": "paper-0123"}, "predictions of paper-0123, not of"),
         ({"held_out": {"val": []}}, NO_SPLIT),
         ({"held_out": {"val": None, "test": None}}, NO_SPLIT),
+        ({"part": "val"}, r"mine/predictions\.json: of the part 'val'; give task\.part=val"),
         ({"seed": None}, r"mine/predictions\.json: seed: None is no whole"),
         ({"parameters": "12M"}, r"mine/predictions\.json: parameters: '12M' is no whole"),
     ],
@@ -379,12 +380,14 @@ def test_a_comparison_of_some_clips_is_of_these_alone(runs, compared, tmp_path, 
 
 
 def test_a_comparison_needs_two_runs_and_clips_that_are_there(runs, compared, tmp_path):
-    blind = runs[0]
+    blind, table = runs[0], tmp_path / "results.csv"
+    table.write_text("experiment,scale\n")
     for places, clips, message in (
         ([blind], [], "^task.runs: name two or more"),
         ([blind, file_of(blind)], [], "^task.runs: .*blind.npz is named twice"),
         ([*runs, tmp_path / "nowhere"], [], "^task.runs: .*nowhere is neither"),
         ([*runs, tmp_path], [], "holds 0 scored runs"),
+        ([*runs, table], [], "^task.runs: .*results.csv holds no counts; name its folder"),
         (runs, ["*", "town/x"], "^task.clips: no scored clip is like 'town/x'; there are"),
     ):
         with pytest.raises(UserError, match=message):

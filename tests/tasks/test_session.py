@@ -86,7 +86,12 @@ def test_its_recipe_is_named_and_its_run_is_found_where_the_command_says_nothing
     torch.save(content, tmp_path / "paper.ckpt")
     own = configured("task=test", f"ckpt_path={tmp_path}/paper.ckpt")
     assert Session(own).checkpoint("test").origin.config["recipe_name"] == own.recipe_name
-    assert own.paths.run == f"{tmp_path}/runs/weights/paper", "in no run of one's own"
+    digest = hashlib.sha256((tmp_path / "paper.ckpt").read_bytes()).hexdigest()
+    weights = f"{tmp_path}/runs/weights"
+    assert own.paths.run == f"{weights}/paper-{digest[:8]}", "in no run of one's own"
+    (tmp_path / "paper.ckpt").rename(named := tmp_path / f"of-{digest[:8]}.ckpt")
+    own = configured("task=test", f"ckpt_path={named}")
+    assert own.paths.run == f"{weights}/of-{digest[:8]}"
 
 
 @pytest.mark.parametrize(
@@ -94,12 +99,20 @@ def test_its_recipe_is_named_and_its_run_is_found_where_the_command_says_nothing
     [
         ("seed=1", "custom"),
         ("+experiment=baseline", "baseline"),
-        ("model.encoder.dim=16", "custom"),
+        ("size.dim=16", "custom"),
     ],
 )
 def test_a_command_that_says_something_of_the_model_must_say_it_all(configured, override, name):
     with pytest.raises(UserError, match=f'name="skyocc".*"{name}"'):
         Session(configured("task=predict", override)).checkpoint("predict")
+
+
+def test_it_is_asked_with_the_steps_that_it_has_learnt(trained):
+    cfg = compose_config(*trained, "ckpt_path=best", "data.history_step_s=0.8")
+    with pytest.raises(
+        UserError, match=r"trained with data\.history_step_s=0\.4, and now it is 0\.8"
+    ):
+        Session(cfg).checkpoint("predict")
 
 
 # ----------------------------------------------------------------------------- what is needed of it

@@ -53,18 +53,21 @@ def test_an_encoder_that_has_learnt_a_clip_is_not_tested_on_it(slimmed, trained,
         fit(cfg)
     assert not Path(cfg.paths.run).exists()
 
-    # Flights of another dataset are others, whatever their names; of published files nothing is
-    # known.
-    dataset = read_encoder(slimmed)[1]["dataset"]
+    # The same flights in other images are the same; of published files nothing is known.
+    dataset, sim = read_encoder(slimmed)[1]["dataset"], {"seed": cfg.sim.seed}
     torch.save(read_encoder(slimmed)[0], tmp_path / "resnet18.pth")
     for unproblematic in (None, "imagenet", str(tmp_path / "resnet18.pth")):
-        require_unseen(unproblematic, dataset, ["downtown/clip00"])
-    require_unseen(str(slimmed), "tiny-0123", ["downtown/clip00"])
-    require_unseen(str(slimmed), dataset, ["suburb/clip00"])
+        require_unseen(unproblematic, dataset, sim, ["downtown/clip00"])
+    with pytest.raises(UserError, match="downtown/clip00"):
+        require_unseen(str(slimmed), f"paper-{12 * '0'}", sim, ["downtown/clip00"])
+    for other in ({"seed": 7}, sim | {"town_seeds": 3}, sim | {"flight": {"floor_m": 2}}):
+        require_unseen(str(slimmed), f"paper-{12 * '0'}", other, ["downtown/clip00"])
+    require_unseen(str(slimmed), "recording", sim, ["downtown/clip00"])
+    require_unseen(str(slimmed), dataset, sim, ["suburb/clip00"])
 
 
 def test_a_file_of_an_encoder_without_a_configuration_is_refused_by_its_clips(tmp_path):
     path = tmp_path / "image_encoder.pth"
     torch.save({"state_dict": {}, ORIGIN: {"dataset": "tiny-0123", "held_out": {}}}, path)
     with pytest.raises(UserError, match="suburb/clip00"):
-        require_unseen(str(path), "tiny-0123", ["suburb/clip00"])
+        require_unseen(str(path), "tiny-0123", {}, ["suburb/clip00"])

@@ -1,5 +1,6 @@
 """What is seen of a training while it runs: the lines of its epochs, and its first predictions."""
 
+import errno
 import re
 
 import lightning
@@ -46,7 +47,7 @@ def test_a_log_says_how_far_the_whole_training_is_and_an_epoch_s_mean_loss(
 
     progress = Progress()
     trainer = lightning.Trainer(
-        **{"max_epochs": 2, "accumulate_grad_batches": 2, "num_sanity_val_steps": 0},
+        **{"max_epochs": 2, "accumulate_grad_batches": 2, "num_sanity_val_steps": 1},
         **{"accelerator": "cpu", "logger": False, "default_root_dir": tmp_path},
         **{"enable_progress_bar": False, "enable_checkpointing": False},
         callbacks=[progress, Waits()],
@@ -82,9 +83,21 @@ def test_its_first_predictions_are_drawn_once_and_change_nothing(trained, tmp_pa
     assert capsys.readouterr().out.count("first_epoch.png") == 1
 
 
-def test_only_the_first_process_draws(tmp_path):
-    class Second:
-        current_epoch, is_global_zero = 0, False
+class AfterAnEpoch:
+    current_epoch, is_global_zero, sanity_checking, datamodule = 0, True, False, None
 
-    Preview(tmp_path / "first.png", frames=1).on_validation_end(Second(), None)
+
+@pytest.mark.parametrize("what", [{"is_global_zero": False}, {"sanity_checking": True}])
+def test_only_the_first_process_draws_and_no_untrained_network(what, tmp_path):
+    other = type("Other", (AfterAnEpoch,), what)()
+    Preview(tmp_path / "first.png", frames=1).on_validation_end(other, None)
     assert not any(tmp_path.iterdir())
+
+
+def test_a_picture_that_finds_no_room_does_not_end_the_training(tmp_path, monkeypatch, capsys):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("src.tasks.scenes.draw_sheet", full)
+    Preview(tmp_path / "first.png", frames=1).on_validation_end(AfterAnEpoch(), None)
+    assert "first.png: not drawn ([Errno 28] No space left" in capsys.readouterr().out

@@ -152,7 +152,7 @@ def test_a_free_bias_of_other_frames_is_refused(runs, tmp_path):
     other = write_run(tmp_path / "other", "weights", 0, labels=1)
     shutil.copy(other / "tallies/weights.npz", runs / "weights/seed0/free_bias/tallies")
     with pytest.raises(UserError, match=r"weights.npz: was scored on other labels .*free_bias on"):
-        reported(runs, cube=["baseline", "weights"])
+        reported(runs, cube=["attitude", "weights"])
 
 
 def test_what_is_no_cube_is_refused(runs):
@@ -162,6 +162,7 @@ def test_what_is_no_cube_is_refused(runs):
     for names, message in (
         (["sky"], r"task\.cube: no finished run is of sky"),
         ([*NAMES, "twin"], "skyocc and twin have the same factors"),
+        (["skyocc"], "of skyocc no two differ in one factor alone"),
         (["baseline", "wide"], r"differ in data\.batch_size: .*wide 2; leave"),
     ):
         with pytest.raises(UserError, match=message):
