@@ -48,14 +48,12 @@ def _require_sound(key: str, before: DictConfig, cfg: DictConfig) -> None:
 
 
 def _require_needless(key: str, before: DictConfig) -> None:
-    """Raises `UserError` for a group that a command removes from others than its like: a weather
-    or a metric may go, but not the logger."""
-    group, _, name = key.rpartition(".")
+    """Raises `UserError` for a key that a command removes, but for one among groups of its kind: a
+    callback or a weather may go, the logger may not."""
+    group = key.rpartition(".")[0]
     siblings = OmegaConf.select(before, group) if group else before
-    if isinstance(siblings[name], DictConfig) and not all(
-        map(OmegaConf.is_dict, siblings.values())
-    ):
-        raise UserError(f"{key}: is needed; keep it, and choose another option of its group")
+    if not all(map(OmegaConf.is_dict, siblings.values())):
+        raise UserError(f"{key}: is needed; keep it, and give another value or option instead")
 
 
 def _require_read(key: str, before: DictConfig, cfg: DictConfig) -> None:

@@ -97,7 +97,8 @@ def _require_name(cfg: DictConfig) -> None:
         raise UserError(f"name: of {len(cfg.name.encode())} bytes; give one of {LONGEST_NAME}")
     if cfg.name in ANCHORS:
         raise UserError(f"name: {cfg.name!r} is that of an anchor, scored beside every run")
-    if not cfg.group or Path(cfg.group).is_absolute() or ".." in Path(cfg.group).parts:
+    group = Path(str(cfg.group))
+    if not group.name or group.is_absolute() or ".." in group.parts:
         raise UserError(f"group: {cfg.group!r} is no folder below paths.runs; give a name")
     if cfg.name == REPORT or ASIDE.search(cfg.name):
         raise UserError(f"name: {cfg.name!r} is that of a folder which is no run; give another")
