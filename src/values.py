@@ -124,7 +124,7 @@ def _require_past(cfg: DictConfig) -> None:
         raise UserError(
             "data.order: streams keep a past, and data.frames=1 has none; give 2 or more"
         )
-    if data.order == "streams" and cfg.model.history_grad:
+    if data.order == "streams" and cfg.model.get("history_grad"):
         raise UserError(
             "model.history_grad: true, and with data.order=streams the past was computed in "
             "earlier steps; drop one of them"
