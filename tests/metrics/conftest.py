@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from src.geometry import VoxelGrid
-from src.metrics import Calibration, KARBreakdown, PrimitiveMiss, RayIoU
+from src.metrics import Calibration, KARBreakdown, OccupiedCalibration, PrimitiveMiss, RayIoU
 from src.metrics.suite import ScoreSuite
 from src.ontology import CAR, FREE
 from tests.metrics.inputs import CLIPS, SUITE, coins, one_hot, random_logits, random_rays, truth_of
@@ -68,6 +68,8 @@ def batch_for(random_batch, sparse_batch):
         batch = _, target, velocity = random_batch(seed, frames)
         if metric in (Calibration, PrimitiveMiss):
             batch = random_logits(seed, target), target, velocity
+        if metric is OccupiedCalibration:
+            batch = random_logits(seed, target).sigmoid()[:, 0], target, velocity
         if metric is RayIoU:
             batch = *sparse_batch(seed, frames), *random_rays(seed, frames)
         if masked:

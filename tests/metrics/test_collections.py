@@ -17,12 +17,14 @@ from src.metrics import (
     KARMeanIoU,
     ObjectMiss,
     OccupancyScores,
+    OccupiedCalibration,
     PlanRegret,
     PrimitiveMiss,
+    RayIoU,
     SafetyScores,
 )
 from src.metrics.count_metric import CountMetric
-from tests.metrics.inputs import assert_same, random_logits
+from tests.metrics.inputs import assert_same, random_logits, random_rays
 
 GRID = VoxelGrid(lower_m=(0.0, -10.0, -6.0), upper_m=(24.0, 10.0, 6.0), shape=(6, 5, 3))
 MADE = {
@@ -40,8 +42,12 @@ MADE = {
     "objects": lambda: ObjectMiss(GRID, near_m=4.0),
     "rays": lambda: CameraRayIoU(GRID, rays=(6, 4)),
     "far_rays": lambda: CameraRayIoU(GRID, rays=(6, 4), thresholds_m=(8.0,)),
+    "own_rays": lambda: RayIoU(GRID),
+    "near_rays": lambda: RayIoU(GRID, thresholds_m=(0.5,)),
     "calibration": lambda: Calibration(GRID),
     "few_bins": lambda: Calibration(GRID, bins=3),
+    "occupied": lambda: OccupiedCalibration(GRID, tube_radius_m=4.0),
+    "wide_occupied": lambda: OccupiedCalibration(GRID, tube_radius_m=6.0),
 }
 
 
@@ -60,6 +66,8 @@ def batches(random_batch):
             "velocity": velocity,
             "visible": target < 4,
             "logits": random_logits(seed, preds),
+            "occupied": random_logits(seed, preds)[:, 0].sigmoid(),
+            **dict(zip(("origin_m", "directions"), random_rays(seed, len(preds)))),
             "camera_from_occ": ahead.expand(len(preds), 4, 4),
             "pix_from_camera": torch.tensor([[30.0, 0, 30], [0, 30, 20], [0, 0, 1]])[None].expand(
                 len(preds), 3, 3
@@ -126,9 +134,8 @@ def test_the_report_s_smallest_case(random_batch):
 
 @pytest.mark.parametrize("groups", [True, False])
 def test_forward_gives_the_batch_and_counts_it(batches, groups):
-    names = ("kar", "unweighted", "safety", "wide")
-    together = MetricCollection({n: MADE[n]() for n in names}, compute_groups=groups)
-    apart = {name: MADE[name]() for name in names}
+    together = MetricCollection({n: make() for n, make in MADE.items()}, compute_groups=groups)
+    apart = {name: make() for name, make in MADE.items()}
     for batch in batches:
         of_batch = together(**batch)
         for name, metric in apart.items():
@@ -136,19 +143,39 @@ def test_forward_gives_the_batch_and_counts_it(batches, groups):
             found = of_batch[name] if name in of_batch else {k: of_batch.get(k) for k in expected}
             if not isinstance(expected, dict):
                 same(found, expected)
-    for name in names:
+    for name in MADE:
         same(parts_of(together, name), apart[name].compute())
 
 
 @pytest.mark.parametrize("again", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])
 def test_copied_and_pickled_collections_go_on(batches, again):
-    names = ("kar", "unweighted", "rays", "far_rays")
-    together = MetricCollection({name: MADE[name]() for name in names})
+    together = MetricCollection({name: make() for name, make in MADE.items()})
     together.update(**batches[0])
     together = again(together)
     together.update(**batches[1])
-    for name in names:
+    for name in MADE:
         same(parts_of(together, name), alone(name, batches))
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_the_state_of_each_merges_into_one_made_alike(name, batches):
+    both = [MADE[name](), MADE[name]()]
+    for metric, batch in zip(both, batches):
+        metric.update(**taken(metric, batch))
+    both[0].merge_state(both[1])
+    same(both[0].compute(), alone(name, batches))
+
+
+def test_those_that_take_the_same_are_updated_by_position(random_batch):
+    names = ("kar", "unweighted", "slow", "scores", "safety", "wide", "plans", "objects")
+    together = MetricCollection({name: MADE[name]() for name in names})
+    apart = {name: MADE[name]() for name in names}
+    for batch in (random_batch(0), random_batch(1)):
+        together.update(*batch)
+        for metric in apart.values():
+            metric.update(*batch)
+    for name in names:
+        same(parts_of(together, name), apart[name].compute())
 
 
 def test_metrics_made_alike_merge_and_others_do_not(batches):
@@ -156,7 +183,7 @@ def test_metrics_made_alike_merge_and_others_do_not(batches):
     for metric, batch in zip(alike, batches):
         metric.update(**taken(metric, batch))
     alike[0].merge_state(alike[1])
-    assert alike[0].compute() == alone("kar", batches)
+    assert alike[0].compute() == alone("kar", batches), "however the arguments are said"
     for other in (KARMeanIoU(GRID, horizon_s=4.0), SafetyScores(GRID)):
         with pytest.raises(UserError, match="made with other arguments"):
             alike[0].merge_state(other.metric_state)

@@ -18,6 +18,7 @@ from src.metrics import (
     KARMeanIoU,
     ObjectMiss,
     OccupancyScores,
+    OccupiedCalibration,
     PlanRegret,
     PrimitiveMiss,
     RayIoU,
@@ -31,12 +32,15 @@ OPTIONS = {
     PrimitiveMiss: {"radius_m": 4.0},
     PlanRegret: {"radius_m": 4.0},
     ObjectMiss: {"near_m": 4.0},
+    OccupiedCalibration: {"tube_radius_m": 4.0},
 }
 CONFUSIONS = (KARMeanIoU, OccupancyScores, KARBreakdown, SafetyScores)
 ON_PATHS = (PlanRegret, ObjectMiss)
 OF_VELOCITY = (*CONFUSIONS, Calibration, PrimitiveMiss, *ON_PATHS)
 OF_LABELS = (*CONFUSIONS, RayIoU, *ON_PATHS)
 EVERY = (*OF_LABELS, Calibration, PrimitiveMiss)
+# One takes probabilities in place of predictions.
+ALL = (*EVERY, OccupiedCalibration)
 EXAMPLES = [path for path in Path("src/metrics").rglob("*.py") if ">>>" in path.read_text()]
 
 
@@ -52,7 +56,7 @@ def counted(make, grid, *batches, **arguments):
 # ------------------------------------------------------------------------- exact accumulation
 
 
-@of(EVERY)
+@of(ALL)
 @pytest.mark.parametrize("size", [1, 2, 3, 5])
 def test_any_split_into_batches_gives_the_same_bits(grid, batch_for, make, size):
     whole = batch_for(make, frames=11, masked=True)
@@ -63,7 +67,7 @@ def test_any_split_into_batches_gives_the_same_bits(grid, batch_for, make, size)
     assert all(table.any() for table in at_once.counts.values())
 
 
-@of(EVERY)
+@of(ALL)
 def test_merged_states_equal_one_pass(grid, batch_for, make):
     a, b = batch_for(make), batch_for(make, seed=1)
     merged = counted(make, grid, a)
@@ -145,7 +149,7 @@ def test_logits_score_as_the_labels_of_their_maximum(grid, batch_for, make, dtyp
     assert not any(score.requires_grad for score in scores.values())
 
 
-@of(EVERY)
+@of(ALL)
 def test_strided_and_expanded_tensors(grid, batch_for, make):
     preds, target, *rest = batch_for(make)
     expanded = preds[:1].expand_as(preds)
@@ -155,7 +159,7 @@ def test_strided_and_expanded_tensors(grid, batch_for, make):
     assert_same(metric.counts, expected.counts)
 
 
-@of(EVERY)
+@of(ALL)
 def test_a_mask_is_the_same_as_unknown_labels(grid, batch_for, make):
     preds, target, *where = batch_for(make)
     mask = coins(1, target)
@@ -168,7 +172,7 @@ def test_a_mask_is_the_same_as_unknown_labels(grid, batch_for, make):
     assert any(not table.equal(masked.counts[name]) for name, table in whole.counts.items())
 
 
-@of(EVERY)
+@of(ALL)
 def test_another_label_may_mean_unknown(grid, batch_for, make):
     preds, target, *rest = batch_for(make, masked=True)
     other = torch.where(target == 255, -100, target.long())
@@ -297,14 +301,14 @@ def test_a_bad_batch_is_one_clear_error_and_leaves_the_state(
     assert metric.update_count == 1
 
 
-@of(EVERY)
+@of(ALL)
 def test_255_is_a_bad_id_where_another_label_means_unknown(grid, batch_for, make):
     with pytest.raises(UserError, match=r"^target:.*0 to 8 or -100"):
         counted(make, grid, batch_for(make), ignore_index=-100)
 
 
 BAD_ARGUMENTS = {
-    EVERY: [{"num_classes": 16}, {"num_classes": 1}, {"ignore_index": 3}],
+    ALL: [{"num_classes": 16}, {"num_classes": 1}, {"ignore_index": 3}],
     OF_LABELS: [{"free_index": 9}],
     (*CONFUSIONS, Calibration): [
         {"horizon_s": -1.0},
@@ -363,7 +367,7 @@ def test_parameters_that_make_no_sense_are_refused_by_name(grid, make, argument)
 # ------------------------------------------------------------------------ life as a Metric
 
 
-@of(EVERY)
+@of(ALL)
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda m: pickle.loads(pickle.dumps(m))])
 def test_a_copy_goes_on_where_the_original_was(grid, batch_for, make, duplicate):
     a, b = batch_for(make), batch_for(make, seed=1)
@@ -371,7 +375,7 @@ def test_a_copy_goes_on_where_the_original_was(grid, batch_for, make, duplicate)
     assert_same(other.compute(), counted(make, grid, a, b).compute())
 
 
-@of(EVERY)
+@of(ALL)
 def test_reset_forgets_everything(grid, batch_for, make):
     metric = counted(make, grid, batch_for(make))
     metric.reset()
@@ -380,7 +384,7 @@ def test_reset_forgets_everything(grid, batch_for, make):
     assert_same(metric.counts, counted(make, grid, batch_for(make, seed=1)).counts)
 
 
-@of(EVERY)
+@of(ALL)
 def test_forward_gives_the_score_of_the_batch_and_accumulates(grid, batch_for, make):
     a, b = batch_for(make), batch_for(make, seed=1)
     metric = counted(make, grid)
@@ -389,14 +393,14 @@ def test_forward_gives_the_score_of_the_batch_and_accumulates(grid, batch_for, m
     assert_same(metric.compute(), counted(make, grid, a, b).compute())
 
 
-@of(EVERY)
+@of(ALL)
 def test_a_cast_to_half_precision_changes_no_bit(grid, batch_for, make):
     metric = counted(make, grid).half().to(torch.bfloat16)
     metric.update(*batch_for(make))
     assert_same(metric.counts, counted(make, grid, batch_for(make)).counts)
 
 
-@of(EVERY)
+@of(ALL)
 def test_a_checkpoint_holds_nothing_of_the_metric(grid, make):
     assert not make(grid).state_dict()
 
