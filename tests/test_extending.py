@@ -23,7 +23,7 @@ from tests.synthetic import mini_overrides, sound_config, untrained, write_datas
 
 PAGE = (Path(__file__).parents[1] / "docs/extending.md").read_text(encoding="utf-8")
 SECTIONS = dict(part.split("\n", 1) for part in re.split(r"^## ", PAGE, flags=re.MULTILINE)[1:])
-ADDED = ("A loss", "A metric", "A weather", "A town")
+ADDED = ("A loss", "Class weights", "A metric", "A weather", "A town")
 FILE = re.compile(r"^`(\S+)`:\n\n```(?:python|yaml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^python run\.py (.*?)$", re.MULTILINE)
 

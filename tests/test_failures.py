@@ -219,5 +219,14 @@ def test_what_lightning_or_hydra_refuses_is_one_line():
     assert one_line(caught(compose_config, "logger=null")).startswith("a group was given null; ")
 
 
+def test_numbers_in_the_place_of_a_rule_are_told_of_the_option_that_takes_them():
+    weights = "loss.terms.cross_entropy.class_weights=[1,1,1,4,3,3,5,1,0.5]"
+    assert "as loss/class_weights=manual for class weights" in one_line(
+        caught(compose_config, weights)
+    )
+    by_hand = compose_config("loss/class_weights=manual", weights)
+    assert by_hand.loss.terms.cross_entropy.class_weights[3] == 4
+
+
 def test_other_messages_of_the_configuration_are_put_on_one_line():
     assert one_line(HydraException("first\n  second\n")) == "first second"

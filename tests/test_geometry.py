@@ -147,6 +147,20 @@ def test_numpy_arrays_give_arrays_of_the_same_numbers(function: Callable, inputs
         np.testing.assert_allclose(array, tensor, atol=1e-14)
 
 
+def test_arrays_of_single_and_double_precision_go_together_and_find_their_voxels() -> None:
+    world_from_body = pose(*ATTITUDE_RAD)
+    points = POINTS_OCC.numpy().astype(np.float32)
+    expected = g.transform(world_from_body, torch.from_numpy(points).double())
+    found = g.transform(world_from_body.numpy(), points)
+    assert found.dtype == np.float64
+    np.testing.assert_allclose(found, expected)
+
+    grid = g.VoxelGrid()
+    index, inside = grid.index_of(POINTS_OCC.numpy())
+    for array, tensor in zip((index, inside), grid.index_of(POINTS_OCC)):
+        assert np.array_equal(array, tensor)
+
+
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_dtype_is_kept_and_gradients_are_finite_even_behind_the_camera(dtype: torch.dtype) -> None:
     """And on the focal plane, where a division by the depth would be one by nothing."""

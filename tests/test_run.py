@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import torch
 import yaml
+from hydra.errors import InstantiationException
 from lightning.pytorch.loggers.csv_logs import ExperimentWriter
 
 from src.data.clip import Clip
@@ -324,6 +325,15 @@ def test_a_precision_holds_for_training_and_for_what_comes_after(here, monkeypat
     facts = yaml.safe_load((folder_of(overrides) / "predictions/val/predictions.json").read_text())
     assert facts["precision"] == "bf16-mixed"
     assert facts["held_out"] == {"val": [], "test": ["suburb/clip00"]}
+
+
+def test_a_loss_that_cannot_be_built_is_refused_before_any_data_are_made(tmp_path):
+    weights = "loss.terms.cross_entropy.class_weights=[1,2]"
+    words = mini_overrides(tmp_path, *FIT, "loss/class_weights=manual", weights)
+    with pytest.raises(InstantiationException) as told:
+        fit(compose_config(*words))
+    assert "cross_entropy.class_weights: [1.0, 2.0] are 2; give 9" in one_line(told.value)
+    assert not any(tmp_path.iterdir())
 
 
 def test_a_best_epoch_is_of_what_validation_logs_and_of_a_validation(here):

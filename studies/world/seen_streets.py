@@ -2,10 +2,11 @@
 
     python -m studies.world.seen_streets [--out FILE] [OVERRIDE...]
 
-Flights of one town share its streets: a town is drawn once for a name and a seed. Counted are the
+Flights of one town share its streets: a town is drawn once for a name and a seed, or, with
+``sim.town_seeds``, once for each of its drawings. Counted are the
 static occupied voxels that the camera sees in the test frames, within 25 m: the share with a voxel
 beside them, a voxel's side away at most, that the camera saw occupied in a training frame of the
-same town. Prints a row for each town and part of the split, and writes them to ``--out``.
+same drawing. Prints a row for each town and part of the split, and writes them to ``--out``.
 """
 
 from collections import defaultdict
@@ -39,16 +40,18 @@ Cells = Int64[np.ndarray, "n 3"]
 def main(*overrides: str, out: Path | None = None) -> None:
     cfg, data = composed_with_data(overrides)
     trained = _by_clip(data.split["train"])
-    of_towns: dict[str, list[Cells]] = defaultdict(list)
+    drawings = cfg.sim.town_seeds
+    of_streets: dict[tuple, list[Cells]] = defaultdict(list)
     for clip, frames in tracked(trained.items(), "reading what training sees"):
-        of_towns[_town(data.clips[clip])].append(_keys(cells_in_view(data.clips[clip], frames)))
-    seen = {town: np.unique(np.concatenate(keys)) for town, keys in of_towns.items()}
+        keys = _keys(cells_in_view(data.clips[clip], frames))
+        of_streets[streets_of(clip, drawings)].append(keys)
+    seen = {streets: np.unique(np.concatenate(keys)) for streets, keys in of_streets.items()}
 
     counts: dict[tuple[str, str], np.ndarray] = defaultdict(lambda: np.zeros(2, np.int64))
     for clip, frames in tracked(_by_clip(data.split["test"]).items(), "comparing"):
         cells = cells_in_view(data.clips[clip], frames, NEAR_M)
-        town = _town(data.clips[clip])
-        found = in_any(cells, seen.get(town, np.zeros(0, np.int64)))
+        streets = town, _ = streets_of(clip, drawings)
+        found = in_any(cells, seen.get(streets, np.zeros(0, np.int64)))
         part = "unseen flights" if clip in cfg.data.test_clips else "last seconds"
         for place in (town, "all"):
             counts[part, place] += len(cells), int(found.sum())
@@ -96,8 +99,10 @@ def _by_clip(samples: Iterable[tuple[str, int]]) -> dict[str, list[int]]:
     return frames
 
 
-def _town(clip: Clip) -> str:
-    return clip.meta.town
+def streets_of(clip_id: str, drawings: int) -> tuple[str, int]:
+    """Returns the town of a clip and which of its ``drawings`` it flies through (`stage_clip`)."""
+    town, _, number = clip_id.partition("/clip")
+    return town, int(number) % drawings
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from src.errors import UserError
-from src.models.backbone import IMAGENET_MEAN, IMAGENET_STD, ResNet
+from src.models.backbone import IMAGENET_MEAN, IMAGENET_STD, ResNet, require_maps
 from src.models.neck import FPN
 
 
@@ -28,6 +28,32 @@ def test_four_levels_at_strides_4_to_32_and_the_published_size(depth, channels, 
     """Known sizes, 11,689,512 and 25,557,032, less the classifier's 513,000 and 2,049,000."""
     require_levels(ResNet(depth, width=8), channels)
     assert sum(p.numel() for p in ResNet(depth).parameters()) == parameters
+
+
+class Halves(torch.nn.Module):
+    """An own encoder that halves its image, once too rarely or of floats alone."""
+
+    channels = (3, 3, 3, 3)
+
+    def __init__(self, first=4):
+        super().__init__()
+        self.first = first
+
+    def forward(self, images):
+        floats = images if self.first is None else images.float()
+        strides = [(self.first or 4) * 2**n for n in range(4)]
+        return [torch.nn.functional.avg_pool2d(floats, stride) for stride in strides]
+
+
+def test_an_encoder_that_the_neck_cannot_read_is_refused_by_its_name():
+    require_maps(ResNet(18, width=8))
+    require_maps(Halves())
+    for own, told in (
+        (Halves(first=2), r"Halves gives maps .* and its channels at strides 4, 8, 16, 32 would"),
+        (Halves(first=None), r"Halves fails on images, which are uint8 \[B, 3, H, W\] of 0 to 255"),
+    ):
+        with pytest.raises(UserError, match=f"^model/backbone: {told}"):
+            require_maps(own)
 
 
 def test_parameter_names_are_the_published_ones():

@@ -173,6 +173,28 @@ def test_what_is_no_sum_of_terms_is_refused_by_its_key(terms, key):
         OccupancyLoss(terms)
 
 
+def test_class_weights_by_hand_are_nine_numbers():
+    logits, target = random_case()
+    weights = [1, 1, 1, 4, 3, 3, 5, 1, 0.5]
+    found = OccupancyLoss({"own": partial(cross_entropy, class_weights=weights)})(logits, target)
+    expected = cross_entropy(*supervised(logits, target), class_weights=torch.tensor(weights))
+    torch.testing.assert_close(found["own"], expected)
+    for wrong, told in (
+        (weights[:8], "are 8; give 9 numbers of 0 or more"),
+        ([*weights[:8], -1], "give 9 numbers"),
+        ([0] * 9, "one of them above"),
+        ([*weights[:8], "0.5"], "are no numbers"),
+    ):
+        with pytest.raises(UserError, match=rf"^loss\.terms\.own\.class_weights: .*{told}"):
+            OccupancyLoss({"own": partial(cross_entropy, class_weights=wrong)})
+
+
+def test_a_rule_of_class_weights_wants_a_cap_and_a_factor_that_make_weights():
+    for wrong in ({"max_ratio": 0.5}, {"max_ratio": math.nan}, {"safety_factor": 0.0}):
+        with pytest.raises(UserError, match=r"class_weights: max_ratio="):
+            safety_weights([1] * 9, **wrong)
+
+
 def test_a_term_must_give_one_number():
     logits, target = random_case()
     with pytest.raises(UserError, match=r"^loss\.terms\.mine: "):

@@ -1,10 +1,14 @@
 """The counts of a run on disk: read back as they were, or refused in one line."""
 
+import errno
+import os
+
 import numpy as np
 import pytest
 import torch
 
 from src.errors import UserError
+from src.models.checkpoint import Checkpoint
 from src.results.counts import Counts
 from src.results.files import run_table
 from tests.results.scored import counts, predicted
@@ -41,6 +45,25 @@ def test_a_missing_or_broken_file_and_one_of_something_else_are_refused(tmp_path
     said = "no such file" if content is None else "cannot be read"
     with pytest.raises(UserError, match=rf"mine\.npz: {said}"):
         Counts.read(path)
+
+
+@pytest.mark.parametrize("code", [errno.EACCES, errno.EIO])
+def test_a_file_that_the_system_does_not_let_be_read_is_not_called_damaged(
+    mine, tmp_path, monkeypatch, code
+):
+    """Neither counts nor a checkpoint."""
+    mine.write(tmp_path / "mine.npz")
+    (tmp_path / "mine.ckpt").touch()
+
+    def refuse(*_, **__):
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr("numpy.load", refuse)
+    monkeypatch.setattr("torch.load", refuse)
+    for read, name in ((Counts.read, "mine.npz"), (Checkpoint.read, "mine.ckpt")):
+        with pytest.raises(UserError, match=name) as told:
+            read(tmp_path / name)
+        assert "delete" not in str(told.value)
 
 
 def test_a_damaged_file_is_named_in_one_line_whatever_is_broken(mine, tmp_path):

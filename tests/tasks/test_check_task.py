@@ -54,6 +54,12 @@ def root(original, config):
     return root_of(config)
 
 
+def test_where_no_sheet_can_be_written_the_way_out_is_named(root, config, monkeypatch):
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(UserError, match=r"^task\.sheets: .* task\.sheets=false checks without"):
+        check(config, mend=False, sheets=True)
+
+
 def contents(root):
     return {
         path.relative_to(root): path.read_bytes()

@@ -53,7 +53,7 @@ def run(cfg, **changes):
 
 
 @pytest.mark.slow
-def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
+def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path, capsys):
     cfg = config(tmp_path, "perception=all_free", "task.films=false")
     two = run(cfg, workers=2, out=f"{tmp_path}/two")
     assert list(two.columns)[: len(COLUMNS)] == COLUMNS
@@ -70,9 +70,12 @@ def test_flights_are_the_same_with_any_workers_and_resumed(tmp_path):
     assert again.equals(two)
 
     cfg = config(tmp_path, "perception=seen", "task.workers=2")
+    capsys.readouterr()
     seen = run(cfg)
     assert set(seen["outcome"]) == {"arrived"}
+    printed = capsys.readouterr().out
     for name in films_of(seen):
+        assert all(f"{cfg.task.out}/{name}.{ending}" in printed for ending in ("gif", "html"))
         with Image.open(f"{cfg.task.out}/{name}.gif") as film:
             assert film.n_frames == SHOWN
         with open(f"{cfg.task.out}/{name}.mcap", "rb") as file:

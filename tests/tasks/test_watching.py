@@ -30,6 +30,9 @@ class LogsLosses(lightning.LightningModule):
     def validation_step(self, loss, index):
         self.log_dict({"val/loss": loss.mean(), "val/kar_miou": loss.mean() / 10})
 
+    def test_step(self, loss, index):
+        pass
+
     def configure_optimizers(self):
         return torch.optim.SGD(self.parameters(), lr=0.1)
 
@@ -81,6 +84,23 @@ def test_its_first_predictions_are_drawn_once_and_change_nothing(trained, tmp_pa
     assert Image.open(picture).width > 1000
     assert not nothing.exists()
     assert capsys.readouterr().out.count("first_epoch.png") == 1
+
+
+def test_the_last_epoch_has_no_time_left_and_scoring_says_that_it_begins(tmp_path, capsys):
+    progress = Progress()
+    trainer = lightning.Trainer(
+        **{"max_epochs": 2, "num_sanity_val_steps": 0, "accelerator": "cpu", "logger": False},
+        **{"enable_progress_bar": False, "enable_checkpointing": False},
+        **{"default_root_dir": tmp_path, "callbacks": [progress]},
+    )
+    module = LogsLosses()
+    trainer.fit(module, DataLoader([9.0, 1.0]), DataLoader([0.5]))
+    trainer.test(module, DataLoader([0.5]), verbose=False)
+    lines = [line for line in capsys.readouterr().out.splitlines() if "after" not in line]
+    first, last, scoring, *_ = lines
+    assert re.search(r"epoch 1/2: .* left of the training$", first)
+    assert re.search(r"epoch 2/2: .* val KAR-mIoU 5\.0 %$", last)
+    assert scoring == "scoring the test split"
 
 
 class AfterAnEpoch:
