@@ -28,6 +28,9 @@ DISK = {
     errno.ENOTDIR: f"not a folder; {ELSEWHERE}",
     errno.EEXIST: f"a file is in the way; move it, or {ELSEWHERE}",
 }
+NO_REASON = ", set env var HYDRA_FULL_ERROR=1 to see chained exception."
+# What is raised for a module or a class that there is not.
+ABSENT = (ImportError, AttributeError)
 # Packages that only the generation of data needs, and that not every platform has.
 GENERATORS = ("pybullet", "embreex")
 # In a file's name, these end what Hydra takes for a value.
@@ -195,6 +198,9 @@ def _of_configuration(chain: list[BaseException]) -> str | None:
             return None  # the program asks for a key that no configuration has
         if isinstance(cause, hydra.HydraException | OmegaConfBaseException):
             message = " ".join(str(cause).split())
+            if message.startswith("Error locating") and not isinstance(chain[-1], ABSENT):
+                return None  # the file is there, and has a mistake
+            message = message.replace(NO_REASON, f" ({reason_of(chain[-1])});")
             return message + (MERGING if message.startswith("Error merging override") else "")
     return None
 

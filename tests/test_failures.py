@@ -10,6 +10,7 @@ import pytest
 import torch
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
+from hydra.utils import instantiate
 from lightning import Trainer
 from lightning.pytorch.demos.boring_classes import BoringModel
 from lightning.pytorch.utilities.exceptions import SIGTERMException
@@ -217,6 +218,19 @@ def test_what_lightning_or_hydra_refuses_is_one_line():
         "trainer or callbacks: You requested to check 0.01 of the `train_dataloader`"
     )
     assert one_line(caught(compose_config, "logger=null")).startswith("a group was given null; ")
+
+
+def test_a_mistake_in_a_file_of_ones_own_keeps_its_traceback_and_a_class_that_is_not_there_a_line(
+    tmp_path, monkeypatch
+):
+    (tmp_path / "mine.py").write_text("class Own: pass\nx = undefined\n")
+    (tmp_path / "sound.py").write_text("class Own: pass\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert one_line(caught(instantiate, {"_target_": "mine.Own"})) is None
+    for target, reason in (("sound.Owm", "no attribute 'Owm'"), ("sond.Own", "named 'sond'")):
+        line = one_line(caught(instantiate, {"_target_": target}))
+        assert line.startswith(f"Error locating target '{target}' (")
+        assert reason in line
 
 
 def test_numbers_in_the_place_of_a_rule_are_told_of_the_option_that_takes_them():

@@ -1,7 +1,7 @@
 """One flight as a looping picture: what the camera sees, the labels of the space ahead, and what a
 model predicts there."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -56,25 +56,29 @@ def draw_scenes(
     path: str | Path,
     titles: Sequence[str] | None = None,
     max_bytes: int | None = None,
+    called: Mapping[str, str] | None = None,
 ) -> None:
     """Writes a GIF of at most some bytes, 1 MB by default: of each frame the image and the volumes,
-    for so long. The ``titles`` are those of the images."""
+    for so long. The ``titles`` are those of the images, and ``called`` has the words of the legend
+    for classes that mean something else here."""
     # One point of view for all frames and volumes, so that nothing moves but the flight.
     labels = [volume for scene in scenes for volume in scene.known().values()]
     view = view_of(labels, scenes[0].grid, VOXEL_PIX)
 
     titles = titles or ["Front camera"] * len(scenes)
-    pictures = [_page(scene, title, view) for scene, title in zip(scenes, titles)]
+    pictures = [_page(scene, title, view, called) for scene, title in zip(scenes, titles)]
     write_light(pictures, path, partial(_gif, durations_ms=durations_ms), max_bytes or MAX_BYTES)
 
 
-def _page(scene: VoxelScene, title: str, view: PlaceM) -> Image.Image:
+def _page(
+    scene: VoxelScene, title: str, view: PlaceM, called: Mapping[str, str] | None
+) -> Image.Image:
     """Draws the image and the volumes of a frame side by side, with a title over each and the
     colors of the classes below the image."""
     image = resized(scene.image, width_pix=IMAGE_PIX)
     page = titled_sheet([[(title, image), *scene.drawn(VOXEL_PIX, view).items()]])
     below = (TITLE_PIX + image.shape[0] + page.height_pix) / 2
-    page.legend(below, u=GAP_PIX + IMAGE_PIX / 2, columns=2, size=10, skip=["free"])
+    page.legend(below, u=GAP_PIX + IMAGE_PIX / 2, columns=2, size=10, skip=["free"], called=called)
     return page.drawn()
 
 

@@ -2,7 +2,7 @@
 
 import base64
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -55,8 +55,10 @@ class Canvas:
         columns: int | None = None,
         size: float = 16,
         skip: Sequence[str] = (),
+        called: Mapping[str, str] | None = None,
     ) -> None:
-        """The classes' colors with their names, in letters of a size in points, around a place.
+        """The classes' colors with their names, or what they are ``called`` here, in letters of a
+        size in points, around a place.
 
         Without ``u`` it is in the middle of the page, and without ``columns`` in one line.
         """
@@ -68,7 +70,7 @@ class Canvas:
         style = {"loc": "center", "frameon": False, "handlelength": 1.1, "handleheight": 1.0}
         style |= {"columnspacing": 1.6, "handletextpad": 0.5, "ncols": columns or len(patches)}
 
-        labels = list(map(readable, names))
+        labels = [(called or {}).get(name, readable(name)) for name in names]
         self.figure.legend(patches, labels, bbox_to_anchor=place, fontsize=size, **style)
 
     def drawn(self) -> Image.Image:

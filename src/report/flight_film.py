@@ -26,8 +26,10 @@ from .view import Frustum
 
 # The end of a flight is shown, and its last picture stays.
 SHOWN, FRAME_MS, LAST_MS = 22, 200, 2000
-DOTS, DOT_PIX, DOT_RGB = 24, 1.5, (235, 94, 20)
+# In a color that no class has, nor the frustum.
+DOTS, DOT_PIX, DOT_RGB = 24, 1.5, (255, 0, 160)
 BELIEF = "Belief"
+INVENTED = {"general": "general / none"}
 # What the page tells of a flight.
 FACTS = ("town", "stratum", "outcome", "hit", "fault", "time_s", "clearance_m", "regret_m")
 
@@ -75,7 +77,8 @@ class Film:
         hit = f", {row['hit']}".replace("_", " ") if row["hit"] else ""
         end = f"{row['time_s']:.1f} s: {row['outcome']}{hit}"
         titles = [*(scene.title for scene in shown[:-1]), end]
-        draw_scenes(shown, [FRAME_MS] * (len(shown) - 1) + [LAST_MS], path, titles)
+        durations_ms = [FRAME_MS] * (len(shown) - 1) + [LAST_MS]
+        draw_scenes(shown, durations_ms, path, titles, called=INVENTED)
 
         facts = {name.replace("_", " "): str(row[name]) for name in FACTS if row[name] != ""}
         rows = [(row["flight"], list(facts.values()))]
