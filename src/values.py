@@ -146,6 +146,11 @@ def _require_training(cfg: DictConfig) -> None:
         value = OmegaConf.select(cfg, key)
         if value is not None and not (isinstance(value, int | float) and value > 0):
             raise UserError(f"{key}: {value!r}; give a number of batches above 0, or a share")
+    if Path(cfg.trainer.default_root_dir or "") == Path(cfg.paths.run):
+        raise UserError(
+            "trainer.default_root_dir: is the run's own folder, whose weights Lightning would take "
+            "for its own under Slurm; give another one"
+        )
     if "spawn" in str(cfg.trainer.strategy):
         raise UserError(
             f"trainer.strategy: {cfg.trainer.strategy} copies what cannot be copied; give ddp"

@@ -307,6 +307,7 @@ REFUSED = {
     "+trainer.val_check_interval=0.5": "trainer.val_check_interval: 0.5; .* wants 1.0",
     "+trainer.check_val_every_n_epoch=9": "trainer.check_val_every_n_epoch: 9, .*max_epochs=4",
     "trainer.max_epochs=null": "trainer.max_epochs: null; ",
+    "trainer.default_root_dir=${paths.run}": "trainer.default_root_dir: is the run's own",
     "trainer.strategy=ddp_spawn": "trainer.strategy: ddp_spawn .* give ddp",
     "~callbacks.best": "callbacks.best: a training needs it",
     "~logger": "logger: is needed; ",

@@ -1,13 +1,13 @@
 """Runs under somebody's management: signals and ranks in the environment, a small shared memory."""
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
+import torch
 
 from src.results.files import read_results
 from tests.sessions import ONE_THREAD, ROOT
@@ -72,7 +72,9 @@ def test_a_job_of_slurm_that_is_requeued_scores_its_own_best_weights(place, tmp_
     assert scores_of(run).equals(expected)
 
     # Nor is a file that an older version left there taken for the weights that are named.
-    shutil.copy(run / "checkpoints/last.ckpt", run / "hpc_ckpt_9.ckpt")
+    left = torch.load(run / "checkpoints/last.ckpt", weights_only=True)
+    left["state_dict"] = {name: 0 * each for name, each in left["state_dict"].items()}
+    torch.save(left, run / "hpc_ckpt_9.ckpt")
     best = f'ckpt_path="{run}/checkpoints/best.ckpt"'
     ended(started(place, tmp_path, "task=test", best, **SLURM))
     assert scores_of(run / "test").equals(expected)

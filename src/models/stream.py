@@ -21,6 +21,12 @@ from .ground import require_height
 from .history import History
 from .network import SkyOcc
 
+# The benchmark's flights are low; what weights say of higher ones nobody has measured.
+HIGHEST_M = 20.0
+TOO_HIGH = (
+    f"more than {HIGHEST_M:g} m above the ground, where no weights were trained or scored: do not "
+    "trust what is free there"
+)
 # So many frames without a past one are no beginning of a flight.
 FRAMES_TO_TELL = 10
 # Of the axis of a front camera along the body's, and of anything that flies here.
@@ -97,10 +103,10 @@ class SkyOccStream:
     def __call__(self, frame: StreamFrame) -> Float[Tensor, "9 x y z"]:
         """Returns the logits of a frame, in its occ frame.
 
-        Warns once where no past frame ever fits. Raises `UserError`, and leaves the stream as it
-        was, for a frame that is not later than the last one of its clip, for an image, a transform,
-        a velocity or a camera of another shape or type, not finite, or impossible, and for a UAV
-        below the ground or too high for the network.
+        Warns of a frame that is too high, and once where no past frame ever fits. Raises
+        `UserError`, and leaves the stream as it was, for a frame that is not later than the last
+        one of its clip, for an image, a transform, a velocity or a camera of another shape or type,
+        not finite, or impossible, and for a UAV below the ground or too high for the network.
         """
         frame = sound(frame)
         if self.size_pix not in (None, size_pix := tuple(frame.image.shape[:0:-1])):
@@ -109,7 +115,10 @@ class SkyOccStream:
                 f"image: {theirs} pixels, and the network knows {ours}; src.lens.undistorted gives "
                 "its image of any camera"
             )
-        require_height("world_from_body", frame.world_from_body[2, 3], self.network.heights_m)
+        height_m = frame.world_from_body[2, 3]
+        require_height("world_from_body", height_m, self.network.heights_m)
+        if height_m > HIGHEST_M:
+            warnings.warn(f"world_from_body: {TOO_HIGH}", stacklevel=3)
         logits, pillars = self.network.step(*self.arguments(frame))[:2]
         self._tell_of_no_past(frame)
 

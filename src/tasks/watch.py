@@ -1,6 +1,7 @@
 """task=watch: what trained weights see in a video of one's own, given the UAV's poses."""
 
 import math
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ from ..limits import require_finite
 from ..models.checkpoint import Checkpoint
 from ..models.frame import StreamFrame
 from ..models.ground import require_height
-from ..models.stream import SkyOccStream
+from ..models.stream import HIGHEST_M, TOO_HIGH, SkyOccStream
 from ..ontology import UNKNOWN
 from ..report.scene import VoxelScene
 from ..report.view import Frustum
@@ -34,8 +35,6 @@ PREDICTIONS, FILM, RECORDING = "predictions", "watch.gif", "watch.mcap"
 FILM_FRAMES, FILM_BYTES = 75, 4_000_000
 # Of the network's view: less than this is not worth a line.
 UNSEEN_SHARE = 0.001
-# The benchmark's flights are low; what weights say of higher ones nobody has measured.
-HIGHEST_M = 20.0
 # A frame of a history may be so far from its time, if the camera is not slower.
 TOLERANCE_S = 0.02
 OPENCV_PIX = 0.5
@@ -216,10 +215,8 @@ class _Watcher:
             motion += f", but images {step_s:g} s apart are too far apart to be seen together"
         say(f"motion: {motion}")
         if high := int((self.world_from_body[:, 2, 3] > HIGHEST_M).sum()):
-            say(
-                f"{high} of the frames are more than {HIGHEST_M:g} m above the ground, where no "
-                "weights were trained or scored: do not trust what is free there"
-            )
+            say(f"{high} of the frames are {TOO_HIGH}")
+            warnings.filterwarnings("ignore", f".*{TOO_HIGH}")
 
     def write(self, folder: Path) -> None:
         """Fills a folder with labels, film and, where possible, an MCAP file."""

@@ -197,6 +197,14 @@ def test_it_says_once_that_no_past_frame_ever_fits(clips, network, time_of, recw
     assert "no frame has had a past one" in str(told.message)
 
 
+def test_it_warns_of_a_height_at_which_no_weights_were_scored(clips, stream):
+    frame = frame_of(clips, "town/a", 0)
+    high = frame.world_from_body.clone()
+    high[2, 3] = 20.5
+    with pytest.warns(UserWarning, match="more than 20 m above the ground, .* do not trust"):
+        stream(frame._replace(world_from_body=high))
+
+
 @pytest.mark.parametrize("rate_hz", [5, 50])
 def test_it_says_nothing_where_past_frames_come_in_time(clips, network, rate_hz, recwarn):
     stream = SkyOccStream(network, HISTORY_STEP_S)
