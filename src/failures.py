@@ -9,6 +9,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import torch
 import yaml
@@ -218,6 +219,9 @@ def _no_such_key(error: ConfigAttributeError | ConfigKeyError) -> str:
     name = str(error.full_key).rpartition(".")[2]
     parent = error.parent_node
     siblings = list(map(str, parent)) if isinstance(parent, DictConfig) else []
+    if "/" in name:  # a group was meant
+        conf = Path(__file__).parent.parent / "conf"
+        siblings = sorted(str(path.relative_to(conf)) for path in conf.rglob("*") if path.is_dir())
     known = ", ".join(siblings)
     return f"{error.full_key}: no such key{closest(name, siblings)} there are {known}"
 

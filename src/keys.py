@@ -136,7 +136,8 @@ def _mismatch(old: object, new: object) -> str | None:
             return "a list"
         case [int() | float(), *_]:
             same = len(new) == len(old) and not any(map(_mismatch, old, new))
-            return None if same else f"a list of {len(old)} numbers of that type"
+            kind = "integers" if all(isinstance(each, int) for each in old) else "numbers"
+            return None if same else f"a list of {len(old)} {kind}"
         case str() if isinstance(new, dict | list | None):
             return "a word"
     return None

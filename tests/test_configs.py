@@ -269,6 +269,9 @@ REFUSED = {
     "trainer.precision=null": "trainer.precision: None.*auto, 32-true",
     "gpu_precision=fp8": "gpu_precision: 'fp8'.*32-true",
     "+trainer.limit_test_batches=0": "trainer.limit_test_batches: 0",
+    "loss/class_weights=manual loss.terms.cross_entropy.class_weights=[1,1,1,1,1,1,1,1,O.5]": (
+        r"loss\.terms\.cross_entropy\.class_weights: .* is not a list of 9 numbers"
+    ),
     "suite.ttc_edges_s=[]": r"suite.ttc_edges_s: \[\] .*numbers",
     "task=attitude task.delay_s=[soon]": r"task.delay_s: \['soon'\]",
     "grid.shape=[50,50,31]": r"grid.shape: \[50, 50, 31\]",

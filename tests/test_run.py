@@ -436,6 +436,7 @@ MISTAKES = {
     "+experiment=skyoc": "experiment: .*'skyoc'.*'skyocc'.* baseline",
     "experiment=skyocc": r"\+experiment=skyocc",
     "sede=3": "sede: .*'seed'",
+    "loss/class_weight=manual": "loss/class_weight: no such key; did you mean 'loss/class_weights'",
     "nonsense": "nonsense",
     "+experiment=baseline attitude": "'attitude': .*key=value",
     "optimizer.rule._target_=torch.optim.Adamm": "torch.optim.Adamm.*optimizer.rule",

@@ -65,6 +65,7 @@ class CountMetric(Metric, ABC):
 
     def add_counts(self, **shapes: tuple[int, ...]) -> None:
         """Begins the counts of these names, with zeros."""
+        self._shapes = {**getattr(self, "_shapes", {}), **shapes}
         for name, shape in shapes.items():
             zeros = torch.zeros(shape, dtype=torch.int64)
             self.add_state(name, default=zeros, dist_reduce_fx="sum")
@@ -82,8 +83,17 @@ class CountMetric(Metric, ABC):
 
     @property
     def counts(self) -> NamedCounts:
-        """Everything counted so far."""
-        return {name: each for name, each in self.metric_state.items() if name != self._mark}
+        """Everything counted so far.
+
+        Raises `UserError` where a metric of one's own keeps something else under a count's name.
+        """
+        counts = {name: each for name, each in self.metric_state.items() if name != self._mark}
+        for name, each in counts.items():
+            if not (isinstance(each, Tensor) and each.shape == self._shapes[name]):
+                raise UserError(
+                    f"self.{name}: holds the count of this name; call what is kept there otherwise"
+                )
+        return counts
 
     def update(self, *batch: Any, **options: Any) -> None:
         """Adds the counts of a batch; the arguments are those of `frame_counts`, or arrays."""
@@ -93,6 +103,10 @@ class CountMetric(Metric, ABC):
         except Exception:
             self._update_count -= 1  # the framework counts the call before it is made
             raise
+        if unknown := counts.keys() - self._shapes.keys():
+            self._update_count -= 1
+            names = ", ".join(self.counts)
+            raise UserError(f"frame_counts: gives {min(unknown)!r}, and the metric counts {names}")
         for name, of_frames in counts.items():
             setattr(self, name, self.added(getattr(self, name), of_frames, *batch))
 
@@ -293,7 +307,8 @@ class VoxelMetric(CountMetric):
         kind, classes = ("logits", [self.num_classes]) if of_logits else ("labels", [])
         wanted = [len(target), *classes, *shape]
         if list(preds.shape) != wanted:
-            raise UserError(f"preds: {kind} of shape {list(preds.shape)} must be {wanted}")
+            hint = "; labels are integers" if of_logits and preds.shape == target.shape else ""
+            raise UserError(f"preds: {kind} of shape {list(preds.shape)} must be {wanted}{hint}")
 
         return F.encode(F.labels_of(preds), target, mask, self.num_classes, self.ignore_index)
 

@@ -139,7 +139,6 @@ def require_sound(grid: VoxelGrid, suite: Mapping[str, Any]) -> None:
 
     Raises `UserError` that names what is wrong, before a training has taken its time.
     """
-    ScoreSuite(grid, [], suite)
     frame = GroundTruth(
         clip=["clip"],
         semantics=torch.full((1, *grid.shape), FREE, dtype=torch.uint8),
@@ -156,11 +155,16 @@ def require_sound(grid: VoxelGrid, suite: Mapping[str, Any]) -> None:
             alone = ScoreSuite(grid, ["clip"], {**suite, "metrics": {name: entry}})
             alone.update(torch.zeros(1, NUM_CLASSES, *grid.shape), frame)
             alone.scores()
+        except UserError as error:
+            if f"suite.metrics.{name}" in str(error):
+                raise
+            raise UserError(f"suite.metrics.{name}: {error}") from error
         except Exception as error:  # whatever a class of a user's own raises
             raise UserError(
                 f"suite.metrics.{name}: fails on a frame ({reason_of(error)}); what it is given, "
                 "docs/metrics.md says"
             ) from error
+    ScoreSuite(grid, [], suite)
 
 
 def import_metrics(suite: Mapping[str, Any]) -> None:

@@ -86,10 +86,10 @@ class SkyOcc(nn.Module):
         super().__init__()
         require_choice("model.history", history, get_args(HistoryKind))
 
-        if not hasattr(backbone, "channels"):
+        if not isinstance(getattr(backbone, "channels", None), list | tuple):
             raise UserError(
-                f"model/backbone: {type(backbone).__name__} does not state its channels, those of "
-                "the maps at strides 4, 8, 16 and 32; docs/extending.md says what an encoder has"
+                f"model/backbone: {type(backbone).__name__} does not state its channels, a list of "
+                "those of the maps at strides 4, 8, 16 and 32 (docs/extending.md)"
             )
         dim = encoder.dim
         self.backbone, self.encoder, self.decoder = backbone, encoder, decoder

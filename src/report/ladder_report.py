@@ -160,5 +160,6 @@ def _missing(
     lines = [line for key, line in (sweep | begun).items() if key not in finished]
 
     if not group.rungs:
-        return ["no finished run of the ladder is here, so no table of its rungs", *lines]
+        none = "no finished run of the ladder is here, so no table of its rungs"
+        return [f"{none}; task.rungs names others", *lines]
     return lines

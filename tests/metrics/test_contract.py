@@ -236,7 +236,7 @@ BAD_BATCHES = {
         "mask of another shape": ("mask:", lambda p, t, *w: (p, t, *w, t[:1] > 0)),
     },
     OF_LABELS: {
-        "labels as floats": ("preds:", lambda p, t, *w: (p.float(), t, *w)),
+        "labels as floats": ("preds:.* labels are integers", lambda p, t, *w: (p.float(), t, *w)),
         "preds id 9": ("preds:", lambda p, t, *w: (p.fill_(9), t, *w)),
         "preds id 255": ("preds:", lambda p, t, *w: (p.fill_(255), t, *w)),
         "preds id -1": ("preds:", lambda p, t, *w: (p.long().fill_(-1), t, *w)),

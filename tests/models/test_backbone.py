@@ -6,6 +6,8 @@ import torch
 from src.errors import UserError
 from src.models.backbone import IMAGENET_MEAN, IMAGENET_STD, ResNet, require_maps
 from src.models.neck import FPN
+from src.models.network import SkyOcc
+from tests.models.synthetic import build_network
 
 
 def random_image(width=96, height=64):
@@ -54,6 +56,13 @@ def test_an_encoder_that_the_neck_cannot_read_is_refused_by_its_name():
     ):
         with pytest.raises(UserError, match=f"^model/backbone: {told}"):
             require_maps(own)
+
+
+def test_an_encoder_without_a_list_of_channels_is_refused_by_its_name():
+    own, network = Halves(), build_network()
+    own.channels = 8
+    with pytest.raises(UserError, match=r"^model/backbone: Halves does not state its channels"):
+        SkyOcc(own, network.encoder, network.decoder)
 
 
 def test_parameter_names_are_the_published_ones():

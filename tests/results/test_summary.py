@@ -126,3 +126,37 @@ def test_an_own_metric_that_fails_is_refused_before_the_training():
     wrong = {**suite["metrics"], "own": {**TARGET, "below": "quick"}}
     with pytest.raises(UserError, match=r"^suite\.metrics\.own: fails on a frame"):
         require_sound(GRID, {**suite, "metrics": wrong})
+
+
+class Careless(CountMetric):
+    """A metric of a user's own, with a mistake of its kind."""
+
+    def __init__(self, grid, mistake):
+        super().__init__({"near": (2,)})
+        self.mistake = mistake
+        if mistake == "overwritten":
+            self.near = torch.ones(grid.shape, dtype=torch.bool)
+
+    def frame_counts(self, preds):
+        name = "nearr" if self.mistake == "returned" else "near"
+        return {name: torch.ones(len(preds), 2, dtype=torch.int64)}
+
+    def scores(self, counts):
+        near = counts["neer" if self.mistake == "asked" else "near"]
+        return {"nearness": near[..., 0] / near[..., 1]}
+
+
+@pytest.mark.parametrize(
+    ("mistake", "told"),
+    [
+        ("overwritten", r"self\.near: holds the count of this name"),
+        ("returned", "frame_counts: gives 'nearr', and the metric counts near"),
+        ("asked", r"fails on a frame \('neer'\)"),
+    ],
+)
+def test_a_mistake_in_an_own_metric_is_told_with_its_name(mistake, told):
+    suite = protocol().suite
+    own = {"_target_": f"{__name__}.Careless", "mistake": mistake}
+    with pytest.raises(UserError, match=rf"^suite\.metrics\.own: {told}"):
+        require_sound(GRID, {**suite, "metrics": {**suite["metrics"], "own": own}})
+    require_sound(GRID, {**suite, "metrics": {**suite["metrics"], "own": {**own, "mistake": ""}}})
