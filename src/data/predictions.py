@@ -19,7 +19,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from ..atomic import replacing_folder
-from ..errors import UserError, way_out_of
+from ..errors import UserError, is_of_the_system, reason_of, way_out_of
 from ..geometry import tensor_of
 from ..ontology import NUM_CLASSES
 from .files import BROKEN, array_of, fault_of, files_below, open_npz
@@ -104,10 +104,19 @@ class Predictions:
 
     @property
     def facts(self) -> dict:
-        """The content of ``predictions.json``; nothing where there is no such file."""
+        """The content of ``predictions.json``; nothing where there is no such file, or another.
+
+        Raises `UserError` where the system does not let it be read.
+        """
+        path = self.folder / FACTS
         try:
-            facts = json.loads((self.folder / FACTS).read_text())
-        except (OSError, ValueError):
+            facts = json.loads(path.read_text())
+        except (OSError, ValueError) as error:
+            if is_of_the_system(error):
+                way_out = way_out_of(error, "")
+                raise UserError(
+                    f"{path}: cannot be read ({reason_of(error)}); {way_out}"
+                ) from error
             return {}
         return facts if isinstance(facts, dict) else {}
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..data.files import BROKEN
-from ..errors import UserError, reason_of
+from ..errors import UserError, reason_of, way_out_of
 from ..geometry import VoxelGrid
 from .label_format import LabelFormat
 
@@ -49,9 +49,8 @@ def layout_beside(folder: Path, name: str) -> dict:
         said, _ = content.pop("layout"), VoxelGrid(**content["grid"])
         np.array([*content["velocity_mps"].values()], np.float64).reshape(-1, 3)
     except (*BROKEN, AttributeError) as error:
-        raise UserError(
-            f"{path}: cannot be read ({reason_of(error)}); write the folder again"
-        ) from error
+        way_out = way_out_of(error, "write the folder again", path)
+        raise UserError(f"{path}: cannot be read ({reason_of(error)}); {way_out}") from error
     if said != name:
         raise UserError(f"{path}: these are files of {said}; score them with layout={said}")
     return content

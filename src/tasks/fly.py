@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from ..data.files import BROKEN
 from ..data.manifest import NOT_SHAPING, TOWNS
-from ..errors import UserError
+from ..errors import UserError, reason_of, way_out_of
 from ..limits import require_count
 from ..loop.campaign import CHOOSING, ROUTE, Campaign, Job
 from ..loop.mission import ROOM_M, in_the_open
@@ -173,8 +173,9 @@ def given_missions(path: Path, sim: Mapping) -> pd.DataFrame:
     try:
         table = _read(path)
     except BROKEN as error:
+        way_out = way_out_of(error, f"give one like {MISSIONS}", path)
         raise UserError(
-            f"task.missions: {path} is no table ({error}); give one like {MISSIONS}"
+            f"task.missions: {path} is no table ({reason_of(error)}); {way_out}"
         ) from error
 
     if missing := sorted({"stratum", "truth_s", *ROUTE} - set(table)):

@@ -1,10 +1,13 @@
 """Folders of predictions: written whole, and every missing, extra or corrupt frame is named."""
 
+import errno
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 
-from src.data.predictions import PredictedFrame, Predictions, save_predictions
+from src.data.predictions import FACTS, PredictedFrame, Predictions, save_predictions
 from src.errors import UserError
 
 SHAPE = (4, 3, 2)
@@ -38,6 +41,21 @@ def rewrite(folder, clip="town/clip00", **changes):
     with np.load(path) as archive:
         arrays = {name: archive[name] for name in archive.files} | changes
     np.savez_compressed(path, **{k: v for k, v in arrays.items() if v is not None})
+
+
+def test_facts_that_the_system_does_not_let_be_read_are_not_taken_for_none(tmp_path, monkeypatch):
+    assert Predictions(tmp_path).facts == {}
+    (tmp_path / FACTS).write_text("no JSON")
+    assert Predictions(tmp_path).facts == {}
+
+    def refuse(*_, **__):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_text", refuse)
+    with pytest.raises(
+        UserError, match=r"predictions\.json: cannot be read .*; ask for the permission"
+    ):
+        _ = Predictions(tmp_path).facts
 
 
 def test_what_was_written_is_read(folder):
