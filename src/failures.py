@@ -199,9 +199,12 @@ def _of_configuration(chain: list[BaseException]) -> str | None:
             return None  # the program asks for a key that no configuration has
         if isinstance(cause, hydra.HydraException | OmegaConfBaseException):
             message = " ".join(str(cause).split())
-            if message.startswith("Error locating") and not isinstance(chain[-1], ABSENT):
+            root = cause
+            while root.__cause__:  # not its context: Hydra imports while it handles another error
+                root = root.__cause__
+            if message.startswith("Error locating") and not isinstance(root, ABSENT):
                 return None  # the file is there, and has a mistake
-            message = message.replace(NO_REASON, f" ({reason_of(chain[-1])});")
+            message = message.replace(NO_REASON, f" ({reason_of(root)});").rstrip(";")
             return message + (MERGING if message.startswith("Error merging override") else "")
     return None
 

@@ -11,13 +11,15 @@ from .dotted import differences, is_listed
 from .errors import UserError, closest
 
 TARGET = "_target_"
+# Groups of words or lists, any of which may go.
+OPEN = ("task.scores", "layout.classes")
 # Endings of quantities: any number will do, even where the configuration has a round one.
 UNITS = ("_m", "_s", "_hz", "_deg", "_mps")
 
 
 def require_keys(before: DictConfig, cfg: DictConfig, typed: Sequence[str], files: str) -> None:
-    """Raises `UserError` where a command adds a key that nothing reads, or changes the type of a
-    value.
+    """Raises `UserError` where a command adds a key that nothing reads, removes one that is needed,
+    or changes the type of a value.
 
     ``before`` is the configuration without the keys that are ``typed`` and without ``files``,
     which the message names where the mistake is theirs. A class reads its arguments, and a loss
@@ -41,18 +43,23 @@ def _require_sound(key: str, before: DictConfig, cfg: DictConfig) -> None:
     for depth, name in enumerate(names):
         old, new = (OmegaConf.select(node, ".".join(names[:depth])) for node in (before, cfg))
         if name not in new:
-            return _require_needless(".".join(names[: depth + 1]), before)
+            return _require_needless(".".join(names[: depth + 1]), before, new)
         if name not in old or new.get(TARGET) != old.get(TARGET):
             return _require_read(".".join(names[: depth + 1]), before, cfg)
     _require_type(key, *(_plain(OmegaConf.select(node, key)) for node in (before, cfg)))
 
 
-def _require_needless(key: str, before: DictConfig) -> None:
-    """Raises `UserError` for a key that a command removes, but for one among groups of its kind: a
-    callback or a weather may go, the logger may not."""
+def _require_needless(key: str, before: DictConfig, new: DictConfig) -> None:
+    """Raises `UserError` for a key that a command removes, but for one among groups of its kind, of
+    `OPEN` ones, and for an argument of another class: a callback may go, the logger may not.
+
+    ``new`` is the group without it.
+    """
     group = key.rpartition(".")[0]
     siblings = OmegaConf.select(before, group) if group else before
-    if not all(map(OmegaConf.is_dict, siblings.values())):
+    of_another_class = siblings.get(TARGET) != new.get(TARGET)
+    is_open = is_listed(group, OPEN) or all(map(OmegaConf.is_dict, siblings.values()))
+    if not (is_open or of_another_class):
         raise UserError(f"{key}: is needed; keep it, and give another value or option instead")
 
 
@@ -99,17 +106,18 @@ def _arguments(target: str) -> list[str] | None:
 
 
 def _require_type(key: str, old: object, new: object) -> None:
-    """Raises `UserError` for a value that is of another type than the default, or not finite where
-    that one is."""
+    """Raises `UserError` for a value that is of another type than the default, or not finite."""
     group = key.partition(".")[0]
-    numbers = [each for each in (new if isinstance(new, list) else [new]) if type(each) is float]
-    if not all(map(math.isfinite, numbers)):
+    values = new if isinstance(new, list) else [new]
+    if any(isinstance(each, float) and not math.isfinite(each) for each in values):
         raise UserError(f"{key}: {new} is not finite; the default is {old!r}")
     # Lightning takes several types of devices, and null as its own default; it checks both itself.
     if key == "trainer.devices" or (new is None and (old is None or group == "trainer")):
         return
     if isinstance(old, int) and key.endswith(UNITS):
         old = float(old)
+    if isinstance(old, list) and key.endswith("class_weights"):
+        old = [float(each) for each in old]
     # A list of edges, runs, ages or classes has any length, but a suite without edges scores
     # nothing. All other lists of numbers are vectors.
     is_list = group == "task" or key.endswith(".ages_s") or key.startswith("layout.classes.")

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping
+from numbers import Real
 
 from .errors import UserError
 
@@ -10,13 +11,15 @@ def require_at_least(least: float, group: str, settings: Mapping, *names: str) -
     """Raises `UserError` for a setting of a group of the configuration that is below ``least``, or
     not finite.
 
-    A setting that is null, or not there, passes.
+    A setting that is null, not there, or no number, as a class of one's own may take, passes.
     """
     for name in names:
         value = settings.get(name)
-        if value is not None and not math.isfinite(value):
+        if not isinstance(value, Real):
+            continue
+        if not math.isfinite(value):
             raise UserError(f"{group}.{name}: {value} is not finite; give {least} or more")
-        if value is not None and value < least:
+        if value < least:
             raise UserError(f"{group}.{name}: {value} is too small; give {least} or more")
 
 

@@ -62,7 +62,7 @@ KEYS = {
         *("data.val_clips", "data.test_clips"),
     ),
     # Whose weights a checkpoint holds.
-    "identity": ("name", "seed", "model", "loss", "data.history_step_s"),
+    "identity": ("name", "seed", "model", "loss"),
     # What a training begins with; its checkpoints hold what became of that.
     "start": ("model.backbone.weights", "model.backbone.weights_sha256"),
 }

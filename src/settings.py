@@ -31,8 +31,8 @@ def require_sound(cfg: DictConfig, hydra: DictConfig) -> None:
     """Raises `UserError` that names the key, for what would otherwise fail late or do nothing.
 
     Neither the command line nor a file that it adds, such as an experiment's, may add a key that
-    nothing reads or change the type of a value. ``hydra`` is Hydra's own part of the composition.
-    Must be called inside Hydra's application.
+    nothing reads, remove one that is needed or change the type of a value. ``hydra`` is Hydra's own
+    part of the composition. Must be called inside Hydra's application.
     """
     # Whatever is trained and scored is called by it.
     if (said := cfg.get("recipe_name")) != hydra.runtime.choices["recipe"]:

@@ -13,7 +13,7 @@ from omegaconf import DictConfig
 
 from .errors import UserError
 from .failures import one_line, quiet_libraries
-from .settings import adopted, do_task, require_sound, search_path
+from .settings import adopted, do_task, expand_home, require_sound, search_path
 from .terminal import say
 from .values import TRAINING
 
@@ -22,8 +22,10 @@ CAUSE = re.compile(r"\w(Error|Exception|Exit)\b|\b(error|killed|cancelled|limit)
 # In the environment: how many jobs the sweep has.
 JOBS = "SKYSHIELD_JOBS"
 # These tasks write to the folder of the run whose checkpoint they use.
-OF_RUN = ("test.test", "calibrate.calibrate", "predict.predict", "export.export")
-OF_RUN = (*(f"src.tasks.{name}" for name in OF_RUN), "studies.attitude.task.attitude")
+OF_RUN = (
+    *(f"src.tasks.{task}.{task}" for task in ("test", "calibrate", "predict", "export")),
+    *("studies.attitude.task.attitude", "studies.free_bias.task.free_bias"),
+)
 
 
 class Outcome(NamedTuple):
@@ -39,16 +41,19 @@ def require_sound_jobs(jobs: Sequence[DictConfig]) -> None:
     Each is the composed configuration of a job, Hydra's own part included.
     """
     overrides = [list(cfg.hydra.overrides.task) for cfg in jobs]
-    first_in: dict[str, str] = {}
+    first_in: dict[tuple, str] = {}
     for cfg, label in zip(jobs, labels_of(overrides)):
         require_sound(cfg, cfg.hydra)
         if cfg.task._target_ not in (*OF_RUN, TRAINING):
             continue
 
-        # A checkpoint that is named as a file has a folder of its own.
+        # A checkpoint that is named as a file has a folder of its own, and these below it.
+        expand_home(cfg)
         run = adopted(cfg, cfg.hydra.overrides.task).paths.run
-        first = first_in.setdefault(run, label)
-        if first != label and cfg.task._target_ in OF_RUN:
+        trains = cfg.task._target_ == TRAINING
+        apart = () if trains else (cfg.calibrated, cfg.predictions, cfg.task.get("part"))
+        first = first_in.setdefault((run, *apart), label)
+        if first != label and not trains:
             raise UserError(
                 f"{first!r} and {label!r} would both write to {run}; give them one by one, and "
                 "move away what each has written"

@@ -28,7 +28,8 @@ AT_LEAST = (
     (0, "sim", ("seed",)),
     (0, "optimizer", ("lr", "weight_decay", "warmup")),
     (1, "trainer", ("max_epochs", "accumulate_grad_batches")),
-    (0, "trainer", ("gradient_clip_val", "num_sanity_val_steps")),
+    (0, "trainer", ("gradient_clip_val",)),
+    (-1, "trainer", ("num_sanity_val_steps",)),  # -1: of all batches
     (1, "data", ("batch_size", "frames", "run_frames")),
     (0, "data", ("workers",)),
     (1, "size", ("backbone_width", "dim", "layers", "heads", "heights", "points")),
@@ -38,7 +39,8 @@ AT_LEAST = (
     (1, "model.sight", ("bins",)),
     (0, "model.sight", ("weight",)),
 )
-# A value that is another one's, and the key to set.
+# An argument of a class of ours that is another key's value, and the key to set.
+OURS = tuple(f"src.models.{name}" for name in ("encoder.Pillar", "decoder.Pillar", "sight.Sight"))
 SAME = {
     "model.encoder.num_frames": "data.frames",
     "model.encoder.dim": "size.dim",
@@ -53,13 +55,22 @@ SET_ELSEWHERE = {
     "trainer.logger": "give logger=csv, or a file in conf/logger",
     "trainer.callbacks": "give +callbacks.NAME._target_=CLASS",
 }
-# How a training ends with its best and its last weights in their files; any other way is refused.
+# What keeps the best and the last weights of a training in their files, where it is given. Of
+# batches Lightning counts an integer, and takes a share of a float.
 CHECKPOINTS = {
+    **{f"callbacks.{name}.dirpath": "${paths.run}/checkpoints" for name in ("best", "last")},
     **{f"callbacks.{name}.filename": name for name in ("best", "last")},
     **{f"callbacks.{name}.save_top_k": 1 for name in ("best", "last")},
     "trainer.fast_dev_run": False,
     "trainer.val_check_interval": 1.0,
     "trainer.enable_checkpointing": True,
+}
+
+
+# For whom another key does what they want.
+INSTEAD = {
+    "trainer.fast_dev_run": ", or give +debug=fast",
+    "trainer.val_check_interval": ", or give shorter epochs: +trainer.limit_train_batches=0.5",
 }
 
 
@@ -108,7 +119,8 @@ def _require_shared(cfg: DictConfig) -> None:
     """Checks values that another key sets."""
     for key, source in SAME.items():
         value, wanted = OmegaConf.select(cfg, key), OmegaConf.select(cfg, source)
-        if value not in (None, wanted):
+        target = str(OmegaConf.select(cfg, f"{key.rpartition('.')[0]}._target_"))
+        if target.startswith(OURS) and value != wanted:
             raise UserError(f"{key}: {value}, and {source} is {wanted}; set {source} alone")
     for key, way_out in SET_ELSEWHERE.items():
         group, _, name = key.rpartition(".")
@@ -120,15 +132,16 @@ def _require_past(cfg: DictConfig) -> None:
     """Checks how far back frames and images of the past lie."""
     data = cfg.data
     history_stride(data.history_step_s, cfg.sim.capture_hz)
-    if data.order == "streams" and data.frames == 1:
-        raise UserError(
-            "data.order: streams keep a past, and data.frames=1 has none; give 2 or more"
-        )
-    if data.order == "streams" and cfg.model.get("history_grad"):
-        raise UserError(
-            "model.history_grad: true, and with data.order=streams the past was computed in "
-            "earlier steps; drop one of them"
-        )
+    if data.order == "streams":
+        if data.frames == 1:
+            raise UserError(
+                "data.order: streams keep a past, and data.frames=1 has none; give 2 or more"
+            )
+        if cfg.model.get("history_grad"):
+            raise UserError(
+                "model.history_grad: true, and with data.order=streams the past was computed in "
+                "earlier steps; drop one of them"
+            )
     ages_s = OmegaConf.select(cfg, "data.parallax.ages_s") or []
     if beyond := [age_s for age_s in ages_s if age_s >= CLIP_SECONDS]:
         raise UserError(
@@ -138,7 +151,7 @@ def _require_past(cfg: DictConfig) -> None:
 
 
 def _require_training(cfg: DictConfig) -> None:
-    """Checks how the optimizer and the trainer are set."""
+    """Checks how the optimizer and the trainer are set, and a training's callbacks and labels."""
     if cfg.optimizer.warmup > 1:
         raise UserError(f"optimizer.warmup: {cfg.optimizer.warmup} is no share; give 0 to 1")
     for part in ("train", "val", "test"):
@@ -153,22 +166,25 @@ def _require_training(cfg: DictConfig) -> None:
         )
     if "spawn" in str(cfg.trainer.strategy):
         raise UserError(
-            f"trainer.strategy: {cfg.trainer.strategy} copies what cannot be copied; give ddp"
+            f"trainer.strategy: {cfg.trainer.strategy} would have to pickle the run; give ddp"
         )
     if cfg.task._target_ != TRAINING:
         return
 
     if lacking := {"best", "last"}.difference(cfg.callbacks):
-        raise UserError(f"callbacks.{min(lacking)}: a training needs it; do not remove it")
+        raise UserError(f"callbacks.{min(lacking)}: a training needs it, and it is not there")
     for key, wanted in CHECKPOINTS.items():
-        if (value := OmegaConf.select(cfg, key)) not in (None, wanted):
+        value = OmegaConf.select(cfg, key)
+        wanted = wanted.replace("${paths.run}", cfg.paths.run) if type(wanted) is str else wanted
+        if value is not None and (type(value), value) != (type(wanted), wanted):
             raise UserError(
                 f"{key}: {value}; a training goes on from its last epoch and is scored with its "
-                f"best, which wants {str(wanted).lower()}; drop the key"
+                f"best, which wants {wanted}; drop the key{INSTEAD.get(key, '')}"
             )
     if cfg.trainer.max_epochs is None:
         raise UserError("trainer.max_epochs: null; the schedule wants a number, 1 or more")
     every = OmegaConf.select(cfg, "trainer.check_val_every_n_epoch", default=1)
+    require_count("trainer.check_val_every_n_epoch", every)
     if every is None or every > cfg.trainer.max_epochs:
         raise UserError(
             f"trainer.check_val_every_n_epoch: {every}, and there are trainer.max_epochs="
@@ -177,7 +193,7 @@ def _require_training(cfg: DictConfig) -> None:
     if cfg.data.pixels and not (cfg.sim.save_aux or cfg.paths.dataset):
         raise UserError(
             "sim.save_aux: false, and model/sight=on learns from what pixels see; drop the key, or "
-            "give model/sight=off and model/parallax=off"
+            "give model/sight=off model/parallax=off model/evidence=off"
         )
 
 

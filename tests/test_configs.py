@@ -275,7 +275,7 @@ REFUSED = {
     "suite.ttc_edges_s=[]": r"suite.ttc_edges_s: \[\] .*numbers",
     "task=attitude task.delay_s=[soon]": r"task.delay_s: \['soon'\]",
     "grid.shape=[50,50,31]": r"grid.shape: \[50, 50, 31\]",
-    "grid.shape=[50,50]": r"grid.shape: \[50, 50\] .*3 numbers",
+    "grid.shape=[50,50]": r"grid.shape: \[50, 50\] .*3 integers",
     "model.ground.grid.shape=[5,5,5]": r"model\.ground\.grid\.shape: .*grid\.shape",
     "name=voxel_prior": "name: 'voxel_prior' .*anchor",
     "name=1e5": r"name: 100000\.0 is no word; quote it twice",
@@ -306,12 +306,16 @@ REFUSED = {
     # A training that would end without its best weights, or never go on.
     "callbacks.best.filename=mine": "callbacks.best.filename: mine; .* wants best",
     "+callbacks.last.save_top_k=0": "callbacks.last.save_top_k: 0; .* wants 1",
-    "+trainer.fast_dev_run=true": "trainer.fast_dev_run: True; .* wants false",
+    "+trainer.fast_dev_run=true": "trainer.fast_dev_run: True; .* wants False; .*debug=fast",
     "+trainer.val_check_interval=0.5": "trainer.val_check_interval: 0.5; .* wants 1.0",
     "+trainer.check_val_every_n_epoch=9": "trainer.check_val_every_n_epoch: 9, .*max_epochs=4",
     "trainer.max_epochs=null": "trainer.max_epochs: null; ",
     "trainer.default_root_dir=${paths.run}": "trainer.default_root_dir: is the run's own",
     "trainer.strategy=ddp_spawn": "trainer.strategy: ddp_spawn .* give ddp",
+    "callbacks.best.dirpath=elsewhere": "callbacks.best.dirpath: elsewhere; .* wants runs/small",
+    "+trainer.val_check_interval=1": "trainer.val_check_interval: 1; .* wants 1.0; .*limit_train",
+    "+trainer.check_val_every_n_epoch=0": "trainer.check_val_every_n_epoch: 0; ",
+    "+trainer.check_val_every_n_epoch=often": "trainer.check_val_every_n_epoch: 'often'; ",
     "~callbacks.best": "callbacks.best: a training needs it",
     "~logger": "logger: is needed; ",
     "~model.sight": "model.sight: is needed; ",
@@ -368,6 +372,7 @@ def test_an_experiment_of_ones_own_may_set_what_there_is(experiment, text):
 
 MINE = "{ _target_: src.models.losses.lovasz, _partial_: true }"
 OWN_TERM = f"loss: {{ terms: {{ mine: {MINE} }} }}\n"
+OWN_DECODER = "model.decoder._target_=mine.Decoder"
 RAYS = "+suite.metrics.mine={_target_: src.metrics.RayIoU}"
 
 
@@ -379,9 +384,15 @@ RAYS = "+suite.metrics.mine={_target_: src.metrics.RayIoU}"
         (RAYS, "+suite.metrics.mine.rays=[9,5]"),
         ("+callbacks.mine={_target_: lightning.pytorch.callbacks.Timer}",),
         ("++threads=1",),  # there already, and null
+        ("+trainer.val_check_interval=1.0", "trainer.num_sanity_val_steps=-1"),
+        ("~callbacks.preview", "~suite.metrics.rays", "+debug=fast"),
+        ("model.sight.class_weights=[1,1,1,4,2,3,6,3,0.5]",),
+        # A class of one's own takes what it takes.
+        (OWN_DECODER, "model.decoder.dim=32", "~model.decoder.num_blocks"),
+        ("model.encoder._target_=mine.Encoder", "model.encoder.num_heads=[2,4]"),
     ],
 )
-def test_a_loss_term_a_metric_and_a_callback_may_be_added_on_the_command_line(overrides):
+def test_what_there_is_may_be_set_added_and_removed_on_the_command_line(overrides):
     for n in range(len(overrides)):
         assert sound_config("scale=tiny", *overrides[: n + 1])
 

@@ -223,11 +223,17 @@ def test_what_lightning_or_hydra_refuses_is_one_line():
 def test_a_mistake_in_a_file_of_ones_own_keeps_its_traceback_and_a_class_that_is_not_there_a_line(
     tmp_path, monkeypatch
 ):
-    (tmp_path / "mine.py").write_text("class Own: pass\nx = undefined\n")
-    (tmp_path / "sound.py").write_text("class Own: pass\n")
+    (tmp_path / "own_parts").mkdir()
+    texts = {"mine": "x = undefined", "sound": "class Own: pass", "lacks": "import timmx"}
+    for name, text in texts.items():
+        (tmp_path / f"own_parts/{name}.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
-    assert one_line(caught(instantiate, {"_target_": "mine.Own"})) is None
-    for target, reason in (("sound.Owm", "no attribute 'Owm'"), ("sond.Own", "named 'sond'")):
+    assert one_line(caught(instantiate, {"_target_": "own_parts.mine.Own"})) is None
+    for target, reason in (
+        ("own_parts.sound.Owm", "named 'own_parts.sound.Owm'"),
+        ("own_parts.sond.Own", "sond'"),
+        ("own_parts.lacks.Own", "timmx"),
+    ):
         line = one_line(caught(instantiate, {"_target_": target}))
         assert line.startswith(f"Error locating target '{target}' (")
         assert reason in line

@@ -132,6 +132,19 @@ def test_two_jobs_that_would_write_to_one_folder_are_refused(overrides, named, s
     assert not list(tmp_path.iterdir())
 
 
+def test_jobs_with_folders_of_their_own_are_checked_and_done(sweep, tmp_path):
+    """The first thing that each meets is that there is no checkpoint."""
+    for overrides in (
+        ["ckpt_path=best", "task=predict", "task.part=test,val"],
+        ["ckpt_path=best", "task=predict", f"predictions={tmp_path}/a,{tmp_path}/b"],
+        ["ckpt_path=best", "task=export", "calibrated=true,false"],
+    ):
+        status, lines, errors = sweep("+experiment=skyocc", "scale=tiny", *overrides)
+        assert status == 2
+        assert len(told(lines)[0]) == 2, errors
+        assert "would both" not in "".join(errors)
+
+
 def test_a_place_that_is_no_folder_is_not_the_launchers_fault():
     error = launcher_failure(NotADirectoryError(errno.ENOTDIR, "Not a directory", "runs"))
     assert str(error).startswith("runs: not a folder; ")

@@ -46,7 +46,8 @@ def _kept(path: Path, now: int) -> UInt8[np.ndarray, "bins h w"]:
 def keep_volumes(parallax: Parallax, clips: Sequence[Clip]) -> None:
     """Computes the volumes of all clips that have none yet, on every core.
 
-    Where they cannot be kept, says so; whoever wants one computes it then."""
+    Where they cannot be kept, says so; whoever wants one computes it then.
+    """
     missing = [clip for clip in clips if not file_of(parallax, clip).is_file()]
     if missing and not _can_be_kept(folder := file_of(parallax, missing[0]).parent):
         say(f"{folder}: cannot be written to, so every epoch compares frames with past ones anew")

@@ -65,7 +65,6 @@ class CountMetric(Metric, ABC):
 
     def add_counts(self, **shapes: tuple[int, ...]) -> None:
         """Begins the counts of these names, with zeros."""
-        self._shapes = {**getattr(self, "_shapes", {}), **shapes}
         for name, shape in shapes.items():
             zeros = torch.zeros(shape, dtype=torch.int64)
             self.add_state(name, default=zeros, dist_reduce_fx="sum")
@@ -89,7 +88,7 @@ class CountMetric(Metric, ABC):
         """
         counts = {name: each for name, each in self.metric_state.items() if name != self._mark}
         for name, each in counts.items():
-            if not (isinstance(each, Tensor) and each.shape == self._shapes[name]):
+            if not (isinstance(each, Tensor) and each.shape == self._defaults[name].shape):
                 raise UserError(
                     f"self.{name}: holds the count of this name; call what is kept there otherwise"
                 )
@@ -100,13 +99,14 @@ class CountMetric(Metric, ABC):
         batch, options = self._tensors(batch, options)
         try:
             counts = self.frame_counts(*batch, **options)
+            if unknown := counts.keys() - self._defaults.keys():
+                names = ", ".join(self.counts)
+                raise UserError(
+                    f"frame_counts: gives {min(unknown)!r}, and the metric counts {names}"
+                )
         except Exception:
             self._update_count -= 1  # the framework counts the call before it is made
             raise
-        if unknown := counts.keys() - self._shapes.keys():
-            self._update_count -= 1
-            names = ", ".join(self.counts)
-            raise UserError(f"frame_counts: gives {min(unknown)!r}, and the metric counts {names}")
         for name, of_frames in counts.items():
             setattr(self, name, self.added(getattr(self, name), of_frames, *batch))
 

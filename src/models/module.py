@@ -97,12 +97,12 @@ class OccupancyModule(LightningModule):
             self.log("val/depth_error", self.val_depth.compute())
             self.val_depth.reset()
 
-    def logged_by_val(self) -> list[str]:
-        """Returns the names of what a validation logs, for what is to be chosen by one of them."""
+    def monitored(self) -> list[str]:
+        """Returns the names of what is logged by the end of a validation, to choose weights by."""
         scores = self.val_scores.compute()
         self.val_scores.reset()
         depth = [] if self.network.sight is None else ["val/depth_error"]
-        return ["val/loss", *depth, *(f"val/{name}" for name in scores)]
+        return ["train/loss", "val/loss", "val/kar", *depth, *(f"val/{name}" for name in scores)]
 
     def test_step(self, batch: Mapping[str, Tensor], batch_index: int) -> None:
         self.test_suite.update(self(batch), truth_of(batch))

@@ -24,8 +24,8 @@ from .network import SkyOcc
 # The benchmark's flights are low; what weights say of higher ones nobody has measured.
 HIGHEST_M = 20.0
 TOO_HIGH = (
-    f"more than {HIGHEST_M:g} m above the ground, where no weights were trained or scored: do not "
-    "trust what is free there"
+    f"more than {HIGHEST_M:g} m above the ground, higher than the benchmark's flights: do not "
+    "trust what is free there, unless the weights were trained so high"
 )
 # So many frames without a past one are no beginning of a flight.
 FRAMES_TO_TELL = 10

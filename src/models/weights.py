@@ -22,10 +22,8 @@ CLASSIFIER = "fc."
 ORIGIN = "skyshield"
 # How the names of an image encoder begin in a checkpoint.
 ENCODER = "network.backbone."
-# What decides where a clip of a name flies, with the values of before there was a choice; and how
-# the names of the simulator's datasets end.
+# What decides where a clip of a name flies, with the values of before there was a choice.
 DRAWN = {"seed": 0, "town_seeds": 1, "flight": {}}
-GENERATED = re.compile(r"-[0-9a-f]{12}$")
 # What PyTorch raises for a file that is cut, damaged, or something else.
 UNREADABLE = (AttributeError, EOFError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 UNREADABLE += (UnpicklingError,)
@@ -108,15 +106,18 @@ def trained_on(
 ) -> list[str]:
     """Returns those of the ``clips`` that a run was trained on: it had them, and held them not out.
 
-    Datasets of the simulator have the same flights, whatever their images and grids, where they
-    were drawn alike (`DRAWN`). Any other dataset has its own, whatever their names.
+    A run on the simulator's flights had those of its towns, and another dataset has the same ones,
+    whatever its images and grid, where they were drawn alike (`DRAWN`).
     """
     known = {*(held := config.get("data", {})).get("val_clips", []), *held.get("test_clips", [])}
-    own = config.get("sim", {})
-    alike = all(own.get(key, default) == sim.get(key, default) for key, default in DRAWN.items())
-    generated = all(GENERATED.search(name) for name in (own_dataset, dataset))
-    if own_dataset != dataset and not (generated and alike):
-        return []
+    own, scale = config.get("sim", {}), config.get("scale_name", "")
+    if own_dataset != dataset:
+        # The simulator's is called after the scale, a recording's or task=verge's otherwise.
+        generated = re.fullmatch(f"{re.escape(scale)}-[0-9a-f]{{12}}", own_dataset)
+        alike = all(own.get(key, off) == sim.get(key, off) for key, off in DRAWN.items())
+        numbers = range(own.get("clips_per_town", 0))
+        made = {f"{town}/clip{number:02d}" for town in own.get("towns", ()) for number in numbers}
+        clips = [clip for clip in clips if generated and alike and clip in made]
     return [clip for clip in clips if clip not in known]
 
 

@@ -13,6 +13,7 @@ from ..ontology import CLASSES
 from ..run_folder import described, require_same_config
 from ..terminal import say
 from ..used_code import different_file
+from .dataset import root_of
 from .evaluate import evaluate, show
 from .model import module_of, network_of, origin_of, require_buildable
 from .session import Session
@@ -67,7 +68,10 @@ def _train(session: Session, named: Path | None) -> str:
     # A broken checkpoint is refused here, in one line.
     checkpoint = None if path is None else Checkpoint.read(path)
     module = _module(session, checkpoint)
-    require_choice("callbacks.best.monitor", cfg.callbacks.best.monitor, module.logged_by_val())
+    # Callbacks of one's own may log what they like.
+    own = {*cfg.callbacks} - {"best", "last", "progress", "preview"}
+    if (monitor := cfg.callbacks.best.get("monitor")) and not own:
+        require_choice("callbacks.best.monitor", monitor, module.monitored())
     done = f"epoch {checkpoint.epochs} of {cfg.trainer.max_epochs}" if checkpoint else ""
 
     # Nothing is left to refuse: now what is in the way of this run may move aside.
@@ -85,8 +89,8 @@ def _train(session: Session, named: Path | None) -> str:
 
     if not folder.best_checkpoint.is_file():
         raise UserError(
-            f"{folder.path}: ended before any validation, which chooses the weights; give "
-            "trainer.max_epochs, and no trainer.max_steps or max_time that ends the first epoch"
+            f"{folder.path}: has no best.ckpt, as no validation was reached or callbacks.best kept "
+            "none; give trainer.max_epochs, and no max_steps or max_time within the first epoch"
         )
     # The best epoch by validation is scored; the last one stays, to go on from.
     load_weights(module, Checkpoint.read(folder.best_checkpoint).state, folder.best_checkpoint)
@@ -120,7 +124,7 @@ def _module(session: Session, checkpoint: Checkpoint | None) -> OccupancyModule:
 
 def _checkpoint_to_resume(session: Session) -> Path:
     """Returns the checkpoint that ``ckpt_path`` names; refuses one of another run, of another
-    configuration or of other code."""
+    configuration, of another dataset or of other code."""
     folder, cfg = session.folder, session.cfg
     path = folder.checkpoint(cfg.ckpt_path)
     origin = Checkpoint.read(path).origin
@@ -132,7 +136,7 @@ def _checkpoint_to_resume(session: Session) -> Path:
             f"ckpt_path: {path} belongs to another run than {folder.path}; set paths.run to its "
             "folder to go on with it, or task=test to score it"
         )
-    if origin.dataset != (name := session.data.root.name):
+    if origin.dataset != (name := root_of(cfg).name):
         raise UserError(
             f"ckpt_path: {path} was trained on {origin.dataset}, and now the data are {name}; give "
             "those, or drop ckpt_path to start anew"

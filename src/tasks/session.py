@@ -51,16 +51,19 @@ class Session:
         """Reads the checkpoint that ``ckpt_path`` names, for the task of that name.
 
         Raises `UserError` without one, where it is none, and where its run had another name, seed,
-        model or loss: the weights of one rung fit another, and would be used with the wrong
-        projection, or their scores be called those of another rung. So it is with a clip that is
-        held out here, and that its run was trained on.
+        model, loss or history step: the weights of one rung fit another, and would be used with the
+        wrong projection, or their scores be called those of another rung. So it is with a clip that
+        is held out here, and that its run was trained on.
         """
         if self.cfg.ckpt_path is None:
             raise UserError(f"ckpt_path: task={task} needs a checkpoint; give best, last or a file")
 
         checkpoint = Checkpoint.read(self.folder.checkpoint(self.cfg.ckpt_path))
         config = checkpoint.origin.config
-        require_same_config(checkpoint.path, config, self.folder.config, KEYS["identity"])
+        # A network without a past has no step.
+        steps = ["data.history_step_s"] if self.cfg.data.frames > 1 else []
+        keys = (*KEYS["identity"], *steps)
+        require_same_config(checkpoint.path, config, self.folder.config, keys)
         held_out = self.cfg.data.val_clips, self.cfg.data.test_clips
         own, here = checkpoint.origin.dataset, root_of(self.cfg).name
         for key, clips in zip(("val_clips", "test_clips"), held_out):

@@ -60,9 +60,15 @@ def test_an_encoder_that_has_learnt_a_clip_is_not_tested_on_it(slimmed, trained,
         require_unseen(unproblematic, dataset, sim, ["downtown/clip00"])
     with pytest.raises(UserError, match="downtown/clip00"):
         require_unseen(str(slimmed), f"paper-{12 * '0'}", sim, ["downtown/clip00"])
+    # It had neither a clip of a recording, nor one past an obstacle, nor one beyond its own.
+    for place, clip in (
+        ("mine", "a/clip00"),
+        ("tiny-verge", "downtown-500/clip00"),
+        ("paper", "downtown/clip14"),
+    ):
+        require_unseen(str(slimmed), f"{place}-{12 * '0'}", sim, [clip])
     for other in ({"seed": 7}, sim | {"town_seeds": 3}, sim | {"flight": {"floor_m": 2}}):
         require_unseen(str(slimmed), f"paper-{12 * '0'}", other, ["downtown/clip00"])
-    require_unseen(str(slimmed), "recording", sim, ["downtown/clip00"])
     require_unseen(str(slimmed), dataset, sim, ["suburb/clip00"])
 
 
