@@ -53,7 +53,9 @@ def require_sound(cfg: DictConfig, hydra: DictConfig) -> None:
             line = "# @package _global_"
             raise UserError(f"{group}={choice}: the file {choice}.yaml must begin with {line!r}")
     names = ", ".join(f"{group}={choice}" for group, choice in files.items())
-    keys = [word.key_or_group for word in typed if word not in groups or word.is_delete()]
+    if removed := [word.key_or_group for word in groups if word.is_delete()]:
+        raise UserError(f"{removed[0]}: is needed; keep it, and choose another of its options")
+    keys = [word.key_or_group for word in typed if word not in groups]
     require_keys(before, cfg, keys, names)
 
     require_values(cfg)

@@ -319,6 +319,7 @@ REFUSED = {
     "~callbacks.best": "callbacks.best: a training needs it",
     "~logger": "logger: is needed; ",
     "~model.sight": "model.sight: is needed; ",
+    "~model/sight": "model/sight: is needed; ",
     "~data.val_clips": "data.val_clips: is needed; ",
     "~trainer.max_epochs": "trainer.max_epochs: is needed; ",
     "group=": "group: '' is no folder",
