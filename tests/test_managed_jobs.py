@@ -49,7 +49,7 @@ def ended(process, status=0):
 
 
 def scores_of(run):
-    return read_results(run / "results.csv").drop(columns=["seconds", "code_version"])
+    return read_results(run / "results.csv").drop(columns=["seconds", "code_version", "git_commit"])
 
 
 @pytest.mark.slow
