@@ -9,7 +9,6 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import torch
 import yaml
@@ -18,6 +17,7 @@ from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from .errors import UserError, closest, reason_of
+from .help import GROUPS
 
 ELSEWHERE = "set paths.data and paths.runs to folders that can be written to"
 DISK = {
@@ -223,8 +223,8 @@ def _no_such_key(error: ConfigAttributeError | ConfigKeyError) -> str:
     parent = error.parent_node
     siblings = list(map(str, parent)) if isinstance(parent, DictConfig) else []
     if "/" in name:  # a group was meant
-        conf = Path(__file__).parent.parent / "conf"
-        siblings = sorted(str(path.relative_to(conf)) for path in conf.rglob("*") if path.is_dir())
+        folders = (path for path in GROUPS.rglob("*") if path.is_dir())
+        siblings = sorted(str(path.relative_to(GROUPS)) for path in folders)
     known = ", ".join(siblings)
     return f"{error.full_key}: no such key{closest(name, siblings)} there are {known}"
 

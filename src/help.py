@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
+GROUPS = ROOT / "conf"
 # What people change first, and what it says; docs/keys.md has more.
 KEYS = {
     "+experiment=": "baseline, attitude, weights, skyocc, or a file of your own",
@@ -31,7 +32,7 @@ def print_help() -> None:
 def help_text() -> str:
     """Returns what the program says of itself: fewer than 40 lines."""
     lines = ["python run.py [task=TASK] [key=value ...]     -m: a run for each of a,b,c", "Tasks"]
-    for task in sorted((ROOT / "conf/task").glob("*.yaml")):
+    for task in sorted((GROUPS / "task").glob("*.yaml")):
         lines.append(f"  {task.stem:13} {_purpose(_module(task))}")
     lines += ["", "Keys that people change"]
     lines += [f"  {key:34} {meaning}" for key, meaning in KEYS.items()]

@@ -15,11 +15,10 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from .data.manifest import MANIFEST, read_manifest
 from .dotted import is_listed, replaced
 from .errors import UserError
+from .help import GROUPS
 from .keys import require_keys
 from .run_folder import BEST, KEYS, UNKNOWN_RECIPE
 from .values import require_values
-
-GROUPS = Path(__file__).parent.parent / "conf"
 
 
 def search_path(hydra: DictConfig) -> list[str]:

@@ -40,7 +40,7 @@ AT_LEAST = (
     (0, "model.sight", ("weight",)),
 )
 # An argument of a class of ours that is another key's value, and the key to set.
-OURS = tuple(f"src.models.{name}" for name in ("encoder.Pillar", "decoder.Pillar", "sight.Sight"))
+OURS = ("encoder.PillarEncoder", "decoder.PillarDecoder", "sight.SightHead")
 SAME = {
     "model.encoder.num_frames": "data.frames",
     "model.encoder.dim": "size.dim",
@@ -65,8 +65,6 @@ CHECKPOINTS = {
     "trainer.val_check_interval": 1.0,
     "trainer.enable_checkpointing": True,
 }
-
-
 # For whom another key does what they want.
 INSTEAD = {
     "trainer.fast_dev_run": ", or give +debug=fast",
@@ -120,7 +118,7 @@ def _require_shared(cfg: DictConfig) -> None:
     for key, source in SAME.items():
         value, wanted = OmegaConf.select(cfg, key), OmegaConf.select(cfg, source)
         target = str(OmegaConf.select(cfg, f"{key.rpartition('.')[0]}._target_"))
-        if target.startswith(OURS) and value != wanted:
+        if target.removeprefix("src.models.") in OURS and value != wanted:
             raise UserError(f"{key}: {value}, and {source} is {wanted}; set {source} alone")
     for key, way_out in SET_ELSEWHERE.items():
         group, _, name = key.rpartition(".")

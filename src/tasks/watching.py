@@ -7,7 +7,7 @@ from typing import Any
 from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
 
-from ..errors import reason_of
+from ..errors import UserError
 from ..terminal import Meter, duration, metered, say
 
 # What a step of the validation costs, measured in steps of the training: it has no backward pass.
@@ -95,7 +95,7 @@ class Preview(Callback):
         heading = "Validation, after the first epoch"
         try:
             draw_sheet(module, trainer.datamodule, "val", self.path, heading, self.frames)
-        except OSError as error:  # a picture is no reason to end a training
-            say(f"{self.path}: not drawn ({reason_of(error)})")
+        except UserError as error:  # a picture is no reason to end a training
+            say(f"no picture of the first predictions: {error}")
         else:
             say(f"{self.path}: the first predictions, beside the labels")

@@ -3,10 +3,10 @@
     python -m studies.world.seen_streets [--out FILE] [OVERRIDE...]
 
 Flights of one town share its streets: a town is drawn once for a name and a seed, or, with
-``sim.town_seeds``, once for each of its drawings. Counted are the
-static occupied voxels that the camera sees in the test frames, within 25 m: the share with a voxel
-beside them, a voxel's side away at most, that the camera saw occupied in a training frame of the
-same drawing. Prints a row for each town and part of the split, and writes them to ``--out``.
+``sim.town_seeds``, once for each of its drawings. Counted are the static occupied voxels that the
+camera sees in the test frames, within 25 m: the share with a voxel beside them, a voxel's side away
+at most, that the camera saw occupied in a training frame of the same drawing. Prints a row for each
+town and part of the split, and writes them to ``--out``.
 """
 
 from collections import defaultdict
