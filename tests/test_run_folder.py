@@ -62,7 +62,7 @@ def test_a_run_killed_before_its_first_checkpoint_begins_again_where_it_is(tmp_p
 
 
 def test_a_best_checkpoint_without_a_last_one_is_moved_aside(tmp_path):
-    """As its user was told to do: delete the broken last one to start anew."""
+    """As its user was told to do: move the broken last one away to start anew."""
     folder = half_done(tmp_path / "seed0")
     folder.last_checkpoint.rename(folder.best_checkpoint)
     assert folder_of(tmp_path / "seed0").open(afresh=False) is None

@@ -47,7 +47,7 @@ def save_predictions(folder: Path, facts: dict, frames: Iterable[PredictedFrame]
     for, where the folder exists already.
     """
     if folder.exists():
-        raise UserError(f"{folder}: exists already; delete it, or choose another folder")
+        raise UserError(f"{folder}: exists already; move it away, or choose another folder")
 
     with replacing_folder(folder) as new:
         for clip, of_clip in groupby(frames, key=attrgetter("clip")):

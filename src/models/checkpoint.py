@@ -137,22 +137,26 @@ def read_content(path: Path) -> dict[str, Any]:
     """Reads all that Lightning wrote. Raises `UserError` for a file that is no checkpoint, or not
     the one of the hash in its name."""
     try:
-        said = hash_in_name(path)
-        if said and not sha256(path.read_bytes()).hexdigest().startswith(said):
-            raise ValueError("its content has another hash than its name")
         content = torch.load(path, map_location="cpu", weights_only=True)
         if {"state_dict", "epoch"} - content.keys():
             raise KeyError("it holds no training")
-        return content
     except FileNotFoundError:
         raise UserError(
             f"ckpt_path: no checkpoint {path}; give best, last or an existing file"
         ) from None
     except UNREADABLE as error:
-        way_out = way_out_of(error, "give another one, or delete it to start anew", path)
+        way_out = way_out_of(error, "give another one, or move it away to start anew", path)
         raise UserError(
             f"ckpt_path: {path} is no readable checkpoint ({reason_of(error)}); {way_out}"
         ) from error
+
+    said = hash_in_name(path)
+    if said and not sha256(path.read_bytes()).hexdigest().startswith(said):
+        raise UserError(
+            f"ckpt_path: {path} has another hash than its name ends in; fetch it again, or rename "
+            f"it, where {said} is no hash but a date"
+        )
+    return content
 
 
 def load_weights(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> None:

@@ -153,6 +153,6 @@ def _verify(path: Path, sha256: str | None) -> None:
         )
     if not actual.startswith(expected.lower()):
         raise UserError(
-            f"model.backbone.weights: {path} has SHA-256 {actual}, not {expected}; delete it and "
-            "fetch it again"
+            f"model.backbone.weights: {path} has SHA-256 {actual}, not {expected}; fetch it "
+            "again, or rename it if it is sound"
         )

@@ -174,7 +174,7 @@ class Counts:
         # numpy raises the last two over the header of an array.
         except (*BROKEN, SyntaxError, TokenError) as error:
             reason = " ".join(str(error).split())
-            way_out = way_out_of(error, f"delete it and {AGAIN}", path)
+            way_out = way_out_of(error, f"move it away and {AGAIN}", path)
             raise UserError(f"{path}: cannot be read ({reason}); {way_out}") from error
 
 

@@ -142,7 +142,7 @@ def read_results(path: str | Path) -> pd.DataFrame:
         raise UserError(f"{path}: no such file; finish the run or run task=test first") from error
     except (OSError, ValueError, pd.errors.ParserWarning) as error:
         reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-        way_out = way_out_of(error, "delete it and run again", path)
+        way_out = way_out_of(error, "move it away and run it again", path)
         raise UserError(f"{path}: not a readable results file ({reason}); {way_out}") from error
     return table[list(COLUMNS)].fillna({"git_commit": ""})
 

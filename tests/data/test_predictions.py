@@ -43,6 +43,11 @@ def rewrite(folder, clip="town/clip00", **changes):
     np.savez_compressed(path, **{k: v for k, v in arrays.items() if v is not None})
 
 
+def test_a_folder_that_is_there_is_not_to_be_deleted(tmp_path):
+    with pytest.raises(UserError, match="exists already; move it away, or choose another"):
+        save_predictions(tmp_path, {}, [])
+
+
 def test_facts_that_the_system_does_not_let_be_read_are_not_taken_for_none(tmp_path, monkeypatch):
     assert Predictions(tmp_path).facts == {}
     (tmp_path / FACTS).write_text("no JSON")
