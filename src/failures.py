@@ -172,9 +172,11 @@ def _of_files(cause: BaseException) -> str | None:
         elif value[:1] == "[" and not PLAIN.fullmatch(value.strip("[]")):
             way_out = f'a word with one of {QUOTED} wants quotes, as in \'{key}=["a=1","~/b"]\''
         return f"{cause.override!r}: cannot be read; {way_out}"
+
     if isinstance(cause, yaml.MarkedYAMLError) and cause.problem_mark:
         mark = cause.problem_mark
         return f"{mark.name}, line {mark.line + 1}: cannot be read as YAML ({cause.problem})"
+
     if isinstance(cause, ValueError) and "Unsupported item value in defaults : bool" in str(cause):
         return (
             "a chosen file has a bare on, off, yes or no in its defaults, which YAML takes "

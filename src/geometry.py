@@ -203,6 +203,7 @@ def require_rigid(name: str, transform: Float[Tensor, "*batch 4 4"]) -> None:
             f"{name}: its last row is {transform[..., 3, :].flatten().tolist()[:4]} and must be 0, "
             "0, 0, 1; it acts on column vectors, so a row-major one is given transposed"
         )
+
     rotation = transform[..., :3, :3]
     off = (rotation @ rotation.transpose(-1, -2) - torch.eye(3).to(transform)).abs().max()
     if off > ROTATION_TOLERANCE or (torch.linalg.det(rotation.double()) < 0).any():
@@ -333,6 +334,7 @@ def front_mount(position_m: Sequence[float], pitch_rad: float = 0.0) -> Float[Te
             f"position_m: {[*position_m]}, pitch {pitch_rad} rad; give three numbers: forward, "
             "left and up, and an angle"
         )
+
     body_from_level_camera = torch.tensor(
         [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], dtype=torch.float64
     )

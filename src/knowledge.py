@@ -25,8 +25,10 @@ def seen(
     ``size_pix`` is width and height."""
     focal_pix = float(pix_from_camera[0][0])
     step_pix = min(2.0, grid.voxel_m * focal_pix / max(grid.upper_m[0], grid.voxel_m))
+
     axes = (torch.arange(0.5, size, step_pix, dtype=torch.float64) for size in size_pix)
     pix = torch.cartesian_prod(*axes)
+
     camera = tensor_of(camera_from_occ), tensor_of(pix_from_camera)
     origin, directions = rays_in_grid(pix, *camera, grid)
     return in_sight(occupied, origin.numpy(), np.ascontiguousarray(directions.numpy()))

@@ -51,6 +51,7 @@ class Lens:
         x, y = rays.unbind(-1)
         square = x * x + y * y
         radial = 1 + square * (k1 + square * (k2 + square * k3))
+
         bent = torch.stack(
             [
                 x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x),
@@ -58,6 +59,7 @@ class Lens:
             ],
             dim=-1,
         )
+
         # Where the derivative of the distorted radius, a polynomial of the squared one, is zero.
         turns = np.roots([7 * k3, 5 * k2, 3 * k1, 1])
         turns = turns[(abs(turns.imag) < 1e-9) & (turns.real > 0)].real
@@ -79,8 +81,10 @@ def undistorted(
     """
     camera = tuple(map(tuple, tensor_of(pix_from_camera).double().tolist()))
     places, is_inside, samples = _places(lens, camera, tuple(image.shape[:0:-1]), tuple(size_pix))
+
     pixels = tensor_of(image).float()[None]
     found = grid_sample(pixels, places[None], padding_mode="border", align_corners=False)
+
     share = avg_pool2d(is_inside[None].float(), samples)[0]
     seen = share >= 0.5
     mean = avg_pool2d(found[0] * is_inside, samples) / share.clamp(min=0.5)

@@ -92,6 +92,7 @@ def do_task(cfg: DictConfig, hydra: DictConfig) -> object:
     expand_home(cfg)
     task, cfg = instantiate(cfg.task), adopted(cfg, hydra.overrides.task)
     fit_to_recording(cfg, hydra.overrides.task)
+
     # As run.py begins. What is imported and composed by now stays, so no search for garbage looks
     # through it; but what an earlier job of a sweep has left is garbage.
     if not gc.isenabled():

@@ -56,6 +56,7 @@ def code_of(names: Iterable[str]) -> dict[str, str]:
             digest = file_digest(text)
             digests[module.key] = _same_as().get((module.key, digest), digest)
             to_read += [name for name in _imported(text, module.package) if _is_own(name)]
+
     # A file that does nothing of its own for an identity has no digest there.
     return {key: digest for key, digest in sorted(digests.items()) if digest}
 

@@ -77,12 +77,14 @@ def require_values(cfg: DictConfig) -> None:
     _require_name(cfg)
     if not 0 <= cfg.seed <= LARGEST_SEED:
         raise UserError(f"seed: {cfg.seed} is out of range; give 0 to {LARGEST_SEED}")
+
     for least, group, names in AT_LEAST:
         require_at_least(least, group, OmegaConf.select(cfg, group) or {}, *names)
     for key, choices in CHOICES.items():
         require_choice(key, OmegaConf.select(cfg, key), choices)
     for key in ("threads", "sim.workers"):
         require_count(key, OmegaConf.select(cfg, key))
+
     require_rates(cfg.sim)
     _require_shared(cfg)
     _require_past(cfg)
@@ -95,17 +97,20 @@ def _require_name(cfg: DictConfig) -> None:
     """Checks the names of the run and of its group, which are those of folders."""
     if not isinstance(cfg.name, str):
         raise UserError(f"name: {cfg.name!r} is no word; quote it twice: 'name=\"{cfg.name}\"'")
+
     # Or the run's folder would lie elsewhere, or be that of all runs of the scale.
     if not cfg.name or cfg.name.startswith(".") or {"/", "\\"} & {*cfg.name}:
         raise UserError(
             f"name: {cfg.name!r} is no name of a folder; give one without slashes that does not "
             "begin with a dot"
         )
+
     # Files are called by it, with other words around.
     if len(cfg.name.encode()) > LONGEST_NAME:
         raise UserError(f"name: of {len(cfg.name.encode())} bytes; give one of {LONGEST_NAME}")
     if cfg.name in ANCHORS:
         raise UserError(f"name: {cfg.name!r} is that of an anchor, scored beside every run")
+
     group = Path(str(cfg.group))
     if not group.name or group.is_absolute() or ".." in group.parts:
         raise UserError(f"group: {cfg.group!r} is no folder below paths.runs; give a name")
@@ -130,6 +135,7 @@ def _require_past(cfg: DictConfig) -> None:
     """Checks how far back frames and images of the past lie."""
     data = cfg.data
     history_stride(data.history_step_s, cfg.sim.capture_hz)
+
     if data.order == "streams":
         if data.frames == 1:
             raise UserError(
@@ -140,6 +146,7 @@ def _require_past(cfg: DictConfig) -> None:
                 "model.history_grad: true, and with data.order=streams the past was computed in "
                 "earlier steps; drop one of them"
             )
+
     ages_s = OmegaConf.select(cfg, "data.parallax.ages_s") or []
     if beyond := [age_s for age_s in ages_s if age_s >= CLIP_SECONDS]:
         raise UserError(

@@ -45,6 +45,7 @@ class OccupancyDataset(Dataset):
         parallax: Parallax | None = None,
     ) -> None:
         require_choice("data.history", history, HISTORY)
+
         self.clips, self.samples = clips, list(samples)
         self.frames, self.images, self.pixels = frames, images, pixels
         self.parallax = parallax

@@ -192,6 +192,7 @@ def _numbers(table: pd.DataFrame, path: Path) -> pd.DataFrame:
     used = [
         name for name in ("time_s", "height_m", *QUAT, *angles, *PLACE, *VELOCITY) if name in table
     ]
+
     numbers = table[used].apply(pd.to_numeric, errors="coerce")
     bad = ~np.isfinite(numbers.to_numpy(np.float64))
     if bad.any():
@@ -211,6 +212,7 @@ def _in_order(table: pd.DataFrame, path: Path) -> pd.DataFrame:
     if (steps_s < 0).any():
         line = table.index[int(np.argmax(steps_s < 0)) + 1] + 2
         raise UserError(f"poses: {path}, line {line}: time_s goes back; sort the lines by time")
+
     once = table.drop_duplicates()
     if (twice := once["time_s"].duplicated()).any():
         line = int(np.argmax(twice))
@@ -218,10 +220,12 @@ def _in_order(table: pd.DataFrame, path: Path) -> pd.DataFrame:
             f"poses: {path}, line {once.index[line] + 2}: another pose at a time_s that is there "
             "already; keep one of the two"
         )
+
     if len(table) > len(once):
         say(f"{path}: {len(table) - len(once)} lines are there twice and count once")
     if len(once) < 2:
         raise UserError(f"poses: {path} has {len(once)} poses; give two or more")
+
     gaps_s = np.diff(once["time_s"])
     if (step_s := float(np.median(gaps_s))) > SLOWEST_S:
         raise UserError(

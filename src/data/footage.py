@@ -95,6 +95,7 @@ class Pictures:
         """
         if rate_hz:
             return np.arange(len(self._files)) / rate_hz
+
         way_out = "give task.rate_hz, or a column image in the poses"
         stems = [file.stem for file in self._files]
         try:
@@ -104,6 +105,7 @@ class Pictures:
             raise UserError(f"video: names like {self._files[0]} are no times; {way_out}") from None
         if not any("." in stem for stem in stems):
             raise UserError(f"video: {self._files[0]}: a frame's number is no time; {way_out}")
+
         # Without leading zeros, the order of names is not that of their numbers.
         order = np.argsort(times_s, kind="stable")
         self._files = [self._files[n] for n in order]

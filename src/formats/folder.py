@@ -97,9 +97,11 @@ def _table_of(by_id: Mapping[int, str]) -> UInt8[np.ndarray, " ids"]:
     """Returns our class of every id; the last entry stands for all ids above the others."""
     if strange := [theirs for theirs in by_id if type(theirs) is not int or theirs < 0]:
         raise UserError(f"layout.class_map: {strange[0]!r} is no id; give 0 or more")
+
     table = np.full(max([UNKNOWN, *by_id]) + 2, NO_CLASS, np.uint8)
     # 255 may mark voxels without a label there, too.
     table[UNKNOWN] = UNKNOWN
+
     known = {**{name: number for number, name in enumerate(CLASSES)}, "unknown": UNKNOWN}
     for theirs, name in by_id.items():
         if name not in known:

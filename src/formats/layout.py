@@ -43,6 +43,7 @@ def layout_beside(folder: Path, name: str) -> dict:
     path = folder / LAYOUT
     if not path.is_file():
         return {}
+
     try:
         content = json.loads(path.read_text())
         content["class_map"] = {int(key): each for key, each in content["class_map"].items()}
@@ -51,6 +52,7 @@ def layout_beside(folder: Path, name: str) -> dict:
     except (*BROKEN, AttributeError) as error:
         way_out = way_out_of(error, "write the folder again", path)
         raise UserError(f"{path}: cannot be read ({reason_of(error)}); {way_out}") from error
+
     if said != name:
         raise UserError(f"{path}: these are files of {said}; score them with layout={said}")
     return content

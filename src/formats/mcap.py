@@ -135,6 +135,7 @@ class McapWriter:
                 f"{self.path}: {name} is {list(labels.shape)}, and the grid is "
                 f"{list(self.grid.shape)}; give labels of this grid"
             )
+
         sdk, (columns, rows, _), stride = self._sdk.messages, self.grid.shape, len(FIELDS)
         uint8, level = sdk.PackedElementFieldNumericType.Uint8, self._quaternion([0, 0, 0, 1])
         self._log(

@@ -52,6 +52,7 @@ def flight_of(states: States, ground_m: np.ndarray) -> Flight:
     rotation = torch.from_numpy(states[:, ROTATION].reshape(-1, 3, 3).copy())
     angles = euler_from_rotation(rotation)
     roll_rad, pitch_rad, yaw_rad = (each.numpy() for each in angles)
+
     return Flight(
         time_s=np.arange(len(states)) / SCENE_HZ,
         position_m=states[:, POSITION].copy(),

@@ -213,6 +213,7 @@ class _Pilot:
         mission, rules = self._stage.mission, self._rules
         if along_m > self._farthest_m + 0.5:
             self._farthest_m, self._farthest_s = along_m, self.time_s
+
         aside_m = np.linalg.norm(self.state[POSITION] - mission.at(np.array(along_m)))
         if along_m > mission.length_m - rules.arrived_m and aside_m < rules.aside_m:
             self.outcome = "arrived"

@@ -95,12 +95,14 @@ class VergeMissions:
                 raise UserError(f"mission.{name}: empty; give one or more")
         for name in self.towns:
             builder_of(name)
+
         for name in ("offset_m", "height_m"):
             low, high = getattr(self, name)
             if not 0 <= low <= high < math.inf:
                 raise UserError(
                     f"mission.{name}: [{low}, {high}]; give two numbers of 0 or more, in order"
                 )
+
         require_at_least(0, "mission", vars(self), "conflict", "clear", "first_seed")
         require_at_least(1, "mission", vars(self), "maps", "length_m", "tries")
         if self.conflict + self.clear == 0:

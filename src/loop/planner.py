@@ -138,6 +138,7 @@ class QuinticPlanner:
             ("durations_s", min(self.durations_s)),
         ):
             require_finite(f"planner.{name}", value)
+
         least, most = (1 / (1 + math.exp(-odds)) for odds in (LEAST, MOST))
         if not least <= self.threshold < most:
             raise UserError(

@@ -49,6 +49,7 @@ class Stage:
         blind_m = blind_track(mission, cruise_mps, seconds)
         place = mission.place
         actors = simulate_traffic(place.town, mission.rng("traffic"), traffic, blind_m)
+
         # The corners of the space that is known lie within it, so a picture changes no truth.
         radius_m = DRAWN_RADIUS_M if draws else math.hypot(*(MARGIN_M + reach_m)[:2])
         parts = static_parts(place.pieces, blind_m[::STEP_HZ, :2], radius_m)

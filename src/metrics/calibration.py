@@ -63,6 +63,7 @@ class Calibration(VoxelMetric):
     ) -> None:
         if bins < 1:
             raise UserError(f"bins: {bins} must be 1 or more")
+
         super().__init__(grid, num_classes, ignore_index=ignore_index, **kwargs)
         self.add_counts(reliability=(num_classes, bins, 3), likelihood=(num_classes, 2))
         self.bubble = F.Penalty(horizon_s=horizon_s, min_speed_mps=min_speed_mps)

@@ -107,6 +107,7 @@ class CountMetric(Metric, ABC):
         except Exception:
             self._update_count -= 1  # the framework counts the call before it is made
             raise
+
         for name, of_frames in counts.items():
             setattr(self, name, self.added(getattr(self, name), of_frames, *batch))
 

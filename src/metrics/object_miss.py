@@ -53,6 +53,7 @@ class ObjectMiss(VoxelMetric):
         require_finite("near_m", near_m)
         require_finite("seconds", seconds)
         require_finite("tolerance_m", tolerance_m, zero=True)
+
         super().__init__(grid, *arguments, **kwargs)
         self.require_said("ground_index", ground_index, "the ground")
         self.near_m, self.seconds = near_m, seconds

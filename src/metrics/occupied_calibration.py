@@ -70,6 +70,7 @@ class OccupiedCalibration(VoxelMetric):
         require_finite("tolerance_m", tolerance_m, zero=True)
         if bins < 1:
             raise UserError(f"bins: {bins} must be 1 or more")
+
         super().__init__(grid, *arguments, **kwargs)
         self.require_said("ground_index", ground_index, "the ground")
         self.add_counts(bubble=(BINS, 4), tube=(BINS, 4), objects=(BINS,))
@@ -90,6 +91,7 @@ class OccupiedCalibration(VoxelMetric):
         """
         if not ((occupied >= 0) & (occupied <= 1)).all():
             raise UserError("occupied: holds NaN, or what is no probability; look at the network")
+
         said = torch.where(occupied > 0.5, self.ground_index, self.free_index)
         codes = self.codes(said, target, mask)
         speeds_mps = F.speeds(velocity, len(target), directed="the tube")
@@ -130,9 +132,11 @@ class OccupiedCalibration(VoxelMetric):
         level = level_of(occupied)
         reached = self.penalty.ttc_s(self.shell_m, speed_mps) <= self.penalty.horizon_s
         in_bubble = reached.to(codes.device)[self.shell.long()].view(codes.shape)
+
         box, inside = swept_tube(self.grid, velocity_mps, self.tube_s, self.tube_radius_m)
         in_tube = torch.zeros_like(in_bubble)
         in_tube[box] = inside.to(codes.device)
+
         known = codes != UNCOUNTED
         return {
             "bubble": self._histogram(occupied, codes, level, known & in_bubble),

@@ -148,6 +148,7 @@ def require_sound(grid: VoxelGrid, suite: Mapping[str, Any]) -> None:
         pix_from_camera=torch.tensor([[[50.0, 0.0, 50.0], [0.0, 50.0, 50.0], [0.0, 0.0, 1.0]]]),
         size_pix=(100, 100),
     )
+
     for name, entry in suite["metrics"].items():
         if name in STANDARD:
             continue
@@ -164,6 +165,7 @@ def require_sound(grid: VoxelGrid, suite: Mapping[str, Any]) -> None:
                 f"suite.metrics.{name}: fails on a frame ({reason_of(error)}); what it is given, "
                 "docs/metrics.md says"
             ) from error
+
     ScoreSuite(grid, [], suite)
 
 

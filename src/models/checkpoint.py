@@ -168,6 +168,7 @@ def load_weights(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> 
         {(name, tensor.shape) for name, tensor in each.items()}
         for each in (module.state_dict(), state)
     )
+
     # A name appears here once for each shape that only one of the two has.
     if different := sorted({name for name, _ in own ^ saved}):
         raise UserError(

@@ -69,11 +69,13 @@ class SkyOccStream:
         trained_s = getattr(network, "history_step_s", None)
         if trained_s not in (None, history_step_s):
             raise UserError(f"history_step_s: {history_step_s}; the graph is for {trained_s}")
+
         self.ages = range(network.past_frames, 0, -1)
         self.step_s, self.tolerance_s = history_step_s, tolerance_s
         self.parallax = network.parallax
         ages_s = () if self.parallax is None else self.parallax.ages_s
         self.reach_s = max(len(self.ages) * history_step_s, *ages_s, 0)
+
         # Of the images of the training, where that is known.
         self.size_pix: tuple[int, int] | None = None
         self.past: list[Past] = []

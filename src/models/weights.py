@@ -90,6 +90,7 @@ def require_unseen(
     """
     if not Path(weights or "").is_file():
         return
+
     _, origin = read_encoder(Path(weights))
     # A file of the former task=pretrain has no configuration, and is refused by its clips.
     if origin and (
@@ -111,6 +112,7 @@ def trained_on(
     """
     known = {*(held := config.get("data", {})).get("val_clips", []), *held.get("test_clips", [])}
     own, scale = config.get("sim", {}), config.get("scale_name", "")
+
     if own_dataset != dataset:
         # The simulator's is called after the scale, a recording's or task=verge's otherwise.
         generated = re.fullmatch(f"{re.escape(scale)}-[0-9a-f]{{12}}", own_dataset)

@@ -103,6 +103,7 @@ def poses_from(
             f"{path}: the quaternion of row {row} has a length of {1 + off[row]:.3g}, and a "
             "rotation's is 1; check which columns it is read from"
         )
+
     pose = rigid(rotation_from_quat(torch.tensor(quat_xyzw)), torch.tensor(position_m))
     return AXES[axes] @ pose @ AXES[axes]
 
@@ -149,6 +150,7 @@ def require_frames(path: Path, files: Collection[Sequence[Path]], rows: int) -> 
                 f"{path}: has {rows} poses, and {of_folder[0].parent} has {len(of_folder)} images; "
                 "every frame needs both"
             )
+
     for of_row in zip(*files):
         if len({number_of(each) for each in of_row}) > 1:
             named = ", ".join(f"{each.parent.name}/{each.name}" for each in of_row)

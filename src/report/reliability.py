@@ -40,11 +40,13 @@ def draw_reliability(
             ece = 100 * float(scores[f"{part.replace('bubble', 'occupied')}_ece"])
             label = f"{name}: ECE {ece:.1f} %"
             axes.plot(said, true, marker="o", markersize=4, color=color, label=label)
+
         axes.set_title(title, color=INK, fontsize=10)
         axes.set_xlabel("Called occupied with a probability of (%)", color=INK)
         axes.set_xlim(-2, 102)
         axes.set_ylim(-2, 102)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(frameon=False, fontsize=8, loc="upper left")
+
     figure.axes[0].set_ylabel("Truly occupied (%)", color=INK)
     write_figure(figure, path)

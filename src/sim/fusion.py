@@ -115,6 +115,7 @@ class StaticMap:
         x, y, z = centers_of(grid)
         center_m = [of_x * x + of_y * y + offset for of_x, of_y, _, offset in world_from_occ[:3]]
         center_m[2] = center_m[2] + z
+
         cell, in_map = [], True
         for k, place_m in enumerate(center_m):
             index = np.floor((place_m - self.cells.lower_m[k]) / self.cells.side_m).astype(int)

@@ -151,6 +151,7 @@ class Scene:
         """
         directions = np.broadcast_to(towards, points_m.shape)
         blocked = self._static_rays.blocked(points_m, directions)
+
         lit = np.flatnonzero(~blocked)
         if len(lit) and self.actors:
             rays = RayScene(np.concatenate([actor.triangles_at(step) for actor in self.actors]))

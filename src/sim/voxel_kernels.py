@@ -89,6 +89,7 @@ def count_votes(
             for axis in range(3):
                 place_m += occ_from_points[k, axis] * points_m[i, axis]
             cell[k] = np.floor((place_m - voxels.lower_m[k]) / voxels.side_m)
+
         x, y, z = cell
         inside = 0 <= x < votes.shape[0] and 0 <= y < votes.shape[1] and 0 <= z < votes.shape[2]
         if inside and class_id[i] < votes.shape[3]:

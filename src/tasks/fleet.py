@@ -59,6 +59,7 @@ class Fleet(ExitStack):
         for name, function, arguments in jobs:
             home = self._homes.setdefault(name, len(self._homes) % len(self._pools))
             futures.append(self._pools[home].submit(function, *arguments))
+
         for future in as_completed(futures):
             try:
                 result = future.result()

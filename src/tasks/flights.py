@@ -87,6 +87,7 @@ def _read(place: Path) -> Iterator[tuple[str, float, pd.DataFrame]]:
     paths = [alone] if alone.is_file() else sorted(place.rglob(f"flown/{FLIGHTS}"))
     if not paths:
         raise UserError(f"task.flights: {place} has no {FLIGHTS}; make it by task=fly")
+
     for path in paths:
         table, config = read_flights(path), path.parent / CONFIG
         settings = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
@@ -119,6 +120,7 @@ def _chosen(
             raise UserError(
                 f"task.perceptions: none is called {pattern!r}; there are {', '.join(names)}"
             )
+
     wanted = {name for pattern in perceptions or ["*"] for name in fnmatch.filter(names, pattern)}
     return [
         (str(table["perception"].iloc[0]), threshold, table)

@@ -56,6 +56,7 @@ def fly(cfg: DictConfig, films: bool, **_: object) -> None:
             wanted = {folder / f"{stem}.gif": jobs[each] for stem, each in films_of(table).items()}
             missing = {path: job for path, job in wanted.items() if not path.exists()}
             deque(tracked(fleet.drawn(missing), "drawing", len(missing)), maxlen=0)
+
     print_scores({table["perception"].iloc[0]: {"": table}}, None, RESAMPLES)
     for ending in (FLIGHTS, "*.gif", "*.html", "*.mcap"):
         for path in sorted(folder.glob(ending)):
@@ -108,6 +109,7 @@ def _flown(
         for number, folder in enumerate(folders)
         if flight not in known[number]
     ]
+
     for number, row in tracked(fleet.flown(missing), f"flying {name}", len(missing)):
         table = pd.concat([tables[number], pd.DataFrame([row])])
         tables[number] = table.sort_values("flight", ignore_index=True)

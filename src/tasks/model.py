@@ -71,6 +71,7 @@ def module_of(
     Raises `UserError` for data whose flights are not at the heights that the network knows.
     """
     require_heights(network, data)
+
     scores = instantiate(cfg.metric)
     # Only streams of consecutive frames have a history that earlier steps have computed.
     return OccupancyModule(

@@ -166,6 +166,7 @@ def _stated(of: LabelFormat, layout: dict, root: Path) -> dict:
         truth["class_map"], general = class_map_of(root, layout["classes"])
         if general:
             say(f"classes that are general here: {', '.join(sorted(general))}")
+
     for key in ("class_map", "grid", "velocity_mps"):
         if truth.get(key) is None:
             raise UserError(

@@ -101,6 +101,7 @@ def kind_of_device(accelerator: str) -> str:
     available = {"mps": torch.backends.mps.is_available(), "cuda": torch.cuda.is_available()}
     kinds = [*(kind for kind, is_available in available.items() if is_available), "cpu"]
     wanted = {"auto": kinds, "gpu": ["mps", "cuda"]}.get(accelerator, [accelerator])
+
     for kind in kinds:
         if kind in wanted:
             return kind

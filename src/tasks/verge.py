@@ -38,6 +38,7 @@ def verge(cfg: DictConfig, **_: object) -> None:
     with Fleet([config], config["task"]["workers"] or default_workers()) as fleet:
         jobs = {_clip_id(job.mission): job for job in jobs_of(config, fleet).values()}
         spec, rate = _spec_of(config), config["sim"]["capture_hz"]
+
         split = make_split(list(jobs), frames_per_clip(rate), rate, [], list(jobs))
         root = spec.root(Path(config["paths"]["data"]))
         root.mkdir(parents=True, exist_ok=True)
@@ -47,6 +48,7 @@ def verge(cfg: DictConfig, **_: object) -> None:
             for _ in tracked(fleet.filmed(root, wanted), f"filming {root.name}", len(wanted)):
                 pass
             write_manifest(root, spec, list(jobs), split)
+
     say(f"{root}: {len(missing)} clips made now, {len(jobs)} in all")
     say(f"next: python run.py task=test ckpt_path=FILE paths.dataset={root}")
 

@@ -205,6 +205,7 @@ class _Watcher:
             f"{self.watched.footage.path}: {len(times_s)} frames, {times_s[0]:.2f} to "
             f"{times_s[-1]:.2f} s, {size} pixels, resampled to {seen_at}"
         )
+
         motion = self.watched.log.motion
         if self.velocity_mps is None:
             motion += (
@@ -214,6 +215,7 @@ class _Watcher:
         elif len(times_s) > 1 and (step_s := float(np.median(np.diff(times_s)))) > self.reach_s:
             motion += f", but images {step_s:g} s apart are too far apart to be seen together"
         say(f"motion: {motion}")
+
         if high := int((self.world_from_body[:, 2, 3] > HIGHEST_M).sum()):
             say(f"{high} of the frames are {TOO_HIGH}")
             warnings.filterwarnings("ignore", f".*{TOO_HIGH}")
