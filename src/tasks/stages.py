@@ -17,7 +17,7 @@ from .dataset import root_of, split_of
 GENERATION = {"pixel": 1.0e-6, "voxel": 6.5e-8, "frame": 0.003, "clip": 7.6, "town": 6.0}
 # Seconds of a core that a frame takes in training, and seconds that one takes to be scored, for the
 # model and the priors, of the scales that were measured.
-TRAINING = {"tiny": 0.03, "small": 0.3, "ladder": 0.3}
+TRAINING = {"tiny": 0.03, "small": 0.3, "ladder": 0.4}
 SCORING = {"tiny": 0.1, "small": 0.3, "ladder": 0.3}
 DRAWING_S = 10.0
 # A busy or an older machine takes so many times as long.
@@ -74,7 +74,8 @@ def stages_of_training(cfg: DictConfig, epochs_done: int) -> list[Stage]:
     is_measured = kind_of_device(cfg.trainer.accelerator) == "cpu" and cfg.scale_name in TRAINING
     training_s = scoring_s = None
     if is_measured:
-        training_s = epochs * frames * TRAINING[cfg.scale_name] / default_workers()
+        threads = min(cfg.threads or default_workers(), default_workers())
+        training_s = epochs * frames * TRAINING[cfg.scale_name] / threads
         scoring_s = len(split["test"]) * SCORING[cfg.scale_name]
     return [
         generation(cfg),

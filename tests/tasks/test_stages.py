@@ -44,6 +44,16 @@ def test_a_limited_training_counts_its_own_frames(tmp_path, limit, frames):
     assert f" of {frames} frames" in stages_of_training(compose_config(*words), 0)[1].what
 
 
+def test_a_training_of_one_thread_takes_the_time_of_one_core(tmp_path, monkeypatch):
+    monkeypatch.setattr("src.tasks.stages.default_workers", lambda: 4)
+    words = mini_overrides(tmp_path, "trainer.accelerator=cpu")
+    of_all, of_one = (
+        stages_of_training(compose_config(*words, f"threads={threads}"), 0)[1].seconds
+        for threads in ("null", 1)
+    )
+    assert of_one == pytest.approx(4 * of_all)
+
+
 def test_more_workers_generate_faster_until_there_are_more_than_flights(tmp_path):
     sim = OmegaConf.to_container(compose_config(*mini_overrides(tmp_path)).sim, resolve=True)
     one, two, four = (generation_s(sim | {"workers": n}, clips=2) for n in (1, 2, 4))
