@@ -1,13 +1,13 @@
 """What the pages publish is what their files have."""
 
 import re
+from itertools import product
 
 import pandas as pd
-import pytest
 
 from tests.sessions import ROOT
 
-SMALL = ROOT / "docs/results/small"
+SMALL, MOTION = ROOT / "docs/results/small", ROOT / "studies/motion"
 SCORES = {
     **{"mIoU": "miou", "mIoU occupied": "miou_occupied", "KAR-mIoU": "kar_miou"},
     **{"of visible voxels": "visible/kar_miou", "of unseen flights": "kar_miou"},
@@ -25,10 +25,10 @@ def rows_of(page):
     return {row[0]: dict(zip(head[1:], row[1:])) for row in rows}
 
 
-@pytest.fixture(scope="module")
-def published():
+def scores_of(path):
     """Scores in percent, by experiment, part and score: of the seeds, or of the anchor."""
-    table = pd.read_csv(SMALL / "scores.csv.xz").dropna(subset="value")
+    table = pd.read_csv(path).dropna(subset="value")
+    table = table[table["seed"] != "mean"]
     return (
         (100 * table["value"])
         .groupby([table["experiment"], table["part"], table["score"]])
@@ -36,7 +36,8 @@ def published():
     )
 
 
-def test_the_demo_s_rows_are_those_of_its_three_seeds(published):
+def test_the_demo_s_rows_are_those_of_its_three_seeds():
+    published = scores_of(SMALL / "scores.csv.xz")
     page, readme = (rows_of(path.read_text()) for path in (SMALL / "README.md", ROOT / "README.md"))
     for column, score in SCORES.items():
         part = "test_unseen_clips" if column == "of unseen flights" else "test"
@@ -52,3 +53,15 @@ def test_the_demo_s_rows_are_those_of_its_three_seeds(published):
         for name in ("height prior", "voxel prior", "all free"):
             of_anchor = published.get((name.replace(" ", "_"), part, score))
             assert page[name][column] == (f"{of_anchor[0]:.1f}" if of_anchor else "")
+
+
+def test_the_rows_at_ladder_are_those_of_their_file():
+    published = scores_of(MOTION / "ladder.csv.xz")
+    page = rows_of((MOTION / "README.md").read_text())
+    names = {"SkyOcc": "skyocc", "without parallax": "skyocc_without_parallax"}
+    for name, (column, score) in product(names, SCORES.items()):
+        if column not in page[name]:
+            continue
+        part = "test_unseen_clips" if column == "of unseen flights" else "test"
+        [value] = published[names[name], part, score]
+        assert page[name][column] == f"{value:.1f}"
