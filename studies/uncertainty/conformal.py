@@ -14,6 +14,7 @@ change of its coverage is given with an interval of 95 % over maps.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,7 +84,8 @@ def read_maps(folder: Path) -> tuple[Maps, dict[str, Protocol]]:
     paths = sorted(folder.glob("frames/*/*.npz"))
     for path in tracked(paths, f"reading {folder}"):
         counts = Counts.read(path)
-        tables, protocols[str(path)] = counts.tables, counts.protocol
+        # A flight has as many frames as it lasts.
+        tables, protocols[str(path)] = counts.tables, replace(counts.protocol, frames=0)
         if "occupied" not in tables:
             raise UserError(f"{path}: no probabilities were scored; fly with today's conf/suite")
         objects = tables["occupied"]["objects"].sum(0).numpy()

@@ -3,10 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 from src.errors import UserError
 from src.geometry import VoxelGrid
 from src.metrics.protocol import SUPERVISED, Protocol
+from src.results.counts import Counts
 from studies.uncertainty import conformal
 from studies.uncertainty.conformal import change_of, controlled, free_of, halves, losses_of, main
 
@@ -61,6 +63,26 @@ def test_towns_that_were_never_seen_stand_apart(tmp_path, monkeypatch):
     assert table["tested"].tolist() == [10, 20, 3]
     with pytest.raises(UserError, match=r"--unseen: there is no fairr; there are fair, "):
         main("flights", unseen=["fairr"], out=tmp_path / "table.csv")
+
+
+def test_flights_of_any_length_are_read_and_those_of_other_settings_refused(tmp_path):
+    (tmp_path / "config.yaml").write_text("task: {looks_on: true}")
+    occupied = {"objects": torch.ones(1, 202, dtype=int), "tube": torch.ones(1, 202, 4, dtype=int)}
+
+    def write(number, frames, metric):
+        protocol = Protocol.of("sky", "flights", frames, VoxelGrid(), SUPERVISED, metric, {})
+        path = tmp_path / f"frames/park-{number}/000.npz"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Counts("mine", protocol, ["000"], [frames], {"occupied": occupied}).write(path)
+
+    for number in range(20):
+        write(number, frames=50 + number, metric={})
+    main(str(tmp_path), alpha=0.9, out=tmp_path / "table.csv")
+    assert pd.read_csv(tmp_path / "table.csv")["objects"].tolist() == [10 * 202, 20 * 202]
+
+    write(3, frames=53, metric={"gamma": 2.0})
+    with pytest.raises(UserError, match=r"park-3/000\.npz: was scored with metric\.gamma=2\.0"):
+        main(str(tmp_path), alpha=0.9, out=tmp_path / "table.csv")
 
 
 def test_flights_that_the_perception_flew_itself_are_refused(tmp_path):
